@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import socket
 import time
@@ -178,10 +179,13 @@ def test_what_a_durable_journal_cannot_hold_is_not_answered(tmp_path: Path) -> N
     file = tmp_path / "board.toml"
     text = BOARD.format(time="lockstep", folder=tmp_path)
     file.write_text(text.replace("pty:$VBUS_RUNTIME/x", "unix:$VBUS_RUNTIME/x"))
-    process = start("run", file, "--journal", "/dev/full", "--durable", "process")
+    journal = tmp_path / "short.vbj"
+    process = start("run", file, "--journal", journal, "--durable", "process")
     assert process.stdout is not None
     while not process.stdout.readline().startswith("ready"):
         pass
+    size = journal.stat().st_size
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (size, size))
     with socket.socket(socket.AF_UNIX) as host:
         host.settimeout(60)
         host.connect(f"{tmp_path}/run/x")
@@ -189,4 +193,14 @@ def test_what_a_durable_journal_cannot_hold_is_not_answered(tmp_path: Path) -> N
         assert host.recv(10) == b""
     process.terminate()
     _, told = process.communicate(timeout=60)
-    assert told == "vbus: the journal ends after 0 bytes: No space left on device\n"
+    why = f"{journal}: the journal ends after {size} bytes: File too large\n"
+    assert told == f"vbus: {why}vbus: not all is recorded: {why}"
+    assert process.returncode == 1
+
+
+def test_a_journal_on_a_full_disk_stops_the_start(tmp_path: Path) -> None:
+    file = tmp_path / "board.toml"
+    file.write_text(BOARD.format(time="lockstep", folder=tmp_path))
+    done = vbus("run", file, "--journal", "/dev/full")
+    why = "/dev/full: the journal ends after 0 bytes: No space left on device"
+    assert (done.returncode, done.stderr) == (1, f"vbus: {why}\n")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 from pathlib import Path
@@ -115,13 +116,20 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_full_disk_ends_the_waveform_and_not_the_board(folder: Path) -> None:
-    with running(folder / "bench.toml", "--wave", "/dev/full") as (process, _):
+    done = vbus("run", folder / "bench.toml", "--wave", "/dev/full")
+    why = "/dev/full: the waveform ends after 0 changes: No space left on device"
+    assert (done.returncode, done.stderr) == (1, f"vbus: {why}\n")
+    with running(folder / "bench.toml", "--wave", folder / "short.vcd") as (process, _):
+        size = (folder / "short.vcd").stat().st_size
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (size, size))
         drive(folder)
         drive(folder)
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
-    assert "vbus: the waveform ends after 0 changes: No space left on device" in err
+    assert f"vbus: {folder}/short.vcd: the waveform ends after " in err
+    assert f"vbus: not all is recorded: {folder}/short.vcd: the waveform ends after " in err
+    assert process.returncode == 1
     assert "Traceback" not in err
 
 
@@ -186,7 +194,7 @@ def test_a_pipe_of_the_board_file_that_is_closed_ends_the_waveform_and_not_the_b
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
-    assert err.startswith("vbus: the waveform ends after ")
+    assert err.startswith(f"vbus: {folder}/late.vcd: the waveform ends after ")
     assert err.endswith(": Broken pipe\n")
 
 

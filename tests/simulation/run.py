@@ -305,7 +305,8 @@ class Simulation:
         """
         system = self.system
         with system.installed(), self._logged(), self._on_the_network():
-            with mock.patch.object(recording, "create", return_value=self.file):
+            opened = mock.Mock(path="journal", begin=lambda: self.file)
+            with mock.patch.object(recording, "OutputFile", return_value=opened):
                 self.recording.open(RecordSection(journal="journal", durable=self.durable))
             self.loop = SimulatedLoop(system)
             self.loop.set_exception_handler(self._raised)

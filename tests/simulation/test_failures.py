@@ -10,7 +10,7 @@ import pytest
 from tests.simulation.failures import CODES, calls, failing, ways
 from tests.unit.faults.bench import build
 from vbus.errors import VbusError
-from vbus.tools.output import write_file
+from vbus.server.output_file import write_file
 from vbus.trace.journal.journal import Journal
 
 SHORT = 5
@@ -65,7 +65,7 @@ def test_a_snapshot_is_whole_or_what_was_there_before(
                 fails()
             return super().write(data)
 
-    monkeypatch.setattr(Path, "open", lambda self, mode: io.BufferedWriter(Full(self, mode[0])))
+    monkeypatch.setattr(os, "fdopen", lambda fd, mode, buffering: Full(fd, mode[0]))
     if name == "fsync":
         monkeypatch.setattr(os, "fsync", fails)
     if name == "replace":

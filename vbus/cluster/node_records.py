@@ -13,7 +13,8 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError, write_errors
 from vbus.nodes.node import Node
 from vbus.nodes.recorded_host import RecordedNodeBus
-from vbus.server.recording import ALONE, Recording, open_text
+from vbus.server.output_file import output
+from vbus.server.recording import ALONE, Recording
 from vbus.trace.journal.recorded_bus import RecordedBus
 from vbus.trace.wave.merge import merge_waves
 from vbus.trace.wave.signals import FULL
@@ -24,7 +25,7 @@ def of_node(path: str, node: str) -> str:
     return str(Path(path).with_suffix(f".{node}{Path(path).suffix}")) if path else ""
 
 
-def join_waves(file: BoardFile, report: Callable[[str], None]) -> None:
+def join_waves(file: BoardFile, report: Callable[[str], None]) -> list[str]:
     """Put one file, with a scope for each node, in the place of waveforms that have ended.
 
     Those with a trigger or for sigrok stay apart, because each node has signals of its own.
@@ -32,7 +33,11 @@ def join_waves(file: BoardFile, report: Callable[[str], None]) -> None:
     Args:
         file: the board file.
         report: takes a sentence about each that stays apart because it cannot be written.
+
+    Returns:
+        These sentences.
     """
+    lost = []
     for wave in file.waves:
         parts = {node.name: Path(of_node(wave.file, node.name)) for node in file.nodes}
         if (
@@ -47,13 +52,15 @@ def join_waves(file: BoardFile, report: Callable[[str], None]) -> None:
                     (name, opened.enter_context(part.open(encoding="ascii")))
                     for name, part in parts.items()
                 ]
-                merge_waves(texts, opened.enter_context(open_text(wave.file)))
+                merge_waves(texts, opened.enter_context(output(wave.file)).begin_text())
         except VbusError as error:
             files = ", ".join(map(str, parts.values()))
-            report(f"{error}; the waveform of each node is in a file of its own: {files}")
+            lost.append(f"{error}; the waveform of each node is in a file of its own: {files}")
+            report(lost[-1])
             continue
         for part in parts.values():
             part.unlink()
+    return lost
 
 
 class NodeRecords:
@@ -72,6 +79,8 @@ class NodeRecords:
         self._opened: ExitStack = ExitStack()
         self.of: dict[int, Recording] = {}
         """By rank of the node; empty if nothing is recorded."""
+        self.lost: list[str] = []
+        """Why files have not all they should have, once they are closed."""
 
     @property
     def wanted(self) -> bool:
@@ -111,8 +120,13 @@ class NodeRecords:
         for recording in self.of.values():
             recording.start(loop)
 
+    def end(self) -> None:
+        """End every recording; may be repeated."""
+        self._opened.close()
+
     def close(self) -> None:
         """The nodes have stopped: end every recording; of all nodes, join their waveforms."""
-        self._opened.close()
+        self.end()
         if len(self.of) == len(self._file.nodes):
-            join_waves(self._file, self._report)
+            self.lost += join_waves(self._file, self._report)
+        self.lost += [sentence for one in self.of.values() for sentence in one.failures]

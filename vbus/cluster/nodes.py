@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -31,7 +31,9 @@ from vbus.nodes.trace import hash_of, merged
 from vbus.server.control import Control
 from vbus.server.loop import run_until_signal
 from vbus.server.metrics import MetricsPort
+from vbus.server.output_file import OutputFile
 from vbus.server.readiness import tell_ready
+from vbus.server.registry import own_board
 from vbus.server.server import Server
 from vbus.server.serving import links_of, metrics_of, network_of
 
@@ -77,12 +79,14 @@ class Outcome:
     Attributes:
         nodes: the nodes of this process, as they are at the end.
         over: whether a scenario was played to its end.
+        lost: why files have not all they should have; it has been said.
         skew: in real time: how far apart nodes were, by :meth:`~vbus.cluster.skew.Skew.statistics`.
         timing: in virtual time: rounds, and wall time of one (us).
     """
 
     nodes: list[Node]
     over: bool = False
+    lost: list[str] = field(default_factory=list)
     skew: dict[str, Any] = field(default_factory=dict)
     timing: dict[str, float] = field(default_factory=dict)
 
@@ -157,16 +161,6 @@ def _conductors(
     return made
 
 
-def write_trace(nodes: Sequence[Node], path: str) -> None:
-    """Write the traces of some nodes, merged: instant, rank of the node, what happened.
-
-    Raises:
-        VbusError: the file cannot be written.
-    """
-    with write_errors(path), Path(path).open("w", encoding="ascii", newline="\n") as file:
-        file.writelines(merged(_lines(nodes)))
-
-
 def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
     lines: list[list[tuple[int, str]]] = []
     for node in nodes:
@@ -218,10 +212,11 @@ def serve_nodes(
         ConfigError: the board or the scenario has mistakes.
         TransportError: a link cannot be opened.
         NodeError: another node has died, stalls, or runs another board; names it.
+        VbusError: a file to write is another writer's.
     """
-    run = _Run(file, source, options, report, before)
-
-    run_until_signal(partial(run.serve, on_ready=on_ready))
+    with ExitStack() as owned:
+        run = _Run(file, source, options, report, before, owned)
+        run_until_signal(partial(run.serve, on_ready=on_ready))
     return run.outcome()
 
 
@@ -235,6 +230,7 @@ class _Run:
         options: NodeOptions,
         report: Callable[[str], None],
         before: Callable[[], Awaitable[None]] | None,
+        owned: ExitStack,
     ) -> None:
         if options.connect and file.zenoh.connect:  # hosts come by the same routers
             zenoh = msgspec.structs.replace(file.zenoh, connect=options.connect)
@@ -248,6 +244,12 @@ class _Run:
         plan = plan_of(file)
         names = names_of(plan, options)
         scenario = scenario_of(file, options.scenario) if options.scenario else None
+        for name in names:
+            owned.enter_context(own_board(f"{file.board.name}.{name}"))
+        self._trace, snapshot = (
+            owned.enter_context(closing(OutputFile(path))) if path else None
+            for path in (options.trace, options.snapshot)
+        )
         self._link: NodeLink | None = None
         # In real time whoever orders a start comes over the network, also if all nodes are here.
         self._real: bool = file.board.time == "realtime"
@@ -257,6 +259,7 @@ class _Run:
             self._link = NodeLink(plan.board, plan.nodes, [plan.rank(name) for name in names])
         group = Group(plan, self._link, report, options.patience)
         self._records: NodeRecords = NodeRecords(file, source, report)
+        owned.callback(self._records.end)
         if (options.rejoin or options.start) and self._records.wanted:
             raise ConfigError(
                 f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
@@ -277,7 +280,7 @@ class _Run:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
             self._conductors = {conductor.node.rank: conductor for conductor in conductors}
-            self._peers = Timebase(group, conductors, options.snapshot)
+            self._peers = Timebase(group, conductors, snapshot)
 
     async def serve(
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
@@ -383,13 +386,21 @@ class _Run:
                 stopping.callback(server.stop)
 
     def _leave_trace(self) -> None:
-        if self._options.trace:
-            write_trace(self._nodes, self._options.trace)
+        if self._trace is None:
+            return
+        try:
+            with write_errors(self._trace.path):
+                self._trace.begin_text().writelines(merged(_lines(self._nodes)))
+            self._trace.keep()
+        except VbusError as error:
+            self._records.lost.append(str(error))
+            self._report(str(error))
 
     def outcome(self) -> Outcome:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
-        return Outcome(self._nodes, over, **self._peers.figures())
+        lost = [*self._records.lost, *self._peers.lost]
+        return Outcome(self._nodes, over, lost, **self._peers.figures())
 
 
 def _refuse(name: str, request: dict[str, Any]) -> NoReturn:

@@ -89,6 +89,7 @@ class Peers(Receiver):
         failure: why the run ended, if it did so in error.
         finished: set when the run is over, for better or worse.
         agreed: set when this process knows when chip time begins.
+        lost: why files have not all they should have.
     """
 
     def __init__(
@@ -105,6 +106,7 @@ class Peers(Receiver):
         self._link: NodeLink | None = group.link
         self._report: Callable[[str], None] = group.report
         self._patience: float = group.patience
+        self.lost: list[str] = []
         self._clock: Callable[[], float] = clock
         self._loop: asyncio.AbstractEventLoop | None = None
         self._peers: dict[int, Peer] = {

@@ -4,7 +4,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import msgspec
@@ -19,6 +18,7 @@ from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
 from vbus.nodes.messages import Message, Need, Report, Reports
 from vbus.nodes.node import Node
+from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
 
 LACKING: Final = 0.25
@@ -54,7 +54,7 @@ class Timebase(Peers):
         self,
         group: Group,
         conductors: Sequence[Conductor],
-        snapshot: str = "",
+        snapshot: OutputFile | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
@@ -65,7 +65,7 @@ class Timebase(Peers):
         self._ended: float = 0.0
         self._computed: float = 0.0
         self._sent: float = 0.0
-        self._snapshot: str = snapshot
+        self._snapshot: OutputFile | None = snapshot
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
         self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
@@ -206,20 +206,19 @@ class Timebase(Peers):
 
     def _keep_snapshot(self, conductor: Conductor) -> None:
         now = self._clock()
-        if self._snapshot and now - self._last_snapshot >= SNAPSHOT_EVERY:
+        if self._snapshot is not None and now - self._last_snapshot >= SNAPSHOT_EVERY:
             self._last_snapshot = now
             self.write_snapshot(conductor)
 
     def write_snapshot(self, conductor: Conductor) -> None:
         """Write a snapshot of a node that has just reported; the file is replaced in one step."""
-        path = Path(self._snapshot)
-        partial = path.with_name(path.name + ".part")
+        assert self._snapshot is not None
         try:
-            partial.write_bytes(conductor.save())
-            partial.replace(path)
-        except OSError as error:
-            self._report(f"{path}: the snapshot is not written: {error.strerror}")
-            self._snapshot = ""
+            self._snapshot.write(conductor.save(), sync=False)
+        except VbusError as error:
+            self.lost.append(str(error))
+            self._report(f"{error}; no more snapshots are written")
+            self._snapshot = None
 
     def state_of(self, rank: int) -> tuple[int, str]:
         """Return the latest round a node has reported, and what it does."""

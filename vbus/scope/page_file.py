@@ -14,6 +14,9 @@ from vbus.errors import VbusError
 PAGE: Final = files("vbus.scope") / "page"
 FIRST: Final = "index.html"
 
+LONGEST: Final = 100
+"""Characters of a name that a message shows."""
+_FILE: Final = re.compile(r"[\w-]+\.(js|css|html)")
 _STYLE: Final = re.compile(r'<link\b[^>]*\bhref="/?(?:page/)?([\w-]+\.css)"[^>]*>')
 _SCRIPT: Final = re.compile(r'<script\b[^>]*\bsrc="/?(?:page/)?([\w-]+\.js)"[^>]*>\s*</script>')
 _HEAD: Final = re.compile(r"<head[^>]*>")
@@ -29,10 +32,10 @@ def page_file(name: str) -> str:
     Raises:
         VbusError: there is none of that name.
     """
-    file = PAGE / name
-    if not re.fullmatch(r"[\w-]+\.(js|css|html)", name) or not file.is_file():
-        raise VbusError(f"the page has no file {name}")
-    return file.read_text(encoding="utf-8")
+    there = {file.name: file for file in PAGE.iterdir() if _FILE.fullmatch(file.name)}
+    if name not in there:
+        raise VbusError(f"the page has no file {name[:LONGEST]}")
+    return there[name].read_text(encoding="utf-8")
 
 
 def policy(scripts: str, styles: str, connect: str) -> str:

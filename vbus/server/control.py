@@ -14,7 +14,7 @@ import os
 import socket
 import struct
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from vbus.errors import VbusError
 from vbus.server.local_socket import Connection, OnEnd
@@ -32,6 +32,28 @@ Answered = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
 _CREDENTIALS: Final = struct.Struct("3i")
 
 log = logging.getLogger("vbus")
+
+
+def decoded(line: bytes | str) -> dict[str, Any]:
+    """Return a request of a page or of a tool.
+
+    Raises:
+        ValueError: it is none; says why.
+    """
+    try:
+        request = json.loads(line, parse_constant=_no_number)
+        json.dumps(request, ensure_ascii=False).encode()
+    except RecursionError:
+        raise ValueError("a request that is nested too deeply") from None
+    except UnicodeError:
+        raise ValueError("a request is UTF-8 text, without halves of characters") from None
+    if not isinstance(request, dict) or not isinstance(request.get("do"), str):
+        raise ValueError('a request is a JSON object with a text "do"')
+    return request
+
+
+def _no_number(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number")
 
 
 class Control:
@@ -83,17 +105,14 @@ class Control:
     @staticmethod
     def _request(line: bytes) -> dict[str, Any]:
         try:
-            request = json.loads(line)
+            return decoded(line)
         except ValueError:
             return {}
-        return request if isinstance(request, dict) else {}
 
     def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
         """Carry out one request now; return the reply; see :meth:`take`."""
         try:
-            request = json.loads(line)
-            if not isinstance(request, dict) or not isinstance(request.get("do"), str):
-                raise ValueError('a request is a JSON object with a text "do"')
+            request = decoded(line)
             name = request.pop("do")
             orders = {**self.orders, **(own or {})}
             order = orders.get(name)
@@ -102,6 +121,8 @@ class Control:
                 raise ValueError(f'there is no order "{name}"; there is {known}')
             self._before()
             return {"done": order(request)}
+        except OverflowError:
+            return {"error": "a number is out of every range"}
         except (ValueError, KeyError, TypeError, VbusError) as error:
             reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
             return {"error": reason}

@@ -94,6 +94,12 @@ class MetricsPort:
 
     async def _answer(self, reader: asyncio.StreamReader) -> bytes:
         """Read one request; return the whole reply."""
+        try:
+            return await self._answer_to(reader)
+        except ValueError as error:  # a line too long, or an Accept header that makes no sense
+            return _reply("400 Bad Request", "text/plain", f"{error}\n".encode())
+
+    async def _answer_to(self, reader: asyncio.StreamReader) -> bytes:
         method, _, rest = (await reader.readline()).decode("latin-1").partition(" ")
         target = rest.partition(" ")[0].partition("?")[0]
         accept = ""

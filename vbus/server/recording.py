@@ -1,13 +1,13 @@
-"""What a served board records: its files are opened, kept written, and closed here."""
+"""What a served board records: its files are opened, written, and closed here."""
 
 import asyncio
 import io
 import os
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
@@ -15,6 +15,7 @@ from vbus.board.host_bus import HostBus
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, write_errors
 from vbus.events.decode import settings_for_decoders
+from vbus.server.output_file import OutputFile, output
 from vbus.server.registry import journal_path
 from vbus.signals import Observer
 
@@ -27,26 +28,6 @@ FLUSH_SECONDS: Final = 0.2
 LARGEST: Final = 1 << 30
 """Bytes of a journal copied at once."""
 ALONE: Final = "durable is what a journal survives, and none is kept; give its file as journal"
-
-
-def create(path: str) -> BinaryIO:
-    """Open a file for writing, without a buffer: what is written survives the process.
-
-    Raises:
-        VbusError: it cannot be opened.
-    """
-    with write_errors(path):
-        return Path(path).open("wb", buffering=0)
-
-
-def open_text(path: str) -> TextIO:
-    """Open a text file for writing.
-
-    Raises:
-        VbusError: it cannot be opened.
-    """
-    with write_errors(path):
-        return Path(path).open("w", encoding="ascii", newline="\n")
 
 
 def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> "Wave":
@@ -93,6 +74,7 @@ class Recording:
         settle: called before a host gets its answer; tells whether the journal holds what is
             answered. None where it need not.
         told: what ``vbus ls --json`` shows of the journal.
+        failures: why files have not all they should have, a sentence each.
         others: what else is recorded, as people call it.
     """
 
@@ -115,39 +97,67 @@ class Recording:
         self._report: Callable[[str], None] = report
         self._timer: asyncio.TimerHandle | None = None
         self._opened: ExitStack = ExitStack()
+        self._opening: bool = False
+        self._served: bool = False
+        self.failures: list[str] = []
 
     def open(self, wanted: RecordSection, waves: Iterable[WaveSection] = ()) -> None:
-        """Open every file and begin to record.
+        """Open every file and begin to record; none is changed unless all can be.
+
+        The board's name must be this process's (:func:`~vbus.server.registry.own_board`).
 
         Raises:
             VbusError: a file cannot be written, or what is wanted makes no sense.
         """
         if wanted.durable != "no" and not wanted.journal:
             raise VbusError(ALONE)
+        begin = []
         if wanted.journal:
-            self._open_journal(wanted.journal, wanted.durable)
+            begin.append(self._journal(self._output(wanted.journal, False), wanted.durable))
         if wanted.report:
-            self._open_report(wanted.report, wanted.suppress)
+            self._begin_report(wanted.report, wanted.suppress)
         if wanted.coverage:
-            self._open_coverage(wanted.coverage)
-        for wave in waves:
-            self._open_wave(wave)
+            self._begin_coverage(wanted.coverage)
+        begin += [self._wave(wave) for wave in waves]
+        self._opening = True
+        for one in begin:
+            one()
+        self._opening = False
 
-    def _open_journal(self, path: str, durable: str) -> None:
+    def _output(self, path: str, whole: bool) -> OutputFile:
+        file = OutputFile(path, whole)
+        self._opened.callback(file.close)
+        return file
+
+    def fail(self, sentence: str) -> None:
+        """Note that a file takes no more; while files are opened that is an error."""
+        if self._opening:
+            raise VbusError(sentence)
+        self.failures.append(sentence)
+        self._report(sentence)
+
+    def _failing(self, path: str) -> Callable[[str], None]:
+        return lambda sentence: self.fail(f"{path}: {sentence}")
+
+    def _journal(self, opened: OutputFile, durable: str) -> Callable[[], None]:
         from vbus.trace.journal.journal import Journal
         from vbus.trace.journal.recorded_bus import RecordedBus
 
-        file = self._opened.enter_context(create(path))
-        self.journal = Journal(
-            self._board, file, self._text, self._name, self._report, self._port or RecordedBus
-        )
-        self._opened.callback(self.journal.close)
-        if durable != "no":
-            sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
-            self.settle = partial(self.journal.settle, sync)
-        self.told = {"file": path, "durable": durable}
+        path = opened.path
 
-    def _open_report(self, path: str, suppress_file: str) -> None:
+        def begin() -> None:
+            file = opened.begin()
+            fail, port = self._failing(path), self._port or RecordedBus
+            self.journal = Journal(self._board, file, self._text, self._name, fail, port)
+            self._opened.callback(self.journal.close)
+            if durable != "no":
+                sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
+                self.settle = partial(self.journal.settle, sync)
+            self.told = {"file": path, "durable": durable}
+
+        return begin
+
+    def _begin_report(self, path: str, suppress_file: str) -> None:
         from vbus.trace.findings.formats import FORMATS, format_of
         from vbus.trace.findings.report import Report
         from vbus.trace.findings.suppress import suppressions_of
@@ -168,7 +178,7 @@ class Recording:
         )
         self._write_at_end("report", path, report, lambda: style(report))
 
-    def _open_coverage(self, path: str) -> None:
+    def _begin_coverage(self, path: str) -> None:
         from vbus.trace.coverage.coverage import CoverageObserver
         from vbus.trace.coverage.formats import COVERAGE_FORMATS
 
@@ -182,36 +192,39 @@ class Recording:
         )
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))
 
-    def _open_wave(self, section: WaveSection) -> None:
+    def _wave(self, section: WaveSection) -> Callable[[], None]:
+        fail = self._failing(section.file)
         # Complains before a file is overwritten.
-        wave_of(self._board, section, io.StringIO(), self._report)
-        file = open_text(section.file)
-        self._opened.push(suppress(OSError))  # what it could not take has been reported
-        self._opened.callback(file.close)
-        wave = wave_of(self._board, section, file, self._report)
-        self._opened.callback(wave.stop)
-        self.others.append(f"the waveform in {section.file}")
-        wave.start()
+        wave_of(self._board, section, io.StringIO(), fail)
+        file = self._output(section.file, False)
+
+        def begin() -> None:
+            wave = wave_of(self._board, section, file.begin_text(), fail)
+            self._opened.callback(wave.stop)
+            self.others.append(f"the waveform in {section.file}")
+            wave.start()
+
+        return begin
 
     def _write_at_end(
         self, what: str, path: str, observer: Observer, make: Callable[[], str]
     ) -> None:
-        file = self._opened.enter_context(create(path))
+        file = self._output(path, True)
         self.others.append(f"the {what} in {path}")
 
         def write() -> None:
-            try:
-                data = make().encode()
-                while data:
-                    data = data[file.write(data) :]
-            except OSError as error:
-                self._report(f"the {what} is not written: {error.strerror}")
+            if self._served:
+                try:
+                    file.write(make().encode())
+                except VbusError as error:
+                    self.fail(str(error))
 
         self._board.observe(observer)
         self._opened.callback(write)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to write the journal at times, also while no host does anything."""
+        """The board is served: write the journal at times, also while no host does anything."""
+        self._served = True
         if self.journal is not None:
             self.journal.flush()
             self._timer = loop.call_later(FLUSH_SECONDS, self.start, loop)
@@ -230,15 +243,28 @@ class Recording:
         board = self._board
         path = journal_path(board.name, board.now)
         ending = self.journal.ending()
-        with write_errors(path), path.open("wb") as file:
-            with Path(self.told["file"]).open("rb") as kept:
-                while os.sendfile(file.fileno(), kept.fileno(), None, LARGEST):
-                    pass
-            file.write(ending)
+        with output(path) as copy, write_errors(path), open(self.told["file"], "rb") as journal:
+            file = copy.begin()
+            while os.sendfile(file.fileno(), journal.fileno(), None, LARGEST):
+                pass
+            while ending:
+                ending = ending[file.write(ending) :]
         return {"file": str(path), "when_ps": str(board.now)}
 
     def close(self) -> None:
-        """The board has stopped: end every recording."""
+        """The board has stopped: end every recording.
+
+        Results of a board that was never served are not written.
+        """
         if self._timer is not None:
             self._timer.cancel()
         self._opened.close()
+
+    def check(self) -> None:
+        """Raise what makes an exit code, once a run is over that is not all recorded.
+
+        Raises:
+            VbusError: a file has not all it should have; says which, and why.
+        """
+        if self.failures:
+            raise VbusError(f"not all is recorded: {'; '.join(self.failures)}")

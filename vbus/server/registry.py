@@ -4,14 +4,15 @@ import contextlib
 import json
 import socket
 import stat
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
-from vbus.errors import TransportError, VbusError
+from vbus.errors import NameInUseError, TransportError, VbusError
 from vbus.runtime import is_trusted, lock_of, lock_state, subdirectory
-from vbus.transports.runtime import NameLock, socket_address
+from vbus.transports.runtime import NameLock, socket_address, sweep
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
@@ -19,6 +20,8 @@ LONGEST_ANSWER: Final = 1 << 28
 """Bytes of an answer."""
 ORDER_SECONDS: Final = 60.0
 """How long it may take to carry out an order."""
+_OWNED: Final[Counter[Path]] = Counter()
+"""How often this process has entered :func:`own_board`, by the name's path."""
 
 
 def boards_directory() -> Path:
@@ -39,6 +42,43 @@ def watch_path(board: str) -> Path:
 def control_path(board: str) -> Path:
     """Return the socket at which the board called ``board`` takes orders."""
     return boards_directory() / f"{_safe(board)}.control"
+
+
+def name_path(board: str) -> Path:
+    """Return the path that whoever runs the board called ``board`` has locked."""
+    return boards_directory() / f"{_safe(board)}.name"
+
+
+@contextlib.contextmanager
+def own_board(board: str) -> Iterator[None]:
+    """Own a board's name, before anything is opened that another run of it might be using.
+
+    It may be entered again within.
+
+    Raises:
+        NameInUseError: another process runs a board of this name.
+    """
+    path = name_path(board)
+    lock = NameLock(path)
+    if not _OWNED[path]:
+        try:
+            lock.take(board)
+        except NameInUseError as error:
+            raise runs_already(board, error) from error
+        sweep(path.parent)
+    _OWNED[path] += 1
+    try:
+        yield
+    finally:
+        _OWNED[path] -= 1
+        lock.give_back()
+
+
+def runs_already(board: str, error: NameInUseError) -> NameInUseError:
+    """Return the error that says so of a board."""
+    return NameInUseError(
+        f'a board called "{board}" runs already ({error}); stop it, or give this one another name'
+    )
 
 
 def log_path(board: str) -> Path:
@@ -188,8 +228,9 @@ def _owner(path: Path) -> dict[str, Any]:
 
 def _forget(path: Path) -> None:
     """Remove the status socket of a board that died, unless its next run has just begun."""
-    lock = NameLock(path)
-    with contextlib.suppress(TransportError):
-        lock.take(patience=0)
-        path.unlink(missing_ok=True)
-        lock.give_back()
+    for name in (path, path.with_suffix(".name")):
+        lock = NameLock(name)
+        with contextlib.suppress(TransportError):
+            lock.take(patience=0)
+            name.unlink(missing_ok=True)
+            lock.give_back()

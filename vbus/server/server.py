@@ -26,7 +26,7 @@ from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
 from vbus.server.recording import Recording, no_journal
-from vbus.server.registry import control_path, status_path, watch_path
+from vbus.server.registry import control_path, own_board, runs_already, status_path, watch_path
 from vbus.server.serial_lines import on_line
 from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
@@ -156,6 +156,7 @@ class Server:
 
     def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
         name = self.board.name
+        self._closing.enter_context(own_board(name))
         self.local_sockets = (
             LocalSocket(status_path(name), partial(Telling, tell=self.status)),
             LocalSocket(watch_path(name), self._watcher),
@@ -166,10 +167,7 @@ class Server:
             try:
                 local.open(loop)
             except NameInUseError as error:
-                raise NameInUseError(
-                    f'a board called "{name}" runs already ({error}); stop it, or give'
-                    " this one another name"
-                ) from error
+                raise runs_already(name, error) from error
 
     def _mark_pause(self, paused: bool) -> None:
         """Leave word with each link that it answers later, or that it answers again."""

@@ -20,6 +20,7 @@ from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.server.readiness import tell_ready
 from vbus.server.recording import Recording
+from vbus.server.registry import own_board
 from vbus.server.server import LinkSpec, Server, run
 from vbus.server.snapshots import load_into
 
@@ -82,6 +83,7 @@ def serve(
         ConfigError: the file has mistakes, or no hosts; or ``metrics`` is no address.
         TransportError: a link cannot be opened.
         SnapshotError: the snapshot is none, or is of another board.
+        VbusError: a file cannot be written, or has not all it should have.
     """
     file, source = read_board_file(path)
     file = recorded(file, record or {}, metrics)
@@ -178,6 +180,7 @@ def serve_read(
             on_ready(server)
         tell_ready()
 
-    with closing(recording):
+    with own_board(board.name), closing(recording):
         recording.open(file.record, file.waves)
         run(board, links_of(file), file.board.stall, ready, report, address, recording.settle)
+    recording.check()

@@ -207,7 +207,7 @@ class Watcher(Connection, Observer):
         """The page wants registers or samples, or gives an order."""
         try:
             asked = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             asked = None
         if isinstance(asked, dict) and "registers" in asked:
             self._inside = asked["registers"] is True

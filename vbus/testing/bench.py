@@ -16,6 +16,7 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
+from vbus.server.output_file import write_file
 from vbus.server.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.interrupt import Interrupt
@@ -385,7 +386,7 @@ class Bench:
         number = self.boards.index(tested)
         test = re.sub(r"[^\w.-]+", "_", self.name.rpartition("/")[2])[-100:]
         path = self.folder() / f"{test}{f'-{number + 1}' if number else ''}.{suffix}"
-        path.write_bytes(content)
+        write_file(path, content)
         return path
 
 

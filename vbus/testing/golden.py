@@ -10,6 +10,7 @@ from typing import Final
 
 from vbus.errors import VbusError, read_errors, write_errors
 from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.server.output_file import write_file
 from vbus.testing.tested_board import TestedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.runs.difference import (
@@ -184,7 +185,7 @@ def judge(tested: TestedBoard, test: str, path: Path, tolerance: Tolerance, upda
     if update:
         with write_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text_of(now, test))
+        write_file(path, text_of(now, test).encode())
         return ""
     if not path.exists():
         return f"there is no golden {path}: look at what the test does, and record it: {again}"

@@ -9,6 +9,7 @@ import pytest
 from vbus.board.board import Board
 from vbus.errors import VbusError, read_errors, write_errors
 from vbus.events.decode import settings_for_decoders
+from vbus.server.output_file import write_file
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver, from_json
 from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text, difference
 
@@ -76,7 +77,7 @@ class SuiteCoverage:
         for file in self._files:
             with write_errors(file):
                 Path(file).parent.mkdir(parents=True, exist_ok=True)
-                Path(file).write_text(COVERAGE_FORMATS[Path(file).suffix](whole))
+            write_file(file, COVERAGE_FORMATS[Path(file).suffix](whole).encode())
         percent, shown = (whole.percent(), whole.shown()) if whole.counts else (0.0, "0.0%")
         return f"{shown} exercised, {self._least:g}% wanted" if percent < self._least else ""
 

@@ -17,11 +17,13 @@ from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
+from vbus.server.output_file import OutputFile
 from vbus.server.recording import Recording
+from vbus.server.registry import own_board
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
-from vbus.tools import ending, preload
+from vbus.tools import ending, exit_codes, preload
 from vbus.tools.outcome import Outcome
 from vbus.tools.output import complain
 from vbus.tools.scope import place_of
@@ -146,19 +148,12 @@ def run_on_board(
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
     files = _files(file, transcript)
-    with ExitStack() as stack:
-        written = None
-        if transcript is not None:
-            try:
-                written = stack.enter_context(Path(transcript).open("w"))
-            except OSError as error:
-                raise VbusError(f"{transcript}: {error.strerror}") from error
-        shown = recorded(file, {}, "", scope).scope
-        if shown.listen:
-            place_of(shown)
-        ran = run_beside(
-            file, source, host, command, written, limit=limit, scope=shown, control=control
-        )
+    shown = recorded(file, {}, "", scope).scope
+    if shown.listen:
+        place_of(shown)
+    ran = run_beside(
+        file, source, host, command, transcript, limit=limit, scope=shown, control=control
+    )
     for line in ran.hangs:
         complain(line)
     lines = ran.findings.lines()
@@ -166,7 +161,7 @@ def run_on_board(
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
     for line in lines if summary else ():
         complain(line)
-    return ran.code
+    return ran.code or (exit_codes.FAILURE if ran.lost else exit_codes.OK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +173,14 @@ class Ran:
         findings: what was broken.
         outcome: what became of each axis.
         hangs: why it was ended, if it hung.
+        lost: why files have not all they should have; it has been said.
     """
 
     code: int
     findings: Findings
     outcome: Outcome
     hangs: list[str]
+    lost: list[str]
 
 
 def run_beside(
@@ -191,7 +188,7 @@ def run_beside(
     source: Source,
     host: HostSection,
     command: Callable[[str], list[str]],
-    transcript: TextIO | None = None,
+    transcript: str | TextIO | None = None,
     ahead: int = 0,
     stdout: BinaryIO | None = None,
     limit: int | None = None,
@@ -205,7 +202,7 @@ def run_beside(
         source: the same as text.
         host: what the program reaches.
         command: gives program and arguments, for the address of the link.
-        transcript: takes the bus cycles.
+        transcript: takes the bus cycles; a file, or the name of one.
         ahead: how long the board runs before the program begins (ps).
         stdout: takes what the program says; else it goes where this process's goes.
         limit: chip time that it may take (ps).
@@ -223,9 +220,7 @@ def run_beside(
         folder = stack.enter_context(private_runtime(unless_named=True))
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
-        written = Transcript(transcript) if transcript is not None else None
-        if written is not None:
-            board.observe(written)
+        stack.enter_context(own_board(board.name))
         mine, environment = link_of_program(board, file, host, link, note, limit or 0)
         if mine.card is not None and mine.pin_map is None and not ahead:
             preload.warn_of(command(link)[0], file.board.time)
@@ -233,7 +228,14 @@ def run_beside(
         others = [spec for section, spec in served if section is not host]
         recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
+        name, into = (transcript, None) if isinstance(transcript, str) else ("", transcript)
+        opened = stack.enter_context(closing(OutputFile(name, whole=False))) if name else None
         recording.open(file.record, file.waves)
+        if opened is not None:
+            into = opened.begin_text()
+        written = None if into is None else Transcript(into)
+        if written is not None:
+            board.observe(written)
         links, stall = [mine, *others], file.board.stall
         server = Server(board, links, stall, complain, address, settle=recording.settle)
         board.run_until(board.now + ahead)
@@ -249,9 +251,11 @@ def run_beside(
         if watched:
             outcome.look()
         if written is not None:
-            written.flush()
+            written.end()
+            if written.error:
+                recording.fail(f"{name}: {written.error}")
     hangs = [f"the program hangs: {watch.stuck}", *watch.details] if watch and watch.stuck else []
-    return Ran(code, findings, outcome, hangs)
+    return Ran(code, findings, outcome, hangs, recording.failures)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:

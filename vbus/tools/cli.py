@@ -1,5 +1,6 @@
 """The ``vbus`` command. Subcommands are imported when they are called: start-up stays short."""
 
+import errno
 import importlib
 import os
 import sys
@@ -49,6 +50,12 @@ _COMMANDS: Final = {
     "wait": "Wait until boards are ready.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }
+
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What a full or broken disk behind standard output says."""
+
+_LONGEST: Final = 100
+"""Characters of a name that a message shows."""
 
 _COMPLETING: Final = "_VBUS_COMPLETE"
 """Is set in the environment while a shell asks what could follow."""
@@ -135,6 +142,20 @@ def _run(arguments: list[str] | None) -> int:
         return exit_codes.INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has seen enough; do not complain at exit either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _write_no_more()
+        return exit_codes.FAILURE
+    except OSError as error:
+        if error.filename is not None:  # a name no file can have, such as one too long
+            click.echo(f"vbus: {str(error.filename)[:_LONGEST]}: {error.strerror}", err=True)
+            return exit_codes.FAILURE
+        if error.errno not in _FULL:
+            raise
+        click.echo(f"vbus: standard output: cannot be written: {error.strerror}", err=True)
+        _write_no_more()
         return exit_codes.FAILURE
     return result if isinstance(result, int) else exit_codes.OK
+
+
+def _write_no_more() -> None:
+    """Let what is left for standard output be lost in silence."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

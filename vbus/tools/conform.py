@@ -226,7 +226,7 @@ def _ignored(items: tuple[str, ...]) -> tuple[frozenset[str], dict[int, int]]:
 def _hertz(text: str | None) -> int:
     from vbus.trace.silicon.capture import frequency
 
-    hertz = frequency(text) if text else 0
+    hertz = frequency(text, "--samplerate") if text else 0
     if text and not hertz:
         raise click.UsageError(f'--samplerate: "{text}" is no frequency such as "24 MHz"')
     return hertz

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from vbus.server.output_file import write_file
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, reading, write_file
+from vbus.tools.output import complain, reading
 
 if TYPE_CHECKING:
     from vbus.trace.coverage.coverage import Coverage

@@ -1,16 +1,15 @@
 """What verbs have in common: what they print, the files they read and write, their options."""
 
 import json
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import click
 
-from vbus.errors import VbusError, read_errors, write_errors
+from vbus.errors import VbusError, read_errors
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
@@ -137,27 +136,6 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
         file = path.open("rb")
     with file:
         yield file
-
-
-def write_file(path: Path, data: bytes) -> None:
-    """Write a file: it is there whole, or what was there before is.
-
-    Raises:
-        VbusError: it cannot be written.
-    """
-    with write_errors(path), ExitStack() as made:
-        if path.exists() and not path.is_file():  # a terminal or a pipe
-            path.write_bytes(data)
-            return
-        place = path.resolve()
-        part = place.with_name(f".{place.name}.{os.getpid()}")
-        with part.open("xb") as file:
-            made.callback(part.unlink)
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(place)
-        made.pop_all()
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.errors import PluginError, VbusError
-from vbus.tools.output import write_file
+from vbus.server.output_file import write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

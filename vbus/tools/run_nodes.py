@@ -66,7 +66,7 @@ def run(
         click.echo(skew_line(outcome.skew))
     if outcome.skew:
         click.echo(late_line(outcome.nodes))
-    return exit_codes.OK
+    return exit_codes.FAILURE if outcome.lost else exit_codes.OK
 
 
 def is_first(file: "BoardFile", names: "Sequence[str]") -> bool:

@@ -137,7 +137,7 @@ def command(
 
 
 def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:
-    from vbus.tools.output import write_file
+    from vbus.server.output_file import write_file
     from vbus.tools.scope_bookmarks import of_journal
 
     if output.suffix == ".mcap":

@@ -10,7 +10,8 @@ from typing import Any, Final
 
 from vbus.errors import VbusError, read_errors
 from vbus.scope.bookmarks import MOST, Bookmark, is_bookmark, place
-from vbus.tools.output import complain, write_file
+from vbus.server.output_file import write_file
+from vbus.tools.output import complain
 
 RUNS: Final = 20
 """Runs of which a file keeps bookmarks; those of the oldest go first."""

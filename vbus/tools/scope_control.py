@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from vbus.server.control import decoded
 from vbus.values.settings import listed
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ REGISTERS: Final = "registers"
 BOOKMARKS: Final = ("bookmark", "forget")
 """What every page may do: add to what people have noted of a recording, and take away from it."""
 
+LONGEST: Final = 100
+"""Characters of an order that a message shows."""
+
 Order = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 """Is given what a page asks for; returns what it is told."""
 
@@ -33,16 +37,24 @@ Order = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 def answer_to(text: str, control: bool) -> dict[str, Any]:
     """Return what a page asks for, or under ``"error"`` why it is refused."""
     try:
-        request = json.loads(text)
-        what = request["do"]
-    except (ValueError, TypeError, KeyError, RecursionError):
+        request = decoded(text)
+    except ValueError:
         return {"error": 'write {"do": ...}'}
+    what = request["do"]
+    if not isinstance(request.get("to", ""), str):
+        return {"error": '"to" is a text, such as "12.5 ms"'}
+    if not isinstance(request.get("on", False), bool):
+        return {"error": '"on" is true or false'}
     if what in (REGISTERS, *BOOKMARKS):
         return {"request": request}
     if not control:
-        return {"error": f"{what!r} is refused: this page may look, not touch (--scope-control)"}
+        return {
+            "error": f"{what[:LONGEST]!r} is refused: this page may look, not touch"
+            " (--scope-control)"
+        }
     if what not in (*ORDERS, REWIND):
-        return {"error": f"{what!r} is nothing a page may do; it may {listed([*ORDERS, REWIND])}"}
+        allowed = listed([*ORDERS, REWIND])
+        return {"error": f"{what[:LONGEST]!r} is nothing a page may do; it may {allowed}"}
     return {"request": request}
 
 
@@ -80,7 +92,7 @@ class BoardOrders:
         """Do what a page wants; return what it is told."""
         do = request["do"]
         if do == REWIND:
-            return await self._rewind(str(request.get("to", "")))
+            return await self._rewind(request.get("to", ""))
         answer = await self.ask(request)
         if "error" in answer:
             return {"answer": answer["error"], "error": True}

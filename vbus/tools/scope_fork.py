@@ -38,7 +38,7 @@ def fork(
     """
     from vbus.board.sections import RecordSection
     from vbus.server.recording import Recording
-    from vbus.server.registry import journal_path
+    from vbus.server.registry import journal_path, own_board
     from vbus.server.server import LinkSpec, Server, run
     from vbus.tools.journal_lines import opened, progress, recorded_board
     from vbus.tools.output import complain
@@ -48,7 +48,7 @@ def fork(
         board = recorded_board(journal, reader.header)
         origin, board.name = board.name, f"{board.name}-{os.getpid()}"
         recording = Recording(board, reader.header.text, reader.header.file, complain)
-        with closing(recording):
+        with own_board(board.name), closing(recording):
             recording.open(RecordSection(journal=str(journal_path(board.name, 0))))
             player = Player(board)
             with progress(journal, reader, "replaying", quiet) as entries:

@@ -3,16 +3,18 @@
 import asyncio
 import hmac
 import json
-import re
+import logging
 import secrets
 import socket
 import ssl
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from contextvars import ContextVar
 from ipaddress import ip_address
 from typing import Any, Final
 
 from vbus.errors import PluginError, TransportError, VbusError
+from vbus.scope.bookmarks import Bookmark
 from vbus.scope.page_file import FIRST, page_file, policy
 from vbus.scope.stream import MESSAGE, Stream
 from vbus.tools.scope_bookmarks import Bookmarks
@@ -20,6 +22,9 @@ from vbus.tools.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
 
 try:
     from aiohttp import WSMsgType, web
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    from vbus.tools.scope_requests import Asked, decoded
 except ImportError as error:
     raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
@@ -28,6 +33,10 @@ RATE_SECONDS: Final = 1 / 30
 HEARTBEAT_SECONDS: Final = 20.0
 """A page that answers nothing for so long is gone."""
 LONGEST_CODE: Final = 256
+_ASKED: Final[ContextVar[Asked]] = ContextVar("asked")
+"""What :func:`~vbus.tools.scope_requests.decoded` made of the request at hand."""
+STOPPING_SECONDS: Final = 2.0
+"""How long pages may take to go when the server ends."""
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
 _HEADERS: Final = {
     "Content-Security-Policy": policy("'self'", "'self'", "'self'") + "; frame-ancestors 'none'",
@@ -37,6 +46,18 @@ _HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+
+log = logging.getLogger("vbus.scope")
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Tell whether a record is more than a request that is none, which has had its answer."""
+    return record.exc_info is None or not isinstance(
+        record.exc_info[1], HttpProcessingError | web.RequestPayloadError
+    )
+
+
+log.addFilter(_is_ours)
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -97,7 +118,9 @@ class ScopeServer:
                 web.get("/live", self._live),
             ]
         )
-        self._runner: web.AppRunner = web.AppRunner(app, access_log=None)
+        self._runner: web.AppRunner = web.AppRunner(
+            app, access_log=None, shutdown_timeout=STOPPING_SECONDS, logger=log
+        )
 
     @property
     def pages(self) -> int:
@@ -162,8 +185,10 @@ class ScopeServer:
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests that a page from elsewhere has made this browser send."""
         try:
-            if not self._known(request.host):
-                raise web.HTTPForbidden(text=f"this is not {request.host}\n")
+            asked = await decoded(request)
+            _ASKED.set(asked)
+            if not self._known(asked):
+                raise web.HTTPForbidden(text=f"this is not {asked.host or 'any host'}\n")
             answer = await handler(request)
         except web.HTTPException as refused:
             refused.headers.update(_HEADERS)
@@ -172,13 +197,10 @@ class ScopeServer:
             answer.headers.update(_HEADERS)
         return answer
 
-    def _known(self, host: str) -> bool:
+    def _known(self, asked: Asked) -> bool:
         """Whether a Host header names this computer: a name that others chose is refused."""
-        match = re.fullmatch(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::(\d{1,5}))?", host)
-        if match is None:
-            return False
-        name, port = match[1].strip("[]"), int(match[2] or (443 if self._tls else 80))
-        if port != self._port:
+        name, port = asked.host, asked.port or (443 if self._tls else 80)
+        if not name or port != self._port:
             return False
         if name in ("localhost", self._host):
             return True
@@ -190,7 +212,7 @@ class ScopeServer:
 
     def _check_origin(self, request: web.Request) -> None:
         own = f"{'http' if self._tls is None else 'https'}://{request.host}"
-        if request.headers.get("Origin") != own:
+        if _ASKED.get().origin != own:
             raise web.HTTPForbidden(text="a page from elsewhere may not look at this board\n")
 
     @property
@@ -201,8 +223,7 @@ class ScopeServer:
     async def _enter(self, request: web.Request) -> web.Response:
         """Take a code and give a cookie."""
         self._check_origin(request)
-        given = await request.text()
-        if not hmac.compare_digest(given.encode(), self._code.encode()):
+        if not hmac.compare_digest(_ASKED.get().code.encode(), self._code.encode()):
             raise web.HTTPForbidden(text="the code of this link was used, or is none\n")
         self._code = secrets.token_urlsafe(24)
         cookie = secrets.token_urlsafe(24)
@@ -227,7 +248,7 @@ class ScopeServer:
 
     async def _live(self, request: web.Request) -> web.WebSocketResponse:
         self._check_origin(request)
-        if request.cookies.get(self._cookie) not in self._cookies:
+        if _ASKED.get().cookies.get(self._cookie) not in self._cookies:
             raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
         # To this computer it is cheaper to send much than to make it less.
         far = self._tls is not None
@@ -263,13 +284,13 @@ class ScopeServer:
             self._look_inside(page, request.get("on") is True)
             return {}
         if request.get("do") in BOOKMARKS and self._bookmarks is not None:
-            refused = await self._bookmark(request["do"], request.get("bookmark"))
+            refused = self._bookmark(request["do"], request.get("bookmark"))
             return {"answer": refused, "error": True} if refused else {}
         if self._order is None or "error" in asked:
             return {"answer": asked.get("error", "nothing is kept of this"), "error": True}
         return await self._order(request)
 
-    async def _bookmark(self, what: str, bookmark: Any) -> str:
+    def _bookmark(self, what: str, bookmark: Any) -> str:
         """Add a bookmark or forget it, and show every page what there is."""
         assert self._bookmarks is not None
         refused = ""
@@ -280,10 +301,7 @@ class ScopeServer:
                 refused = self._bookmarks.add(bookmark)
         except VbusError as error:
             refused = str(error)
-        told = json.dumps({"bookmarks": self._bookmarks.all})
-        for page in tuple(self._pages):
-            with suppress(ConnectionError):
-                await page.send_str(told)
+        self._wake()
         return refused
 
     def _look_inside(self, page: web.WebSocketResponse, on: bool) -> None:
@@ -297,17 +315,27 @@ class ScopeServer:
             self.on_registers(not before)
 
     async def _send(self, page: web.WebSocketResponse) -> None:
-        """Send a page what there is, as fast as it takes it: it has a place of its own."""
+        """Send a page what there is, as fast as it takes it: it has a place of its own.
+
+        Of the state of the board and of the bookmarks it is sent the newest. A page that reads
+        nothing waits here alone, until it has not answered for :data:`HEARTBEAT_SECONDS`.
+        """
         with suppress(ConnectionError):
             stream: Stream | None = None
             place = 0
             state = ""
+            told: list[Bookmark] | None = None
             while True:
                 news = self._news
+                kept = None if self._bookmarks is None else self._bookmarks.all
+                noted = {} if kept is None else {"bookmarks": kept}
                 if stream is not self._stream:
                     stream, place = self._stream, 0
-                    kept = {} if self._bookmarks is None else {"bookmarks": self._bookmarks.all}
-                    await page.send_str(json.dumps(stream.description | kept))
+                    told = None if kept is None else [*kept]
+                    await page.send_str(json.dumps(stream.description | noted))
+                elif told != kept:
+                    told = None if kept is None else [*kept]
+                    await page.send_str(json.dumps(noted))
                 if state != self._state:
                     state = self._state
                     await page.send_str(state)

@@ -12,6 +12,7 @@ from contextlib import closing, suppress
 from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
+from vbus.kernel import SECOND
 from vbus.scope.sampling import Sampler
 from vbus.tools.feed import Feed
 
@@ -150,11 +151,17 @@ class SigrokServer:
                     capture = asyncio.create_task(self._capture(writer, numbers))
                 elif word == "version":
                     writer.write(b"BeagleLogic 1.0\n")
-                elif word in numbers and number.isdecimal():
+                elif (number and not (number.isdecimal() and 0 <= int(number) <= SECOND)) or (
+                    word == "samplerate" and number and not int(number)
+                ):  # fmt: skip
+                    writer.write(b"error: a number is 0 to %d, a samplerate not 0\n" % SECOND)
+                elif word in numbers and number:
                     numbers[word] = int(number)
                     writer.write(b"ok\n")
                 elif word in numbers:
                     writer.write(b"%d\n" % numbers[word])
+                if capture is None or capture.done():
+                    await writer.drain()
         if capture is not None:
             capture.cancel()
         writer.close()

@@ -6,8 +6,9 @@ from pathlib import Path
 import click
 
 from vbus.errors import VbusError
+from vbus.server.output_file import write_file
 from vbus.tools import exit_codes
-from vbus.tools.output import reading, seconds, show, write_file
+from vbus.tools.output import reading, seconds, show
 
 
 @click.group("snap")

@@ -11,7 +11,8 @@ import click
 
 from vbus.errors import VbusError
 from vbus.nodes.machine_snapshot import VERSION, HostThere, MachineSnapshot, NodePart, read, write
-from vbus.tools.output import seconds, show, write_file
+from vbus.server.output_file import write_file
+from vbus.tools.output import seconds, show
 from vbus.version import __version__
 
 _Ask = Callable[..., dict[str, Any]]

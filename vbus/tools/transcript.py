@@ -1,5 +1,7 @@
 """A transcript of bus cycles, one line each, with what was broken where it was broken."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Final, TextIO
 
 from vbus.signals import Observer, Violation
@@ -16,9 +18,13 @@ class Transcript(Observer):
     Args:
         file: where it goes.
         times: begin each line with the instant of its first cycle, in microseconds.
+
+    Attributes:
+        error: why the file takes no more (a full disk), or "".
     """
 
     def __init__(self, file: TextIO, times: bool = False) -> None:
+        self.error: str = ""
         self._file: TextIO = file
         self._times: bool = times
         self._line: str = ""
@@ -48,6 +54,18 @@ class Transcript(Observer):
             self._write(self._when, self._line + count)
         self._line = ""
 
+    def end(self) -> None:
+        """Write all there is, to the disk."""
+        self.flush()
+        self._guarded(self._file.flush)
+
     def _write(self, when: int, line: str) -> None:
         time = f"{when // _US}.{when % _US // 1000:03} " if self._times else ""
-        self._file.write(f"{time}{line}\n")
+        self._guarded(partial(self._file.write, f"{time}{line}\n"))
+
+    def _guarded(self, write: Callable[[], object]) -> None:
+        if not self.error:
+            try:
+                write()
+            except OSError as error:
+                self.error = f"the transcript ends early: {error.strerror}"

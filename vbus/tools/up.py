@@ -3,12 +3,14 @@
 import json
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from vbus.server.output_file import OutputFile, write_file
 from vbus.tools import exit_codes
 from vbus.tools.output import (
     complain,
@@ -18,7 +20,6 @@ from vbus.tools.output import (
     refuse_detached,
     scope_option,
     show,
-    write_file,
 )
 
 if TYPE_CHECKING:
@@ -133,12 +134,15 @@ def command(
         code = go_on(file.board.name)
         if code is not None:
             return code
-    with TemporaryDirectory(prefix="vbus-up-") as folder:
+    with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
+        made = opened.enter_context(closing(OutputFile(trace))) if trace else None
         run = _Run(file, machine, processes, router or "", as_json, Path(folder))
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
-        code = run.carry_out(given, scope, trace, timeout)
+        code = run.carry_out(given, scope, made, timeout)
     if len(processes) > 1:
-        join_waves(recorded(file, {"wave": record["wave"]} if record["wave"] else {}, ""), complain)
+        waves = recorded(file, {"wave": record["wave"]} if record["wave"] else {}, "")
+        if join_waves(waves, complain):
+            code = code or exit_codes.FAILURE
     return code
 
 
@@ -165,7 +169,7 @@ class _Run:
         self._told: list[dict[str, Any]] = []
 
     def carry_out(
-        self, given: list[str], scope: str | None, trace: str | None, timeout: float
+        self, given: list[str], scope: str | None, trace: OutputFile | None, timeout: float
     ) -> int:
         """Run it; return the exit code.
 
@@ -193,7 +197,7 @@ class _Run:
 
         with Processes(click.echo, timeout, width) as children:
             try:
-                if self._begin(children, given, scope, bool(trace), may_end):
+                if self._begin(children, given, scope, trace is not None, may_end):
                     about = {"board": self._file.board.name, "meets": self._meeting.said}
                     show(self._json, {**about, "nodes": self._told}, [READY])
                     tell_ready()
@@ -206,8 +210,8 @@ class _Run:
             complain(sentence)
         if children.killed:
             code = code or exit_codes.FAILURE
-        if trace and done and not code:
-            self._merge(Path(trace))
+        if trace is not None and done and not code:
+            self._merge(trace)
         return code
 
     def _begin(
@@ -269,7 +273,7 @@ class _Run:
     def _trace(self, process: "Process") -> Path:
         return self._folder / f"{process.name}.trace"
 
-    def _merge(self, path: Path) -> None:
+    def _merge(self, file: OutputFile) -> None:
         """Write the traces of all processes as one, and say its hash."""
         from vbus.cluster.nodes import read_traces
 
@@ -279,8 +283,8 @@ class _Run:
             for part in parts
             for number, line in enumerate(part.read_text().splitlines(keepends=True))
         ]
-        write_file(path, "".join(line for *_, line in sorted(lines)).encode())
-        digest, count = read_traces([str(path)])
+        file.write("".join(line for *_, line in sorted(lines)).encode())
+        digest, count = read_traces([file.path])
         click.echo(f"trace hash {digest} of {count} lines")
 
 

@@ -59,17 +59,23 @@ def command(
 
 
 @contextmanager
-def _output(name: str) -> Iterator[TextIO]:
-    """Open the file to write; only once it is clear that there is something to write."""
-    from vbus.server.recording import open_text
+def _output(name: str, whole: bool) -> Iterator[TextIO]:
+    """Open the file to write; only once it is clear that there is something to write.
 
-    file: TextIO = sys.stdout if name == "-" else open_text(name)
-    try:
-        yield file
-    finally:
-        if name != "-":
-            with suppress(OSError):  # what it could not take has been reported
-                file.close()
+    Args:
+        name: of the file; "-" prints.
+        whole: whether it takes its name at the end; not where an error leaves the block.
+
+    Raises:
+        VbusError: the file cannot be written.
+    """
+    from vbus.server.output_file import output
+
+    if name == "-":
+        yield sys.stdout
+        return
+    with output(name, whole) as file:
+        yield file.begin_text()
 
 
 def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
@@ -110,7 +116,7 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
             part.seek(0)
             waves.append((name, part))
         try:
-            with _output(section.file) as file:
+            with _output(section.file, whole=True) as file:
                 merge_waves(waves, file)
         except OSError as error:
             raise VbusError(f"{section.file}: cannot be written: {error.strerror}") from error
@@ -126,14 +132,14 @@ def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
     with opened(path) as reader:
         board = recorded_board(path, reader.header)
         wave_of(board, section, io.StringIO(), complain)  # complains before a file is overwritten
-        with _output(section.file) if into is None else nullcontext(into) as file:
-            wave = wave_of(board, section, file, complain)
+        with _output(section.file, True) if into is None else nullcontext(into) as file:
+            wave = wave_of(board, section, file, lambda _: None)
             wave.start()
             with progress(path, reader, "replaying", quiet or file.isatty()) as entries:
                 outcome = Replay(board, entries, reader.header.families).run()
             wave.stop()
-    if wave.error:
-        return exit_codes.FAILURE
+            if wave.error:
+                raise VbusError(f"{_shown(section.file)}: {wave.error}")
     if outcome.divergence is not None:
         complain(f"{path}: the run differs from its journal at entry {outcome.divergence.entry};"
                   ' "vbus replay" shows how')  # fmt: skip
@@ -156,7 +162,7 @@ def _of_board(name: str, section: Any) -> int:
                 raise TransportError(f'board "{name}" has stopped')
             if answer[0] == "refused":
                 raise VbusError(answer[1])
-            with _output(section.file) as file:
+            with _output(section.file, whole=False) as file:
                 for data in feed.raw():
                     file.write(data.decode("ascii"))
                     file.flush()
@@ -164,9 +170,13 @@ def _of_board(name: str, section: Any) -> int:
         except OSError as error:
             if isinstance(error, VbusError):
                 raise
-            where = "standard output" if section.file == "-" else section.file
+            where = _shown(section.file)
             raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
     return _code(bool(written), section)
+
+
+def _shown(name: str) -> str:
+    return "standard output" if name == "-" else name
 
 
 def _code(written: bool, section: Any) -> int:

@@ -139,17 +139,17 @@ def mark_pause(url: str, paused: bool) -> None:
 
 
 def sweep(directory: Path) -> None:
-    """Remove what killed processes have left in a directory: names of terminals, and sockets.
+    """Remove what killed processes have left in a directory: names of terminals, sockets, locks.
 
-    Sockets only in the runtime directory: elsewhere they may be another program's. It is done with
-    the first name a process takes there: a board of a thousand links looks once.
+    Sockets and bare locks only in the runtime directory: elsewhere they may be another program's.
+    It is done with the first name a process takes there: a board of a thousand links looks once.
     """
     if _HELD[directory] > 1:
         return
     ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
     for name in locked_names(directory):
         lock = NameLock(name)
-        if leads_to_terminal(name) or (ours and name.is_socket()):
+        if leads_to_terminal(name) or (ours and (name.is_socket() or not name.exists())):
             with suppress(TransportError):
                 lock.take(patience=0)
                 name.unlink(missing_ok=True)

@@ -1,10 +1,13 @@
 """The scope's server: who may look, what they are told, and that nobody waits for a page."""
 
+import asyncio
 import json
 import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from random import Random
+from typing import Any
 
 import aiohttp
 import pytest
@@ -15,6 +18,7 @@ from vbus.errors import TransportError, VbusError
 from vbus.scope.frames import ALL, NOW, frame
 from vbus.scope.stream import Stream
 from vbus.tools.scope import Place
+from vbus.tools.scope_bookmarks import Bookmarks
 from vbus.tools.scope_server import ScopeServer
 
 TOLD = {"format": 1, "board": "bench"}
@@ -152,16 +156,7 @@ async def test_every_answer_lets_nothing_from_elsewhere_in() -> None:
 async def test_a_page_that_reads_nothing_keeps_nobody_waiting() -> None:
     async with served() as (made, browser):
         await made.enter(browser)
-        (cookie,) = browser.cookie_jar
-        host, port = made.url.removeprefix("http://").rstrip("/").split(":")
-        stuck = socket.create_connection((host, int(port)))
-        stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        stuck.sendall(
-            f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: {made.own['Origin']}\r\n"
-            f"Cookie: {cookie.key}={cookie.value}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-            .encode()
-        )  # fmt: skip
+        stuck = _stuck(made, browser)
         big = now(1) * 60_000
         async with browser.ws_connect(
             f"{made.url}live", headers=made.own, max_msg_size=1 << 24
@@ -172,6 +167,193 @@ async def test_a_page_that_reads_nothing_keeps_nobody_waiting() -> None:
                 assert await page.receive_bytes() == big
             assert made.server.pages == 2
         stuck.close()
+
+
+@pytest.mark.asyncio
+async def test_bookmarks_of_one_page_wait_for_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page that reads nothing is dropped after a while; others have every answer before."""
+    monkeypatch.setattr("vbus.tools.scope_server.HEARTBEAT_SECONDS", 2.0)
+    async with served() as (made, browser):
+        made.server._bookmarks = Bookmarks(tmp_path / "b.json", "run")
+        await made.enter(browser)
+        stuck = _stuck(made, browser)
+        async with (
+            asyncio.timeout(50),
+            browser.ws_connect(f"{made.url}live", headers=made.own, max_msg_size=1 << 24) as page,
+        ):
+            while made.server.pages < 2:
+                await asyncio.sleep(0.01)
+            made.server.add(now(1) * 500_000)  # more than the system keeps for who does not read
+            text = "t" * 200
+            for number in range(200):
+                await page.send_json(
+                    {"do": "bookmark", "bookmark": {"at": f"{number}", "text": text}}
+                )
+                await page.send_json({"do": "nothing"})
+                while (await page.receive()).type is not aiohttp.WSMsgType.TEXT:
+                    pass
+            await until_pages(made.server, 1)
+            known = 0
+            await page.send_json({"do": "forget", "bookmark": {"at": "0", "text": text}})
+            while known != 199:
+                told = await page.receive()
+                if told.type is aiohttp.WSMsgType.TEXT:
+                    known = len(json.loads(told.data).get("bookmarks", ()))
+        stuck.close()
+
+
+@pytest.mark.asyncio
+async def test_a_server_ends_though_a_page_reads_nothing() -> None:
+    async with served() as (made, browser):
+        await made.enter(browser)
+        stuck = _stuck(made, browser)
+        await until_pages(made.server, 1)
+        made.server.add(now(1) * 500_000)
+        await asyncio.sleep(0.1)
+        async with asyncio.timeout(50):  # aiohttp would wait for 60 s
+            await made.server.stop()
+        stuck.close()
+
+
+def _stuck(made: Served, browser: ClientSession) -> socket.socket:
+    """Open a page that reads nothing."""
+    (cookie,) = browser.cookie_jar
+    host, port = made.url.removeprefix("http://").rstrip("/").split(":")
+    stuck = socket.create_connection((host, int(port)))
+    stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    stuck.sendall(
+        f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: {made.own['Origin']}\r\n"
+        f"Cookie: {cookie.key}={cookie.value}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+        .encode()
+    )  # fmt: skip
+    return stuck
+
+
+async def until_pages(server: ScopeServer, count: int) -> None:
+    async with asyncio.timeout(50):
+        while server.pages != count:
+            await asyncio.sleep(0.01)
+
+
+HUGE = "9" * 5000
+HEADS = {
+    "Host": ["", "x", "::::", "[", "127.0.0.1:999999", "127.0.0.1:\u0664", "h" * 4000, "{host}"],
+    "Origin": ["", "null", "\udcff", "{origin}"],
+    "Cookie": ["", ";;;=;", "a b=c", "\udcff=\udcff", '"', "vbus-scope-{port}=\udcff", "=" * 999],
+    "Content-Type": [
+        "text/plain; charset=none",
+        "text/plain; charset=\udcff",
+        "multipart/form-data",
+    ],
+    "Content-Encoding": ["", "deflate", "gzip", "br", "none"],
+    "Content-Length": ["", "0", "-1", HUGE, "3", "x"],
+    "Transfer-Encoding": ["", "chunked", "x"],
+    "Sec-WebSocket-Key": ["", "x", "AAAAAAAAAAAAAAAAAAAAAA=="],
+    "Sec-WebSocket-Version": ["", "13", HUGE],
+    "Upgrade": ["", "websocket", "\udcff"],
+    "Connection": ["", "Upgrade", "close"],
+    "Sec-WebSocket-Extensions": ["", "permessage-deflate; server_max_window_bits=99", HUGE[:100]],
+}
+PATHS = (
+    "/", "/enter", "/live", "/page/index.html", "/page/" + "x" * 300 + ".js", "/page/%ff.js",
+    "/page/%00.js", "/page/..%2f..%2fetc%2fpasswd", "/page/.js", "//", "/%", "/page/a%0d%0ab.js",
+    "/page/" + "\u00e9" * 300, "*", "/live?" + HUGE, "http://[", "/enter#", "/page/" + "a/" * 900,
+)  # fmt: skip
+BODIES = (
+    b"",
+    b"\xff\xfe",
+    b"x" * 10_000,
+    HUGE.encode(),
+    b"3\r\nabc\r\n0\r\n\r\n",
+    b"\0",
+    b"z\r\n",
+)
+
+
+@pytest.mark.asyncio
+async def test_whatever_is_sent_no_answer_is_a_500(caplog: pytest.LogCaptureFixture) -> None:
+    draw = Random(9)
+    async with served() as (made, _):
+        host, port = made.url.removeprefix("http://").rstrip("/").split(":")
+        known = {"{host}": f"{host}:{port}", "{origin}": made.own["Origin"], "{port}": port}
+
+        def filled(text: str) -> bytes:
+            for key, value in known.items():
+                text = text.replace(key, value)
+            return text.encode("utf-8", "surrogateescape")
+
+        codes = set()
+        for _ in range(300):
+            method = draw.choice(("GET", "POST", "POST", "HEAD", "PUT", "\udcff"))
+            heads = {"Host": "{host}", "Origin": "{origin}"}
+            for name in draw.sample(sorted(HEADS), draw.randrange(4)):
+                heads[name] = draw.choice(HEADS[name])
+            body = draw.choice(BODIES)
+            if method == "POST" and not {"Content-Length", "Transfer-Encoding"} & set(heads):
+                heads["Content-Length"] = str(len(body))
+            lines = [f"{method} {draw.choice(PATHS)} HTTP/1.1"]
+            lines += [f"{name}: {value}" for name, value in {**heads, "X": ""}.items()]
+            asked = b"\r\n".join(map(filled, lines)) + b"\r\n\r\n" + body
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(asked)
+            answer = b""
+            with suppress(ConnectionError, TimeoutError):
+                async with asyncio.timeout(0.2):  # half a request is waited for
+                    answer = await reader.readline()
+            writer.close()
+            codes.add(answer.split(b" ")[1] if answer else answer)
+            assert b" 500 " not in answer, asked
+        assert {b"200", b"400", b"403", b"404"} <= codes
+        assert not caplog.records
+        async with ClientSession() as browser:
+            for body, told in (
+                (b"\xff\xfe", "this is no UTF-8 text\n"),
+                (b"x" * 100, "the code of this link was used, or is none\n"),
+            ):
+                async with browser.post(f"{made.url}enter", data=body, headers=made.own) as refusal:
+                    assert refusal.status == (400 if body[0] == 0xFF else 403)
+                    assert await refusal.text() == told
+            zipped = {**made.own, "Content-Encoding": "deflate"}
+            async with browser.post(f"{made.url}enter", data=b"no zip", headers=zipped) as refusal:
+                assert refusal.status == 400
+                assert (await refusal.text()).startswith(
+                    ("the body cannot be read: ", "Bad Request")
+                )
+
+
+@pytest.mark.asyncio
+async def test_whatever_a_page_says_it_is_answered_in_words(
+    caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    async with served() as (made, browser):
+        made.server._order = _echo
+        made.server._bookmarks = Bookmarks(tmp_path / "b.json", "run")
+        await made.enter(browser)
+        async with browser.ws_connect(f"{made.url}live", headers=made.own) as page:
+            await page.receive_str()
+            for asked in (
+                "", "{", "[]", "1", "null", '{"do": 1}', '{"do": []}', '{"do": null}', "[" * 9000,
+                '{"do": "step", "by": ' + "[" * 5000 + "]" * 5000 + "}",
+                '{"do": "rate", "to": NaN}',
+                '{"do": "rate", "rate": Infinity}', f'{{"do": "rate", "rate": {HUGE}}}',
+                '{"do": "\\ud800"}', '{"do": "rewind", "to": 3}', '{"do": "registers", "on": 1}',
+                '{"do": "' + "x" * 20_000 + '"}', '{"do": "pause"} x', '{"do": "bookmark"}',
+            ):  # fmt: skip
+                await page.send_str(asked)
+                told = await page.receive_str()
+                assert json.loads(told)["error"] is True, asked
+                assert len(told) < 500
+            await page.send_bytes(b"\xff")
+            await page.send_str('{"do": "pause"}')
+            assert json.loads(await page.receive_str()) == {"answer": "pause"}
+    assert "Error handling request" not in caplog.text
+
+
+async def _echo(request: dict[str, Any]) -> dict[str, Any]:
+    return {"answer": request["do"]}
 
 
 @pytest.mark.asyncio

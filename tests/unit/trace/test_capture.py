@@ -157,6 +157,10 @@ def test_runs_of_any_length_in_any_number_of_parts(runs: list[tuple[int, int]], 
         (b"PK\x05\x06" + bytes(18), "no sigrok session file"),
         (session(b"\x01", version="1"), "of version 1; version 2 can be read"),
         (session(b"\x01", rate="fast"), "lack samplerate"),
+        (session(b"\x01", rate="1" + 400 * "0"), f"a sample rate of 1{39 * '0'} is above 1 THz"),
+        (session(b"\x01", rate=5000 * "9" + " GHz"), f"a sample rate of {40 * '9'} is above 1 THz"),
+        (session(b"\x01", rate="1001 GHz"), "a sample rate of 1001 GHz is above 1 THz"),
+        (session(b"\x01", rate="nan"), "lack samplerate"),
         (session(b"\x01").replace(b"unitsize=1", "unitsize=²".encode()[:-1]), "no sigrok session"),
         (session(b"\x01")[10:], "no sigrok session"),
         (session(b"\x01", probes=0), "lack samplerate, unitsize or the probes"),
@@ -281,11 +285,11 @@ def test_a_table_of_a_capture_is_the_capture(family: str) -> None:
 
 
 def test_frequencies_and_the_units_of_sigrok() -> None:
-    assert frequency("24 MHz") == 24_000_000
-    assert frequency("12500000") == 12_500_000
-    assert frequency("1.5 kHz") == 1500
-    assert frequency("2 GHz") == 2_000_000_000
-    assert frequency("fast") == 0
+    assert frequency("24 MHz", "here") == 24_000_000
+    assert frequency("12500000", "here") == 12_500_000
+    assert frequency("1.5 kHz", "here") == 1500
+    assert frequency("2 GHz", "here") == 2_000_000_000
+    assert frequency("fast", "here") == 0
     assert [unit_of(rate) for rate in (1000, 1001, 10**6, 10**9, 10**10)] == [
         10**9, 10**6, 10**6, 1000, 1,
     ]  # fmt: skip

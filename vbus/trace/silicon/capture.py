@@ -11,6 +11,8 @@ from vbus.kernel import MS, NS, SECOND, US
 Sample = tuple[int, int]
 """An instant (ps), and the channels from then on: bit n is channel n."""
 
+FASTEST: Final = SECOND
+"""Hertz at most: time has nothing finer than a picosecond."""
 _FREQUENCY: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?", re.IGNORECASE)
 _PREFIXES: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
@@ -31,10 +33,23 @@ class Capture:
     samples: Iterator[Sample]
 
 
-def frequency(text: str) -> int:
-    """Return hertz of ``"24 MHz"`` or ``"24000000"``; 0 if it is neither."""
+def frequency(text: str, where: str) -> int:
+    """Return hertz of ``"24 MHz"`` or ``"24000000"``; 0 if it is neither.
+
+    Args:
+        text: the frequency.
+        where: what an error calls the place it stands at.
+
+    Raises:
+        CaptureError: it is more than :data:`FASTEST`.
+    """
     match = _FREQUENCY.fullmatch(text.strip())
-    return round(float(match[1]) * _PREFIXES[match[2].lower()]) if match else 0
+    if match is None:
+        return 0
+    hertz = float(match[1]) * _PREFIXES[match[2].lower()]
+    if hertz > FASTEST:
+        raise CaptureError(f"{where}: a sample rate of {match[0][:40]} is above 1 THz")
+    return round(hertz)
 
 
 def period_of(hertz: int) -> int:

@@ -52,7 +52,7 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
             channels, rate = _CHANNELS.search(line), _RATE.search(line)
             if channels:
                 names = [cell.strip() for cell in channels[1].split(",")]
-            hertz = (frequency(rate[1]) if rate else 0) or hertz
+            hertz = (frequency(rate[1], f"{name}: line {first}") if rate else 0) or hertz
             continue
         separator = max(_SEPARATORS, key=line.count)
         head = _cells(line, separator)

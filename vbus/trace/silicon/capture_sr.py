@@ -52,7 +52,7 @@ def read_sr(file: BinaryIO, name: str) -> Capture:
     device = next((section for section in sections if "capturefile" in section), None)
     if device is None:
         raise CaptureError(f"{name}: there are no logic samples in it")
-    hertz = frequency(device.get("samplerate", ""))
+    hertz = frequency(device.get("samplerate", ""), name)
     unit = _number(device.get("unitsize", ""))
     probes = {
         _number(key[5:]): value

@@ -43,7 +43,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
                 scale = int(unit.magnitude) * _UNITS[unit.unit.value]
             elif token.kind is TokenKind.COMMENT:
                 rate = _RATE.search(token.comment)
-                hertz = frequency(rate[1]) if rate else 0
+                hertz = frequency(rate[1], name) if rate else 0
                 period = period_of(hertz) if hertz else period
             elif token.kind is TokenKind.SCOPE:
                 scopes.append(token.scope.ident)
