@@ -32,7 +32,7 @@ BOARD = SIGNALS | {"board", "chips", "conditions", "faults", "glue", "plant", "p
 SCOPE = BOARD | {"scope"}
 NODES = BOARD | {"nodes"}
 NETWORK = LEAVES | {"network", "runtime"}
-EDGE = NODES | {"network", "runtime", "scope", "server", "transports"}
+EDGE = NODES | {"network", "runtime", "scope", "server", "transports", "wall_clock"}
 MAY_IMPORT = {
     "addresses": set(),
     "bits": set(),
@@ -41,6 +41,7 @@ MAY_IMPORT = {
     "options": set(),
     "state": {"errors", "state"},
     "version": set(),
+    "wall_clock": set(),
     "kernel": LEAVES | {"kernel"},
     "signals": SIGNALS,
     "chips": SIGNALS | {"chips"},
@@ -60,7 +61,7 @@ MAY_IMPORT = {
     "server": EDGE | {"compiled"},
     "cluster": EDGE | {"cluster"},
     "attach": EDGE | {"attach", "client"},
-    "client": NETWORK | {"chips", "client", "kernel", "protocols"},
+    "client": NETWORK | {"chips", "client", "kernel", "protocols", "wall_clock"},
     "testing": EDGE | {"client", "cluster", "native", "testing", "tools"},
     "tools": EDGE | {"attach", "client", "cluster", "compiled", "native", "tools"},
     "__main__": {"collection", "tools"},

@@ -24,7 +24,8 @@ class HostClock:
     Attributes:
         stamp: the host's own time of its next cycle (ps); -1 if it has given none.
         last_at: the latest time stamp the host has given (ps).
-        timed: whether time passes between the host's strobes, so that AC limits are judged.
+        timed: whether time passes between the host's strobes, so that AC limits are judged: its
+            own DELAY, or whatever passes while it holds a line.
         target: what a wait or a delay under way runs to (ps); -1 if none is.
     """
 
@@ -88,7 +89,7 @@ class HostClock:
         if self.stamp >= 0:
             when = self.now()
             self.stamp = -1
-            self._board.run_until(when)
+            self._board.pass_until(when)
         self._board.player.flush()
 
     def pass_to(self, when: i64) -> bool:
@@ -104,7 +105,7 @@ class HostClock:
             return False
         self._session.held = False
         if when > self._kernel.now:
-            self._board.run_until(when)
+            self._board.pass_until(when)
         return True
 
     def now(self) -> int:

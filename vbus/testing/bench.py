@@ -20,7 +20,7 @@ from vbus.server.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, UNBOUNDED, Limits, budget_of
+from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.tolerance import NEAR, tolerance_of
@@ -157,8 +157,10 @@ class Bench:
         seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
         file, source = variant.of_specimen(*for_test(text, name, seed, rate, strict))
         budget = self.budget
-        if rate is not None and budget.chip_time == BUDGET.chip_time:  # it passes by itself
-            budget = replace(budget, chip_time=UNBOUNDED)
+        if rate is not None:  # chip time passes by itself
+            chip_time = UNBOUNDED if budget.chip_time == BUDGET.chip_time else budget.chip_time
+            polling = POLLING if budget.polling == BUDGET.polling else budget.polling
+            budget = replace(budget, chip_time=chip_time, polling=polling)
         return file, source, strict, budget
 
     def machine(self) -> "TestedMachine":
@@ -288,7 +290,7 @@ class Bench:
         for tested in self.boards:
             name = tested.board.name
             if tested.watch.stuck:
-                lines += [f"the host hung: {tested.watch.stuck}", *tested.watch.details]
+                lines += [tested.watch.verdict("the host hung"), *tested.watch.details]
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"

@@ -15,7 +15,7 @@ from vbus.board.sections import BoardFile, HostSection, ScopeSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
-from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
+from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
@@ -240,7 +240,8 @@ def run_beside(
         watch = None
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
-            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, POLLING))
+            polling = POLLING if board.policy == "realtime" else PATIENCE
+            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
         running = _run_beside(
             server, recording, command(link), environment, note, stdout, watch, scope, control
         )
@@ -250,7 +251,9 @@ def run_beside(
             outcome.look()
         if written is not None:
             written.flush()
-    hangs = [f"the program hangs: {watch.stuck}", *watch.details] if watch and watch.stuck else []
+    hangs = []
+    if watch and watch.stuck:
+        hangs = [watch.verdict("the program hangs"), *watch.details]
     return Ran(code, findings, outcome, hangs)
 
 

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing, suppress
-from time import monotonic
 from typing import Any, Final
 
 import click
@@ -19,6 +18,7 @@ from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_number
 from vbus.trace.decode import BoardPackets
 from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import STATUS, Packet
+from vbus.wall_clock import monotonic
 
 SHOWN: Final = 16
 FEWEST: Final = 4
