@@ -247,8 +247,8 @@ class Watch(BoardPackets):
         if board.policy != "realtime" and not self.stuck:
             self.slow = True
             sentence += (
-                f"; until then {self.cycles} bus cycles were made, and it is"
-                f" {format_instant(board.now)} of chip time: what a host may take of these was left"
+                f"; by then it had made {self.cycles} bus cycles, at {format_instant(board.now)} of"
+                " chip time, and its budgets of both were not used up"
             )
         self.pass_bound(sentence)
 

@@ -3,12 +3,13 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
@@ -17,7 +18,7 @@ from vbus.errors import ConfigError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
-from vbus.testing.boards import board_text, default_part, for_test
+from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
 from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
@@ -66,6 +67,8 @@ class Bench:
         tolerance: how far from its golden the run of a test may be that says nothing else.
         variant: which one of a matrix the test is.
         scope: whether a test that fails leaves a page for a browser.
+        chips: how the part numbers begin whose fixtures the test takes: they are on its board if
+            it names none.
 
     Raises:
         VbusError: a keyword is unknown, or makes no sense.
@@ -86,6 +89,7 @@ class Bench:
         tolerance: Tolerance = NEAR,
         variant: Variant = _NO_VARIANT,
         scope: bool = True,
+        chips: Sequence[str] = (),
     ) -> None:
         self.name = name
         self.variant = variant
@@ -109,6 +113,7 @@ class Bench:
         self._interrupt: Interrupt | None = None
         self._covered = covered
         self._scope = scope
+        self._chips = chips
 
     # -- boards -------------------------------------------------------------------------------
 
@@ -186,9 +191,20 @@ class Bench:
         ``otherwise`` is its part if the test's marker names no board.
         """
         if self._main is None:
-            board = self._keywords.get("board") or self.variant.part or otherwise
+            board = self._keywords.get("board") or self.variant.part
+            if not board and self.of_chips:
+                parts = [typical_part(plugins.family_of(start), start) for start in self._chips]
+                look = self._keywords.get
+                board = of_parts(parts, look("plant", ""), look("clock", ""))
+            board = board or otherwise
             self._main = self._make(board, self._keywords, self.variant)
         return self._main
+
+    @property
+    def of_chips(self) -> bool:
+        """Whether the test's board has the chips of several fixtures, because nothing is said."""
+        named = self._keywords.get("board") or self.variant.part
+        return len(self._chips) > 1 and not named
 
     @property
     def begun(self) -> TestedBoard | None:
@@ -262,6 +278,10 @@ class Bench:
     def relent(self) -> None:
         """The test is over: let its hosts put their machines in order."""
         for tested in self.boards:
+            self.judged(tested)
+            tested.before_end = (
+                bool(tested.watch.stuck), len(tested.judged.failing), len(tested.judged.after_fault)
+            )  # fmt: skip
             tested.call(tested.watch.relent)
 
     def close(self) -> None:
@@ -289,27 +309,47 @@ class Bench:
         lines = []
         for tested in self.boards:
             name = tested.board.name
-            if tested.watch.stuck:
-                lines += [tested.watch.verdict("the host hung"), *tested.watch.details]
+            lines += self._complaints(tested, (False, 0, 0))
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
                 for armed in tested.faults()
                 if not armed.fired and not armed.cleared
             ]
-            judged = self.judged(tested)
-            if tested.strict or self.judge.violations == FAIL:
-                lines += by_rule(judged.failing)
-            if self.judge.after_fault == FAIL:
-                lines += by_rule(judged.after_fault, ", after a fault")
+        return lines
+
+    def late_complaints(self) -> list[str]:
+        """Return what is to be complained about since :meth:`relent`."""
+        return [
+            line for tested in self.boards for line in self._complaints(tested, tested.before_end)
+        ]
+
+    def _complaints(self, tested: TestedBoard, before: tuple[bool, int, int]) -> list[str]:
+        """Return what is complained about of hosts, but for what was there before."""
+        stuck, failing, after_fault = before
+        lines = []
+        judged, watch = self.judged(tested), tested.watch
+        if watch.stuck and not stuck:
+            lines += [watch.verdict("the host hung"), *watch.details]
+        if tested.strict or self.judge.violations == FAIL:
+            lines += by_rule(judged.failing[failing:])
+        if self.judge.after_fault == FAIL:
+            lines += by_rule(judged.after_fault[after_fault:], ", after a fault")
         return lines
 
     def judged(self, tested: TestedBoard) -> Judged:
-        """Return the violations of a board, sorted; what accepts them is counted once."""
-        if tested.judged is None:
-            watch = tested.watch
-            tested.judged = self.judge.sort(watch.violations, watch.faulted)
+        """Return the violations of a board up to now, sorted; each is counted once as accepted."""
+        tested.call(tested.board.catch_up)
+        watch = tested.watch
+        new = watch.violations[tested.sorted :]
+        tested.sorted += len(new)
+        tested.judged.add(self.judge.sort(new, watch.faulted))
         return tested.judged
+
+    @property
+    def reported(self) -> bool:
+        """Whether a failure has been reported."""
+        return self._failure is not None
 
     def failure_report(self) -> FailureReport:
         """Keep the recordings of a failing test and return what to tell; the same when repeated."""

@@ -59,7 +59,12 @@ class TestedBoard:
             from vbus.testing.suite_coverage import coverage_observer
 
             self.coverage = coverage_observer(board)
-        self.judged: Judged | None = None
+        self.judged: Judged = Judged([], [], [], [])
+        self.sorted: int = 0
+        """How many of its violations are sorted into :attr:`judged`."""
+        self.before_end: tuple[bool, int, int] = (False, 0, 0)
+        """When the test ended: whether a host hung, and how many violations there were that fail
+        it, or would, had no fault come before."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

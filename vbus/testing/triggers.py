@@ -244,11 +244,8 @@ class Triggers:
             if now != seen:
                 seen, since = now, monotonic()
             elif monotonic() - since > patience:
-                slow = (
-                    ""
-                    if board.policy == "realtime"
-                    else "the machine was too slow, or no host acts: "
-                )
+                virtual = board.policy != "realtime"
+                slow = "the machine was too slow, or no host acts: " if virtual else ""
                 for future in tuple(self._waiting):
                     self._fail(
                         future,

@@ -413,3 +413,30 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
         """
     )
     suite.runpytest_subprocess("-q").assert_outcomes(passed=1)
+
+
+def test_fixtures_of_two_chips_share_one_board_and_one_time(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        def test_families(vbus_mcp1200, vbus_mc1241a, vbus_clock, vbus_board):
+            assert vbus_mcp1200.board is vbus_mc1241a.board is vbus_board
+            assert list(vbus_board.axes) == ["x.1", "y.1", "y.2"]
+            vbus_mcp1200.host.reset()
+            assert vbus_mc1241a.host.select(2) >= 0
+            assert vbus_mcp1200.bus.read(1) == vbus_mcp1200.chip.peek(1)
+            vbus_clock.advance("1 ms")
+            assert vbus_mcp1200.bus.now() == vbus_mc1241a.bus.now() == vbus_clock.now
+
+        def test_kin(vbus_lm629, vbus_lm628):
+            for name, one in {"LM629": vbus_lm629, "LM628": vbus_lm628}.items():
+                assert one.chip.part.startswith(name)
+                one.host.check_reset()
+
+        def test_asked_for_too_late(request, vbus_mcp1200):
+            with pytest.raises(Exception, match="the chips of all fixtures among its arguments"):
+                request.getfixturevalue("vbus_lm629")
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=3)
