@@ -58,7 +58,7 @@ def of_part(part: str, plant: str = "", clock: str = "") -> str:
 
 
 def of_parts(parts: Sequence[str], plant: str = "", clock: str = "") -> str:
-    """Return a board file with these chips, called ``x``, ``x2`` and so on.
+    """Return a board file with these chips, called ``x``, ``y``, ``z``, ``x4`` and so on.
 
     Args:
         parts: part numbers as ordered.
@@ -69,9 +69,9 @@ def of_parts(parts: Sequence[str], plant: str = "", clock: str = "") -> str:
         PluginError: no such part.
     """
     text = f'[board]\nname = "{"-".join(parts).lower()}"\n'
-    for number, part in enumerate(parts, 1):
-        which = "" if number == 1 else str(number)
-        motor = f"x{which}_motor" if which else "motor"
+    for number, part in enumerate(parts):
+        name = "xyz"[number] if number < len("xyz") else f"x{number + 1}"
+        motor = f"{name}_motor" if number else "motor"
         family = plugins.family_of(part)
         axes = _axes(family, part)
         names = [f"{motor}{axis + 1}" for axis in range(axes)] if axes > 1 else [motor] * axes
@@ -79,9 +79,9 @@ def of_parts(parts: Sequence[str], plant: str = "", clock: str = "") -> str:
             f"plants = {names}".replace("'", '"') if axes > 1 else f'plant = "{motor}"\n' * axes
         )
         model = plant or family.plant
-        motors = "".join(f'\n[plants.{name}]\nmodel = "{model}"\n' for name in names)
+        motors = "".join(f'\n[plants.{one}]\nmodel = "{model}"\n' for one in names)
         text += (
-            f'\n[chips.x{which}]\npart = "{part}"\n'
+            f'\n[chips.{name}]\npart = "{part}"\n'
             f'clock = "{clock or family.clock}"\n{fitted.rstrip()}\n{motors}'
         )
     return text

@@ -189,7 +189,7 @@ def vbus_bench(
             known.project.tolerance,
             Variant(**vbus_variant, scenario=item.stash.get(SCENARIO, None)),
             scope=option("--vbus-scope") != "never",
-            chips=[start for name, start in CHIPS.items() if name in item.fixturenames],
+            chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
