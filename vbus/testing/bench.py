@@ -278,10 +278,8 @@ class Bench:
     def relent(self) -> None:
         """The test is over: let its hosts put their machines in order."""
         for tested in self.boards:
-            self.judged(tested)
-            tested.before_end = (
-                bool(tested.watch.stuck), len(tested.judged.failing), len(tested.judged.after_fault)
-            )  # fmt: skip
+            judged = self.judged(tested)
+            tested.before_end = (len(judged.failing), len(judged.after_fault))
             tested.call(tested.watch.relent)
 
     def close(self) -> None:
@@ -309,28 +307,26 @@ class Bench:
         lines = []
         for tested in self.boards:
             name = tested.board.name
-            lines += self._complaints(tested, (False, 0, 0))
+            if tested.watch.stuck:
+                lines += [tested.watch.verdict("the host hung"), *tested.watch.details]
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
                 for armed in tested.faults()
                 if not armed.fired and not armed.cleared
             ]
+            lines += self._broken(tested, (0, 0))
         return lines
 
     def late_complaints(self) -> list[str]:
-        """Return what is to be complained about since :meth:`relent`."""
-        return [
-            line for tested in self.boards for line in self._complaints(tested, tested.before_end)
-        ]
+        """Return which violations there were since :meth:`relent`."""
+        return [line for tested in self.boards for line in self._broken(tested, tested.before_end)]
 
-    def _complaints(self, tested: TestedBoard, before: tuple[bool, int, int]) -> list[str]:
-        """Return what is complained about of hosts, but for what was there before."""
-        stuck, failing, after_fault = before
+    def _broken(self, tested: TestedBoard, before: tuple[int, int]) -> list[str]:
+        """Return the violations that fail a test, but for as many as were there before."""
+        failing, after_fault = before
         lines = []
-        judged, watch = self.judged(tested), tested.watch
-        if watch.stuck and not stuck:
-            lines += [watch.verdict("the host hung"), *watch.details]
+        judged = self.judged(tested)
         if tested.strict or self.judge.violations == FAIL:
             lines += by_rule(judged.failing[failing:])
         if self.judge.after_fault == FAIL:

@@ -62,9 +62,9 @@ class TestedBoard:
         self.judged: Judged = Judged([], [], [], [])
         self.sorted: int = 0
         """How many of its violations are sorted into :attr:`judged`."""
-        self.before_end: tuple[bool, int, int] = (False, 0, 0)
-        """When the test ended: whether a host hung, and how many violations there were that fail
-        it, or would, had no fault come before."""
+        self.before_end: tuple[int, int] = (0, 0)
+        """How many violations there were when the test ended: those that fail it, and those after
+        a fault."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

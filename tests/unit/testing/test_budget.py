@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.client.bus import Bus
@@ -16,7 +15,6 @@ from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import BUDGET, HostStuck, Limits, Watch, budget_of
 from vbus.trace.packets import STATUS, Cycle, Packet
 
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 RSTI = 0x1D

@@ -13,30 +13,6 @@ from tests.unit.scope.decoded import of_page
 
 pytest_plugins = "pytester"
 
-BOARD = """
-[board]
-name = "bench"
-
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-
-[plants.motor]
-model = "dc_motor"
-"""
-
-
-@pytest.fixture
-def suite(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
-    monkeypatch.setenv("PYTEST_ADDOPTS", "-p no:hypothesispytest")  # it takes long to import
-    pytester.makeini(
-        "[pytest]\nfilterwarnings = error\nasyncio_mode = strict\n"
-        "asyncio_default_fixture_loop_scope = function\n"
-    )
-    pytester.makefile(".toml", board=BOARD)
-    return pytester
-
 
 def vbus(line: str) -> subprocess.CompletedProcess[str]:
     program, *arguments = shlex.split(line)

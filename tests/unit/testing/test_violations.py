@@ -2,9 +2,6 @@
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
-
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 TOO_EARLY = """
