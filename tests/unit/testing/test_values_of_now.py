@@ -13,6 +13,7 @@ import pytest
 
 from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
+from vbus.chips.mcp1200.generated.host import PROFILE
 from vbus.client import Bus
 from vbus.kernel import MS
 from vbus.testing.bench import Bench
@@ -115,16 +116,18 @@ class Moving:
         mcp.write_kp(64)
         mcp.write_kd(64)
         mcp.control()
-        mcp.feature(high_resolution=True)
+        mcp.write_profile_velocity(10)
         mcp.write_acceleration(0x40)
-        mcp.write_velocity(0x800)
-        mcp.set_flag(2)
+        mcp.write_final_position(1 << 20)
+        mcp.set_flag(PROFILE)
         for axis in (2, 1):
             pmd.select(axis)
-            pmd.set_prfl_vel()
+            pmd.set_prfl_trap()
+            pmd.set_phase_2()
             pmd.set_buf_mtr_cmd(24_000)
-            pmd.set_max_acc(0x1000)
-            pmd.set_vel(4 << 16)
+            pmd.set_pos(1 << 20)
+            pmd.set_vel(9 << 16)
+            pmd.set_acc(0x4000)
         pmd.multi_update(0x3)
         servo.check_reset()
         servo.load_filter(kp=300, kd=2000)
