@@ -236,12 +236,12 @@ WAYS: dict[str, Callable[[Moving], object]] = {
     "Bus.close": by_end,
     "BoardClock.advance": lambda m: m.clock.advance("3 ms"),
     "BoardClock.run_until": lambda m: m.clock.run_until(m.clock.now + 3 * MS),
-    "BoardClock.wait_until": lambda m: m.clock.wait_until("x.real > 20"),
+    "BoardClock.wait_until": lambda m: m.clock.wait_until("x.real > 480"),
     "BoardClock.freeze": frozen,
     "Board.run_for": lambda m: m.board.run_for(3 * MS),
     "Board.run_until": lambda m: m.board.run_until(m.board.now + 3 * MS),
-    "Board.wait_until": lambda m: m.board.wait_until("x.real > 20"),
-    "Board.waits": lambda m: m.board.waits("x.real > 20", "1 s"),
+    "Board.wait_until": lambda m: m.board.wait_until("x.real > 480"),
+    "Board.waits": lambda m: m.board.waits("x.real > 480", "1 s"),
     "Triggers.at": by_trigger,
     "by_hosts": by_hosts_of_a_trigger,
     "another host": lambda m: m.other.delay("3 ms"),
@@ -249,8 +249,8 @@ WAYS: dict[str, Callable[[Moving], object]] = {
     "robot": by_robot,
 }
 NO_WAYS = {
-    "Bus": "at chip claim drive echo events exchange getpin hello info link next_event now pin"
-    " release sample select sync take_events timeout",
+    "Bus": "at chip claim drive echo events exchange getpin hello info next_event now pin"
+    " release sample select sync take_events",
     "BoardClock": "board now",
     "Board": "add_chip add_glue adopt after_load axes beyond broken buses catch_up caught chip"
     " chips clock_step connect counters disturbed end_leases faults file file_violation find_pin"
@@ -303,6 +303,7 @@ def moving_machine() -> tuple[TestedMachine, dict[str, object]]:
         axis.host.check_reset()
         axis.host.load_filter(kp=300, kd=2000)
         axis.host.load_trajectory(acc=400, vel=4 << 16, pos=50_000, start=True)
+    machine.advance("100 ms")
     return machine, {"machine": machine, "x chip": x, "y chip": y, **plants}
 
 
