@@ -80,6 +80,7 @@ class ServedBoard:
 
         def work() -> None:
             try:
+                self.server.pacer.catch_up()
                 done.set_result(what())
             except BaseException as error:
                 done.set_exception(error)

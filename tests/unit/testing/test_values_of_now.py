@@ -15,6 +15,7 @@ from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
 from vbus.chips.mcp1200.generated.host import PROFILE
 from vbus.client import Bus
+from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.testing.bench import Bench
 from vbus.testing.chips import ChipBench, chip_bench
@@ -53,7 +54,7 @@ def values(roots: Mapping[str, object]) -> dict[str, object]:
             path, ask = asked.pop(0)
             try:
                 todo.append((path, ask()))
-            except (NotImplementedError, ValueError, TypeError) as error:
+            except (NotImplementedError, ValueError, TypeError, VbusError) as error:
                 found[path] = str(error)
             continue
         path, value = todo.popleft()
