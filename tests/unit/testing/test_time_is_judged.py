@@ -99,7 +99,6 @@ def write_by_strobes(held: Held, way: Callable[[Held], object]) -> None:
         held.bus.release()
 
 
-@pytest.mark.spec("LM-TIM-6")
 @pytest.mark.parametrize("work", [pulse, write_by_strobes])
 @pytest.mark.parametrize("way", WAYS)
 def test_every_hand_that_passes_time_gives_the_same_findings(
