@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.board.circuit import Circuit
+from vbus.chips.base import Chip
 from vbus.kernel import END, FAR, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
@@ -40,6 +41,18 @@ class HostClock:
         self.last_at: int = 0
         self.timed: bool = board.policy != "lockstep"
         self.target: int = -1
+
+    def judge(self, chips: list[Chip], timed: bool) -> None:
+        """Have AC limits judged when the host moves lines of its chips, or not.
+
+        Args:
+            chips: what the host can reach.
+            timed: whether its strobes carry times; so they do once time has passed for a line that
+                it held, whoever let it pass.
+        """
+        self.timed = timed
+        for chip in chips:
+            chip.judged = timed
 
     def hold(self, until: int) -> None:
         """Hold the session until time may run to ``until`` (ps)."""
