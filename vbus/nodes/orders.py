@@ -163,8 +163,6 @@ class Orders:
         elif order.kind == PIN:
             del self._orders[number]
             pin_of = chips[0].pins[order.pin]
-            for chip in chips:
-                chip.judged = True  # an order has its instant
             self._pins.of(pin_of).drive(Z if order.data == 2 else order.data)
             board.kernel.settle()
         else:
