@@ -27,9 +27,9 @@ def texts(*folders: Path) -> list[Path]:
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
 ORDER = (
-    "errors", "bits", "collection", "options", "addresses", "version", "runtime", "native",
-    "entry_points", "compiled", "state", "kernel", "values", "signals", "protocols", "chips",
-    "plant", "glue", "plugins", "network", "client", "circuit", "events", "faults", "board",
+    "errors", "bits", "collection", "options", "addresses", "version", "wall_clock", "runtime",
+    "native", "entry_points", "compiled", "state", "kernel", "values", "signals", "protocols",
+    "chips", "plant", "glue", "plugins", "network", "client", "circuit", "events", "faults", "board",
     "trace", "scope", "nodes", "transports", "server", "attach", "cluster", "tools", "testing",
     "__init__", "__main__",
 )  # fmt: skip

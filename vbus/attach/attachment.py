@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from time import monotonic
 from typing import Any, Final
 
 from vbus.attach.far_board import FarBoard, look_at
@@ -29,6 +28,7 @@ from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.turns import Turns
 from vbus.transports.base import Link
 from vbus.transports.runtime import mark_pause
+from vbus.wall_clock import monotonic
 
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""

@@ -1,7 +1,6 @@
 """What a board tells a client of itself, and which wire format its link speaks."""
 
 from dataclasses import dataclass
-from time import monotonic
 from typing import Any, Final
 
 from vbus.attach.upstream import opened
@@ -10,6 +9,7 @@ from vbus.client.ready import until_ready
 from vbus.errors import ProtocolError, TransportError
 from vbus.protocols.frames import MARK, frame
 from vbus.protocols.requests import REQUESTS, VERSION
+from vbus.wall_clock import monotonic
 
 KINDS: Final = ("zenoh", "tcp", "unix")
 """What links of a remote board begin with."""

@@ -5,7 +5,6 @@ import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from time import monotonic_ns
 from typing import Final
 
 from vbus.attach.meter import Meter
@@ -16,6 +15,7 @@ from vbus.client.links import open_link
 from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
 from vbus.transports.sockets import KEEP_ALIVE
+from vbus.wall_clock import monotonic_ns
 
 MOST_PENDING: Final = 65536
 """Bytes the board has not taken beyond which its host is read from no more."""

@@ -317,14 +317,10 @@ class HostBus(HostPort):
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels, all at this instant."""
         self._arrive()
-        self._judge()
+        self.clock.judge(self.chips, self.clock.timed or self.pins.held_lines(mask))
         self.strobes.before()
         self.pins.set_lines(mask, levels)
         self.strobes.after()
-
-    def _judge(self) -> None:
-        for chip in self.chips:
-            chip.judged = self.clock.timed
 
     def _data_chip(self) -> Chip:
         known = self.selection.selected or self.chips
@@ -335,7 +331,7 @@ class HostBus(HostPort):
     def drive(self, data: int) -> None:
         """Drive D0-D7 of the selected chips' bus."""
         self._arrive()
-        self._judge()
+        self.clock.judge(self.chips, self.clock.timed)
         self.pins.of(self._data_chip().data_pin).drive(data & 0xFF)
         self._kernel.settle()
 
@@ -354,7 +350,7 @@ class HostBus(HostPort):
     def pin(self, number: int, level: int) -> None:
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""
         self._arrive()
-        self._judge()
+        self.clock.judge(self.chips, self.clock.timed or self.pins.held(self.pins.side(number)))
         self.strobes.goes_through_glue()
         self.pins.set_side(number, level)
 

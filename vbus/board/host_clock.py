@@ -4,6 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.kernel import END, FAR, US, Kernel
 from vbus.protocols import codes
@@ -24,7 +25,8 @@ class HostClock:
     Attributes:
         stamp: the host's own time of its next cycle (ps); -1 if it has given none.
         last_at: the latest time stamp the host has given (ps).
-        timed: whether time passes between the host's strobes, so that AC limits are judged.
+        timed: whether time passes between the host's strobes, so that AC limits are judged: its
+            own DELAY, or whatever passes while it holds a line.
         target: what a wait or a delay under way runs to (ps); -1 if none is.
     """
 
@@ -39,6 +41,18 @@ class HostClock:
         self.last_at: int = 0
         self.timed: bool = board.policy != "lockstep"
         self.target: int = -1
+
+    def judge(self, chips: list[Chip], timed: bool) -> None:
+        """Have AC limits judged when the host moves lines of its chips, or not.
+
+        Args:
+            chips: what the host can reach.
+            timed: whether its strobes carry times; so they do once time has passed for a line that
+                it held, whoever let it pass.
+        """
+        self.timed = timed
+        for chip in chips:
+            chip.judged = timed
 
     def hold(self, until: int) -> None:
         """Hold the session until time may run to ``until`` (ps)."""
@@ -88,7 +102,7 @@ class HostClock:
         if self.stamp >= 0:
             when = self.now()
             self.stamp = -1
-            self._board.run_until(when)
+            self._board.pass_until(when)
         self._board.player.flush()
 
     def pass_to(self, when: i64) -> bool:
@@ -104,7 +118,7 @@ class HostClock:
             return False
         self._session.held = False
         if when > self._kernel.now:
-            self._board.run_until(when)
+            self._board.pass_until(when)
         return True
 
     def now(self) -> int:

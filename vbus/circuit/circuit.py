@@ -273,6 +273,15 @@ class Circuit:
         return self.kernel.now
 
     def run_until(self, when: i64) -> None:
+        """Let time pass to ``when`` (ps), and bring all that can be looked at there.
+
+        Raises:
+            ValueError: ``when`` is before now, or beyond the end of time.
+        """
+        self.pass_until(when)
+        self.catch_up()
+
+    def pass_until(self, when: i64) -> None:
         """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy by :data:`STRETCH`
         at the most, so that no single step takes long and Ctrl-C is heard; see :meth:`catch_up`.
 

@@ -163,6 +163,25 @@ class HostPins:
                 self._cycles[key] = strobes
         return strobes
 
+    def held(self, chip_pin: Pin) -> bool:
+        """Tell whether this host has held the net of ``chip_pin`` off its rest since before now."""
+        net = chip_pin.net
+        own = self._soldered.get(id(net))
+        return (
+            own is not None
+            and own.level != Z
+            and own.level != net.rest
+            and net.changed_at < self._kernel.now
+        )
+
+    def held_lines(self, mask: int) -> bool:
+        """Tell the same of any of the control lines in ``mask``."""
+        for line in self.lines:
+            if mask & 1 and self.held(line):
+                return True
+            mask >>= 1
+        return False
+
     def set_lines(self, mask: int, levels: int) -> None:
         """Put the control lines in ``mask`` to ``levels``, all in one batch."""
         if mask >> len(self.lines):

@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
-from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
@@ -16,6 +15,7 @@ from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
+from vbus.wall_clock import monotonic
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -1,12 +1,12 @@
 """Waiting for a board that is still to come."""
 
 from pathlib import Path
-from time import monotonic
 from typing import Final
 
 from vbus.kernel.kernel import SECOND
 from vbus.protocols.quantities import parse_duration
 from vbus.runtime import expanded, lock_state
+from vbus.wall_clock import monotonic
 
 PAUSE_SECONDS: Final = 0.02
 """Between two attempts."""

@@ -4,8 +4,9 @@ import select
 import threading
 import time
 from collections.abc import Callable
-from time import monotonic
 from typing import TypeVar
+
+from vbus.wall_clock import monotonic
 
 T = TypeVar("T")
 

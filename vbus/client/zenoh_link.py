@@ -12,7 +12,7 @@ import os
 import threading
 from collections import deque
 from dataclasses import dataclass
-from time import monotonic, sleep
+from time import sleep
 from typing import Any, Final
 from urllib.parse import parse_qsl
 from weakref import WeakSet
@@ -26,6 +26,7 @@ from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security
 from vbus.network.session import close_session, open_session
+from vbus.wall_clock import monotonic
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5

@@ -1,6 +1,6 @@
 """Why nobody answers on the network: Zenoh itself tells of failure by silence."""
 
-from time import monotonic, sleep
+from time import sleep
 from typing import Any, Final
 
 import zenoh
@@ -8,6 +8,7 @@ import zenoh
 from vbus.network import keys
 from vbus.network.access import ask_access
 from vbus.network.security import Security
+from vbus.wall_clock import monotonic
 
 MATCH_SECONDS: Final = 0.5
 """How long the network may take to tell who answers at a key."""

@@ -213,7 +213,7 @@ class Node:
     def run_before(self, when: int) -> None:
         """Let happen everything at instants before ``when`` (ps)."""
         if when - 1 > self.board.kernel.now:
-            self.board.run_until(when - 1)
+            self.board.pass_until(when - 1)
 
     @property
     def drives(self) -> list[Drive]:

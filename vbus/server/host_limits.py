@@ -25,7 +25,9 @@ UNBOUNDED: Final = 1 << 62
 IN_VAIN: Final = 10_000
 """Polls that tell nothing new, after which a host hangs that could be told nothing else."""
 POLLING: Final = 10.0
-"""Seconds of wall time after which one hangs that might be."""
+"""Seconds of wall time after which one hangs that might be, where time is the wall clock's."""
+PATIENCE: Final = 120.0
+"""The same where time is virtual: a machine that has not come to a verdict by then is too slow."""
 LOOK: Final = 1000
 """Polls after which the wall clock is looked at."""
 GRACE: Final = 10_000
@@ -48,7 +50,8 @@ class Limits:
             new have that alone.
         chip_time: instant at which the host must be done (ps).
         polls: polls that tell nothing new, where nothing on the board can change any more.
-        polling: seconds of wall time for polls that tell nothing new.
+        polling: seconds of wall time for polls that tell nothing new. Where time is virtual, this
+            and ``wall`` say nothing of the host: they end what takes a machine too long.
         wall: seconds of wall time, for a host that does nothing at all on the bus.
     """
 
@@ -72,6 +75,7 @@ class Watch(BoardPackets):
         over: what is called; somebody else may take its place while the board runs.
         ended: whether the host must not go on.
         stuck: which bound was passed first, as a sentence; "" if none was.
+        slow: whether that is one of wall time on a board whose time is virtual.
         details: what it polled and what was commanded before, once a bound has been passed.
     """
 
@@ -94,6 +98,7 @@ class Watch(BoardPackets):
         self.over: Callable[[str], None] | None = over
         self.ended: bool = False
         self.stuck: str = ""
+        self.slow: bool = False
         self.details: list[str] = []
         self.violations: list[Violation] = []
         self.faulted: dict[str, int] = {}
@@ -198,7 +203,7 @@ class Watch(BoardPackets):
                 f" can change any more: {polls}"
             )
         elif polls.seconds() > limits.polling:
-            self.pass_bound(
+            self.pass_wall(
                 f"it has polled for {limits.polling:g} s of wall time and was told nothing new (if"
                 ' it may: let time pass between polls, or raise its budget of "polling"):'
                 f" {polls}"
@@ -236,6 +241,17 @@ class Watch(BoardPackets):
             chip = target.partition(".")[0]
             self.faulted.setdefault(chip if chip in self._chips else "", when)
 
+    def pass_wall(self, sentence: str) -> None:
+        """A bound of wall time is passed: where time is virtual, that says nothing of the host."""
+        board = self._board
+        if board.policy != "realtime" and not self.stuck:
+            self.slow = True
+            sentence += (
+                f"; by then it had made {self.cycles} bus cycles, at {format_instant(board.now)} of"
+                " chip time, and its budgets of both were not used up"
+            )
+        self.pass_bound(sentence)
+
     def pass_bound(self, sentence: str) -> None:
         """Say that the host hangs, and let it end."""
         self.ended = True
@@ -269,7 +285,11 @@ class Watch(BoardPackets):
 
     def told(self) -> str:
         """Return what is told of a host that hangs."""
-        return "\n".join([f"the host hangs: {self.stuck}", *self.details])
+        return "\n".join([self.verdict("the host hangs"), *self.details])
+
+    def verdict(self, hangs: str) -> str:
+        """Return the bound that was passed, after what it says of the host, or of the machine."""
+        return f"{'the machine was too slow' if self.slow else hangs}: {self.stuck}"
 
     @contextmanager
     def excused(self) -> Iterator[None]:

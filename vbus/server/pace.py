@@ -1,10 +1,11 @@
 """What sessions ask of time, whoever moves it."""
 
-import time
 from collections.abc import Callable
 from typing import Final
 
 from mypy_extensions import i64, mypyc_attr
+
+from vbus.wall_clock import monotonic_ns
 
 _WEEKS_NS: Final = 1 << 51
 _USUAL: Final = 1 << 10
@@ -36,7 +37,7 @@ class Pace:
         clock: wall time in ns; for tests.
     """
 
-    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, clock: Callable[[], int] = monotonic_ns) -> None:
         self.clock: Callable[[], int] = clock
         """Wall time (ns)."""
         self.real: bool = True

@@ -20,6 +20,7 @@ from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
 from vbus.server.ticks import Tick
 from vbus.transports.linux import TimerFd
+from vbus.wall_clock import monotonic_ns
 
 AHEAD: Final = 2 * MS
 """How far chip time may run ahead of the wall clock (ps)."""
@@ -63,7 +64,7 @@ class Pacer(Pace):
         self,
         board: Board,
         stall: str = "catch_up",
-        clock: Callable[[], int] = time.monotonic_ns,
+        clock: Callable[[], int] = monotonic_ns,
         spent: Callable[[], int] = time.thread_time_ns,
     ) -> None:
         if stall not in ("catch_up", "slip"):

@@ -1,11 +1,11 @@
 """Polls that tell nothing new: what a host that waits in vain does for ever."""
 
-from time import monotonic, process_time
 from typing import Final
 
 from vbus.chips.packets import Packet
 from vbus.protocols.quantities import format_instant
 from vbus.trace.latest_lines import LatestLines
+from vbus.wall_clock import monotonic, process_time
 
 KINDS: Final = 16
 """Packets that a loop of polls may consist of."""

@@ -7,12 +7,12 @@ import stat
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from time import monotonic
 from typing import Any, Final
 
 from vbus.errors import NameInUseError, TransportError, VbusError
 from vbus.runtime import is_trusted, lock_of, lock_state, subdirectory
 from vbus.transports.runtime import NameLock, socket_address, sweep
+from vbus.wall_clock import monotonic
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""

@@ -47,7 +47,7 @@ class Slices:
         began = now = clock()
         while True:
             end = min(target, board.now + self._stretch)
-            board.run_until(end)
+            board.pass_until(end)
             before, now = now, clock()
             if now - before > LONG_NS:
                 self._stretch = max(self._stretch // 2, SHORTEST)

@@ -19,17 +19,15 @@ class Acceptance:
         scope: node id of the test function, class or module that says so; "" for the project.
         suppression: the rule, the reason, and how often it was needed.
         tests: node ids of the tests it holds for.
-        passed: those of them that have passed.
     """
 
     scope: str
     suppression: Suppression
     tests: set[str] = field(default_factory=set)
-    passed: set[str] = field(default_factory=set)
 
-    def needless(self, passing: str = "") -> bool:
-        """Tell whether all its tests have passed, perhaps with one more, and none needed it."""
-        return not self.suppression.used and self.tests <= self.passed | {passing}
+    def needless(self, passed: set[str]) -> bool:
+        """Tell whether all its tests are among those that have passed, and none needed it."""
+        return not self.suppression.used and self.tests <= passed
 
     @property
     def of_function(self) -> bool:
@@ -92,18 +90,17 @@ class Acceptances:
         """Return what is accepted in a test."""
         return [one.suppression for one in self._all.values() if test in one.tests]
 
-    def passed(self, test: str) -> None:
-        """Take note of a test that has passed."""
-        for one in self._all.values():
-            if test in one.tests:
-                one.passed.add(test)
+    def needless_in(self, test: str, passed: set[str]) -> list[str]:
+        """Return what a test function accepts in vain, when the last of its variants passes.
 
-    def needless_in(self, test: str) -> list[str]:
-        """Return what a test function accepts in vain, when the last of its variants passes."""
+        Args:
+            test: that variant.
+            passed: all tests that have passed before, with a board or without.
+        """
         return [
             str(one)
             for one in self._all.values()
-            if test in one.tests and one.of_function and one.needless(test)
+            if test in one.tests and one.of_function and one.needless(passed | {test})
         ]
 
     # -- at the end of the run ----------------------------------------------------------------
@@ -112,7 +109,7 @@ class Acceptances:
         """Return what a worker of pytest-xdist has seen, for :meth:`merge`."""
         rows = [
             [one.scope, one.suppression.rule, one.suppression.chip, one.suppression.reason,
-             one.suppression.used, sorted(one.tests), sorted(one.passed)]
+             one.suppression.used, sorted(one.tests)]
             for one in self._all.values()
         ]  # fmt: skip
         return [rows, sorted(self._deselected)]
@@ -121,19 +118,18 @@ class Acceptances:
         """Add what a worker has seen."""
         rows, deselected = exported
         self._deselected |= set(deselected)
-        for scope, rule, chip, reason, used, tests, passed in rows:
+        for scope, rule, chip, reason, used, tests in rows:
             one = self._add(scope, Suppression(rule, chip, reason))
             one.suppression.used += used
             one.tests |= set(tests)
-            one.passed |= set(passed)
 
-    def needless(self, config: pytest.Config) -> list[str]:
+    def needless(self, config: pytest.Config, passed: set[str]) -> list[str]:
         """Return what was accepted in vain; of places of which all tests have run, and passed."""
         asked = {_node_id(config, argument) for argument in config.args}
         return [
             str(one)
             for one in self._all.values()
-            if one.tests and one.needless() and self._complete(one.scope, asked, config)
+            if one.tests and one.needless(passed) and self._complete(one.scope, asked, config)
         ]
 
     def _complete(self, scope: str, asked: set[str], config: pytest.Config) -> bool:

@@ -3,12 +3,13 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
@@ -18,10 +19,10 @@ from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.output_file import write_file
 from vbus.server.server import LinkSpec
-from vbus.testing.boards import board_text, default_part, for_test
+from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, UNBOUNDED, Limits, budget_of
+from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.tolerance import NEAR, tolerance_of
@@ -67,6 +68,8 @@ class Bench:
         tolerance: how far from its golden the run of a test may be that says nothing else.
         variant: which one of a matrix the test is.
         scope: whether a test that fails leaves a page for a browser.
+        chips: how the part numbers begin whose fixtures the test takes: they are on its board if
+            it names none.
 
     Raises:
         VbusError: a keyword is unknown, or makes no sense.
@@ -87,6 +90,7 @@ class Bench:
         tolerance: Tolerance = NEAR,
         variant: Variant = _NO_VARIANT,
         scope: bool = True,
+        chips: Sequence[str] = (),
     ) -> None:
         self.name = name
         self.variant = variant
@@ -110,6 +114,7 @@ class Bench:
         self._interrupt: Interrupt | None = None
         self._covered = covered
         self._scope = scope
+        self._chips = chips
 
     # -- boards -------------------------------------------------------------------------------
 
@@ -158,8 +163,10 @@ class Bench:
         seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
         file, source = variant.of_specimen(*for_test(text, name, seed, rate, strict))
         budget = self.budget
-        if rate is not None and budget.chip_time == BUDGET.chip_time:  # it passes by itself
-            budget = replace(budget, chip_time=UNBOUNDED)
+        if rate is not None:  # chip time passes by itself
+            chip_time = UNBOUNDED if budget.chip_time == BUDGET.chip_time else budget.chip_time
+            polling = POLLING if budget.polling == BUDGET.polling else budget.polling
+            budget = replace(budget, chip_time=chip_time, polling=polling)
         return file, source, strict, budget
 
     def machine(self) -> "TestedMachine":
@@ -185,9 +192,20 @@ class Bench:
         ``otherwise`` is its part if the test's marker names no board.
         """
         if self._main is None:
-            board = self._keywords.get("board") or self.variant.part or otherwise
+            board = self._keywords.get("board") or self.variant.part
+            if not board and self.of_chips:
+                parts = [typical_part(plugins.family_of(start), start) for start in self._chips]
+                look = self._keywords.get
+                board = of_parts(parts, look("plant", ""), look("clock", ""))
+            board = board or otherwise
             self._main = self._make(board, self._keywords, self.variant)
         return self._main
+
+    @property
+    def of_chips(self) -> bool:
+        """Whether the test's board has the chips of several fixtures, because nothing is said."""
+        named = self._keywords.get("board") or self.variant.part
+        return len(self._chips) > 1 and not named
 
     @property
     def begun(self) -> TestedBoard | None:
@@ -261,6 +279,8 @@ class Bench:
     def relent(self) -> None:
         """The test is over: let its hosts put their machines in order."""
         for tested in self.boards:
+            judged = self.judged(tested)
+            tested.before_end = (len(judged.failing), len(judged.after_fault))
             tested.call(tested.watch.relent)
 
     def close(self) -> None:
@@ -289,26 +309,44 @@ class Bench:
         for tested in self.boards:
             name = tested.board.name
             if tested.watch.stuck:
-                lines += [f"the host hung: {tested.watch.stuck}", *tested.watch.details]
+                lines += [tested.watch.verdict("the host hung"), *tested.watch.details]
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
                 for armed in tested.faults()
                 if not armed.fired and not armed.cleared
             ]
-            judged = self.judged(tested)
-            if tested.strict or self.judge.violations == FAIL:
-                lines += by_rule(judged.failing)
-            if self.judge.after_fault == FAIL:
-                lines += by_rule(judged.after_fault, ", after a fault")
+            lines += self._broken(tested, (0, 0))
+        return lines
+
+    def late_complaints(self) -> list[str]:
+        """Return which violations there were since :meth:`relent`."""
+        return [line for tested in self.boards for line in self._broken(tested, tested.before_end)]
+
+    def _broken(self, tested: TestedBoard, before: tuple[int, int]) -> list[str]:
+        """Return the violations that fail a test, but for as many as were there before."""
+        failing, after_fault = before
+        lines = []
+        judged = self.judged(tested)
+        if tested.strict or self.judge.violations == FAIL:
+            lines += by_rule(judged.failing[failing:])
+        if self.judge.after_fault == FAIL:
+            lines += by_rule(judged.after_fault[after_fault:], ", after a fault")
         return lines
 
     def judged(self, tested: TestedBoard) -> Judged:
-        """Return the violations of a board, sorted; what accepts them is counted once."""
-        if tested.judged is None:
-            watch = tested.watch
-            tested.judged = self.judge.sort(watch.violations, watch.faulted)
+        """Return the violations of a board up to now, sorted; each is counted once as accepted."""
+        tested.call(tested.board.catch_up)
+        watch = tested.watch
+        new = watch.violations[tested.sorted :]
+        tested.sorted += len(new)
+        tested.judged.add(self.judge.sort(new, watch.faulted))
         return tested.judged
+
+    @property
+    def reported(self) -> bool:
+        """Whether a failure has been reported."""
+        return self._failure is not None
 
     def failure_report(self) -> FailureReport:
         """Keep the recordings of a failing test and return what to tell; the same when repeated."""

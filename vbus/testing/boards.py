@@ -1,7 +1,7 @@
 """Board files as tests want them: found, put together from a part number, and adapted."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from vbus import plugins
@@ -53,26 +53,38 @@ def with_keys(text: str, section: str, keys: Mapping[str, str]) -> str:
 
 
 def of_part(part: str, plant: str = "", clock: str = "") -> str:
-    """Return a board file with one chip, called ``x``, and a plant on each axis.
+    """Return a board file with one chip, called ``x``; see :func:`of_parts`."""
+    return of_parts([part], plant, clock)
+
+
+def of_parts(parts: Sequence[str], plant: str = "", clock: str = "") -> str:
+    """Return a board file with these chips, called ``x``, ``y``, ``z``, ``x4`` and so on.
 
     Args:
-        part: part number as ordered.
-        plant: plant model; "" for the usual one of the family.
+        parts: part numbers as ordered.
+        plant: plant model on each axis; "" for the usual one of the family.
         clock: frequency at CLK; "" for the usual one.
 
     Raises:
         PluginError: no such part.
     """
-    family = plugins.family_of(part)
-    axes = _axes(family, part)
-    names = [f"motor{axis + 1}" for axis in range(axes)] if axes > 1 else ["motor"] * axes
-    fitted = f"plants = {names}".replace("'", '"') if axes > 1 else 'plant = "motor"\n' * axes
-    model = plant or family.plant
-    motors = "".join(f'\n[plants.{name}]\nmodel = "{model}"\n' for name in names)
-    return (
-        f'[board]\nname = "{part.lower()}"\n\n[chips.x]\npart = "{part}"\n'
-        f'clock = "{clock or family.clock}"\n{fitted.rstrip()}\n{motors}'
-    )
+    text = f'[board]\nname = "{"-".join(parts).lower()}"\n'
+    for number, part in enumerate(parts):
+        name = "xyz"[number] if number < len("xyz") else f"x{number + 1}"
+        motor = f"{name}_motor" if number else "motor"
+        family = plugins.family_of(part)
+        axes = _axes(family, part)
+        names = [f"{motor}{axis + 1}" for axis in range(axes)] if axes > 1 else [motor] * axes
+        fitted = (
+            f"plants = {names}".replace("'", '"') if axes > 1 else f'plant = "{motor}"\n' * axes
+        )
+        model = plant or family.plant
+        motors = "".join(f'\n[plants.{one}]\nmodel = "{model}"\n' for one in names)
+        text += (
+            f'\n[chips.{name}]\npart = "{part}"\n'
+            f'clock = "{clock or family.clock}"\n{fitted.rstrip()}\n{motors}'
+        )
+    return text
 
 
 def _axes(family: Family, part: str) -> int:

@@ -66,11 +66,15 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
         )
     board = tested.board
     cls = plugins.chip_of(family)
-    chip = next((chip for chip in board.chips if isinstance(chip, cls)), None)
+    kin = [chip for chip in board.chips if isinstance(chip, cls)]
+    chip = next((chip for chip in kin if chip.part.startswith(start)), kin[0] if kin else None)
     if chip is None:
         have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
-        raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
+        raise VbusError(
+            f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no board'
+            " gets one with the chips of all fixtures among its arguments"
+        )
     board.run_until(max(board.now, chip.ready_at() + bench.variant.start))
-    bus = connect_in_process(board)
+    bus = connect_in_process(board, chips=(chip.name,) if bench.of_chips else ())
     plants = plants_of(board, chip)
     return ChipBench(board, chip, plants, bus, host_of(chip, bus), tested.clock)

@@ -36,9 +36,9 @@ class BoardClock:
 
     @property
     def now(self) -> int:
-        """Chip time (ps)."""
-        instant: int = self._call(lambda: self.board.now)
-        return instant
+        """Chip time (ps); all of the board is there when it is asked for."""
+        self._call(self.board.catch_up)
+        return self.board.now
 
     def advance(self, duration: int | str) -> None:
         """Let ``duration`` pass.

@@ -55,7 +55,7 @@ class Execute:
             shim: headers for sources of other machines; see ``vbus cflags``.
             flags: further options of the compiler.
             avr: what ``vbus exec --avr`` takes, such as ``"mmcu=atmega328p,f=16000000"``.
-            timeout: seconds of wall time after which it counts as hanging.
+            timeout: seconds of wall time after which it is ended.
             longest: chip time (ps) after which it counts as hanging; None: a minute.
             environment: variables to add.
 

@@ -25,22 +25,21 @@ class Turn:
     def __init__(self, board: Board) -> None:
         self.board: Final = board
 
-    def begin(self) -> None:
-        """The host is about to act."""
-
     def let_pass(self, port: HostBus) -> None:
         """Let time pass as far as a host that is held waits for."""
-        self.board.run_until(max(port.hold_until, self.board.now))
+        self.board.pass_until(max(port.hold_until, self.board.now))
 
     def end(self, port: HostBus) -> None:
-        """The host has done what it wanted to."""
+        """The host has done what it wanted to: bring all there that a test can look at."""
+        self.board.catch_up()
 
 
 class InProcessLink(Link):
     """Carries bytes to a port of ``board`` and back, in the caller's own thread.
 
     What a host has to wait for (WAIT, DELAY) has happened when its call returns: time is moved as
-    far as the host asked.
+    far as the host asked, and every chip and plant of the board is there. A host gets no leases,
+    because the board would be behind a host that answers polls by itself.
 
     Args:
         board: the board.
@@ -66,12 +65,12 @@ class InProcessLink(Link):
         super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         self._turn: Final = turn or Turn(board)
         self._port = board.open_port(label, chips or None, cycle_ps, card)
+        self._port.promises = False
         self._protocol = ByteProtocol(self._port)
 
     def write(self, data: memoryview) -> int:
         """Carry out what the bytes ask for."""
         port, protocol = self._port, self._protocol
-        self._turn.begin()
         try:
             protocol.receive(bytes(data))
             while port.held:
@@ -97,6 +96,7 @@ class InProcessLink(Link):
         if self.fd >= 0:
             self._protocol.reset()
             self._port.close()
+            self._turn.end(self._port)
         super().close()
 
 

@@ -18,8 +18,8 @@ _WAITS: Final = ("threading.py", "concurrent/futures/thread.py")
 """Files of Python in which a thread stands that has nothing to do."""
 _AGAIN: Final = 100
 """Bus cycles after which a thread that goes on is interrupted once more."""
-_END: Final = 2.0
-"""Seconds that a thread has to end after its last interruption."""
+_END: Final = 10.0
+"""Seconds that a thread has to end after its last interruption, on a machine that is busy, too."""
 
 
 class Interrupt:

@@ -33,6 +33,13 @@ class Judged:
     accepted: list[tuple[Violation, str]]
     notes: list[Violation]
 
+    def add(self, later: "Judged") -> None:
+        """Take over those that came later."""
+        self.failing += later.failing
+        self.after_fault += later.after_fault
+        self.accepted += later.accepted
+        self.notes += later.notes
+
 
 @dataclass(frozen=True, slots=True)
 class Judge:

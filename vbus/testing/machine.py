@@ -26,7 +26,7 @@ from vbus.testing.tested_board import TestedBoard
 
 
 class NodeChip:
-    """A chip of a machine; looking at it brings its node to where the test is.
+    """A chip of a machine.
 
     Args:
         machine: the machine.
@@ -76,8 +76,7 @@ class TestedMachine:
     """The nodes of a machine, each with a board, and one virtual time for all of them.
 
     The test is one program: what it does on one node comes after what it did on another. Time
-    passes as far as its hosts, and :meth:`advance`, let it; a node that is not looked at may lag,
-    and is brought to :attr:`now` by whatever asks for its board, its chips or a host.
+    passes on all nodes as far as a host of the test, or :meth:`advance`, lets it.
 
     Args:
         file: the board file as it runs here.
@@ -135,9 +134,7 @@ class TestedMachine:
         """
         if node not in self.nodes:
             raise VbusError(f'the machine has no node "{node}"; it has {", ".join(self.nodes)}')
-        board = self.brought(self._machine.conductors[self.nodes.index(node)])
-        board.catch_up()
-        return board
+        return self._machine.conductors[self.nodes.index(node)].node.board
 
     def chip(self, name: str) -> NodeChip:
         """Return a chip out of its reset, with a host of its own, and with what it moves.
@@ -161,7 +158,7 @@ class TestedMachine:
         if any(conductor is not found[0] for conductor in found):
             raise VbusError(f"a host is at one node, and {', '.join(chips)} are on several")
         turn = _Turn(self, found[0])
-        bus = connect_in_process(self.brought(found[0]), label, chips, turn)
+        bus = connect_in_process(found[0].node.board, label, chips, turn)
         self._hosts.callback(bus.close)
         return bus
 
@@ -182,8 +179,6 @@ class TestedMachine:
         Raises:
             VbusError: nobody has asked for a :meth:`trace`.
         """
-        for conductor in self._machine.conductors:
-            self.brought(conductor)
         try:
             return self._machine.trace_hash()
         except ValueError as error:
@@ -219,20 +214,21 @@ class TestedMachine:
         with ExitStack() as excused:
             for tested in self.tested:
                 excused.enter_context(tested.watch.excused())
-            self.now = when
-            for conductor in self._machine.conductors:
-                self.brought(conductor)
+            self.bring(when)
 
-    def brought(self, conductor: Conductor) -> Board:
-        """Bring a node to now, and no further; return its board."""
-        board = conductor.node.board
-        if board.now < self.now:
-            for one in self._machine.conductors:
-                one.until = max(one.until, self.now)
-            while conductor.participant.granted <= self.now:
-                self.step(conductor)
-            conductor.node.run_before(self.now + 1)
-        return board
+    def bring(self, when: int) -> None:
+        """Bring all nodes, and all that can be looked at there, to ``when`` (ps), no further."""
+        self.now = max(self.now, when)
+        conductors = self._machine.conductors
+        for conductor in conductors:
+            if conductor.node.board.now < self.now:
+                for one in conductors:
+                    one.until = max(one.until, self.now)
+                while conductor.participant.granted <= self.now:
+                    self.step(conductor)
+                conductor.node.run_before(self.now + 1)
+        for conductor in conductors:
+            conductor.node.board.catch_up()
 
     def step(self, conductor: Conductor) -> None:
         """Do one thing that brings the next grant of a node nearer.
@@ -279,10 +275,6 @@ class _Turn(Turn):
         self._machine: Final = machine
         self._conductor: Final = conductor
 
-    def begin(self) -> None:
-        """Bring its node to where the test is."""
-        self._machine.brought(self._conductor)
-
     def let_pass(self, port: HostBus) -> None:
         """Let all nodes do what the next grant needs."""
         self._machine.step(self._conductor)
@@ -291,4 +283,4 @@ class _Turn(Turn):
         """The test goes on from here, maybe elsewhere: time waits no longer for this host."""
         if isinstance(port, NodeBus):
             port.uses_time = False
-        self._machine.now = max(self._machine.now, self.board.now)
+        self._machine.bring(self.board.now)

@@ -4,7 +4,7 @@ Importing it costs next to nothing: vbus itself is loaded by the first fixture t
 """
 
 import re
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, distributions
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from vbus.testing.acceptance_plugin import acceptances, finished
 from vbus.testing.matrix_plugin import BOARD, SCENARIO, SEARCHING
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
-    from vbus.testing.acceptance import Acceptances
     from vbus.testing.bench import Bench
     from vbus.testing.chips import ChipBench
     from vbus.testing.clock import BoardClock
@@ -26,12 +26,15 @@ if TYPE_CHECKING:
     from vbus.testing.suite_coverage import SuiteCoverage
     from vbus.testing.triggers import Triggers
 
-pytest_plugins = ("vbus.testing.golden_plugin", "vbus.testing.matrix_plugin")
+pytest_plugins = (
+    "vbus.testing.acceptance_plugin",
+    "vbus.testing.golden_plugin",
+    "vbus.testing.matrix_plugin",
+)
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
-ACCEPTED: pytest.StashKey["Acceptances"] = pytest.StashKey()
-DESELECTED: pytest.StashKey[list[pytest.Item]] = pytest.StashKey()
-NEEDLESS: pytest.StashKey[list[str]] = pytest.StashKey()
+CALLED: pytest.StashKey[bool] = pytest.StashKey()
+"""Whether a test has passed, as far as its call."""
 COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
 
@@ -147,24 +150,6 @@ def _folder(item: pytest.Item, factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def _acceptances(session: pytest.Session) -> "Acceptances":
-    """Return what is accepted in this run, read when a board is first asked for."""
-    from vbus.errors import VbusError
-    from vbus.testing.acceptance import Acceptances
-
-    found = session.config.stash.get(ACCEPTED, None)
-    if found is None:
-        try:
-            found = Acceptances(session.config)
-            found.collect(session.items)
-        except VbusError as error:
-            raise pytest.fail.Exception(str(error), pytrace=False) from None
-        left_out = session.config.stash.setdefault(DESELECTED, [])
-        found.deselect(left_out)
-        session.config.stash[ACCEPTED] = found
-    return found
-
-
 @pytest.fixture
 def vbus_bench(
     request: pytest.FixtureRequest,
@@ -185,7 +170,7 @@ def vbus_bench(
         keywords |= mark.kwargs
     keywords.pop("accept", None)
     option = item.config.getoption
-    known = _acceptances(request.session)
+    known = acceptances(request.session)
     judge = replace(known.project.judge, accepted=known.of(item.nodeid))
     if option("--vbus-violations"):
         judge = replace(judge, violations=option("--vbus-violations"))
@@ -204,6 +189,7 @@ def vbus_bench(
             known.project.tolerance,
             Variant(**vbus_variant, scenario=item.stash.get(SCENARIO, None)),
             scope=option("--vbus-scope") != "never",
+            chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
@@ -264,6 +250,10 @@ def vbus_pty(vbus_bench: "Bench") -> str:
     return vbus_bench.terminal()
 
 
+CHIPS: dict[str, str] = {}
+"""How the part numbers of each chip's fixture begin."""
+
+
 def _chip_fixture(name: str, start: str) -> object:
     """Return the fixture ``name`` of the family whose part numbers begin with ``start``."""
 
@@ -292,13 +282,8 @@ def _chip_entries() -> Iterator[EntryPoint]:
 
 for _entry in sorted(_chip_entries(), reverse=True):
     _name = f"vbus_{re.sub('[^a-z0-9]', '', _entry.name.lower())}"
+    CHIPS[_name] = _entry.name
     globals()[_name] = _chip_fixture(_name, _entry.name)
-
-
-def pytest_deselected(items: Sequence[pytest.Item]) -> None:
-    """Take note of tests that do not run."""
-    if items:
-        items[0].config.stash.setdefault(DESELECTED, []).extend(items)
 
 
 @contextmanager
@@ -324,24 +309,30 @@ def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object]:
-    """Let hosts that hung end in order, if they do so soon."""
+    """Let hosts that hung end in order, if they do so soon; judge what drivers do at their end.
+
+    A test has passed, and has or has not needed what it accepts, when this is over.
+    """
     bench = item.stash.get(BENCH, None)
     if bench is not None:
         bench.relent()
     with _running(item):
-        return (yield)
+        result = yield
+    complaints = bench.late_complaints() if bench else []
+    counts = item.stash.get(CALLED, False) and not item.stash.get(SEARCHING, False)
+    complaints = complaints or finished(item, counts)
+    if complaints:
+        pytest.fail("\n".join(complaints), pytrace=False)
+    return result
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Fail a test whose host broke a datasheet, or whose fault or acceptance was not needed."""
+    """Fail a test whose host broke a datasheet, or whose fault was not needed."""
     with _running(item):
         result = yield
     bench = item.stash.get(BENCH, None)
-    accepted = item.config.stash.get(ACCEPTED, None)
     complaints = bench.complaints() if bench else []
-    if accepted is not None and not complaints and not item.stash.get(SEARCHING, False):
-        complaints = accepted.needless_in(item.nodeid)
     if complaints:
         pytest.fail("\n".join(complaints), pytrace=False)
     return result
@@ -358,13 +349,11 @@ def pytest_runtest_makereport(
 
         call.excinfo = cut_short(call.excinfo)
     report = yield
-    accepted = item.config.stash.get(ACCEPTED, None)
-    searching = item.stash.get(SEARCHING, False)
-    if accepted is not None and call.when == "call" and report.passed and not searching:
-        accepted.passed(item.nodeid)
+    if call.when != "teardown":
+        item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
-    told = report.failed and not searching and call.when != "teardown"
-    if bench is not None and bench.boards and told:
+    told = report.failed and not item.stash.get(SEARCHING, False)
+    if bench is not None and bench.boards and told and not bench.reported:
         failure = bench.failure_report()
         report.sections.append(("vbus", "\n".join(failure.lines)))
         report.user_properties += failure.properties
@@ -372,26 +361,15 @@ def pytest_runtest_makereport(
     return report
 
 
-# -- what was accepted in vain ------------------------------------------------------------------
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over what a worker of pytest-xdist has seen."""
+    """Take over what a worker of pytest-xdist has counted."""
     output = getattr(node, "workeroutput", {})
     if "vbus_coverage" in output:
         node.config.stash[COVERAGE].take(output["vbus_coverage"])
-    exported = output.get("vbus")
-    if exported is not None:
-        from vbus.testing.acceptance import Acceptances
-
-        stash = node.config.stash
-        if ACCEPTED not in stash:
-            stash[ACCEPTED] = Acceptances(node.config)
-        stash[ACCEPTED].merge(exported)
 
 
-def _finish_coverage(session: pytest.Session) -> None:
+def pytest_sessionfinish(session: pytest.Session) -> None:
     """Write what was exercised; fail a run that exercises too little."""
     config = session.config
     coverage = config.stash.get(COVERAGE, None)
@@ -410,31 +388,10 @@ def _finish_coverage(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Fail a run in which a module or the project accepts what never happened."""
-    config = session.config
-    _finish_coverage(session)
-    accepted = config.stash.get(ACCEPTED, None)
-    if accepted is None:
-        return
-    if hasattr(config, "workeroutput"):
-        config.workeroutput["vbus"] = accepted.export()
-        return
-    needless = accepted.needless(config)
-    if needless and session.exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-    config.stash[NEEDLESS] = needless
-
-
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was accepted in vain, and what was exercised."""
-    needless = config.stash.get(NEEDLESS, [])
-    if needless:
-        terminalreporter.section("vbus: accepted violations that never happened", red=True)
-        for sentence in needless:
-            terminalreporter.line(sentence)
+    """Say what was exercised."""
     coverage = config.stash.get(COVERAGE, None)
     short = config.stash.get(SHORT, "")
     if coverage is not None:

@@ -180,11 +180,18 @@ def _communicate(
         raise VbusError(f"{line[0]}: cannot be run: {error.strerror}") from error
     if run.killed:
         process.kill()
+
+    def late() -> None:
+        run.call(
+            lambda: run.watch.pass_wall(f"it was not done after {limits.wall:g} s of wall time")
+        )
+
+    # No time-out of subprocess: it would follow a clock that the test may have stopped.
+    alarm = threading.Timer(min(limits.wall, threading.TIMEOUT_MAX), late)
+    alarm.start()
     try:
-        output, errors = process.communicate(timeout=limits.wall)
-    except subprocess.TimeoutExpired:
-        run.watch.pass_bound(f"it was not done after {limits.wall:g} s of wall time")
-        process.kill()
         output, errors = process.communicate()
+    finally:
+        alarm.cancel()
     code = process.returncode
     return Outcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)

@@ -126,6 +126,8 @@ class robot:
         bench = self._bench
         if bench is None:
             return
+        if self._bus is not None:
+            self._bus.close()
         complaints = bench.complaints() if result.passed else []
         if result.passed and not complaints:
             complaints = [
@@ -140,8 +142,6 @@ class robot:
             tested = bench.main()
             instant = format_instant(tested.board.now)
             result.message += "\n" + "\n".join([f"at {instant} of chip time:", *lines])
-        if self._bus is not None:
-            self._bus.close()
         bench.close()
         self._bench = self._bus = None
         self._accepted = []

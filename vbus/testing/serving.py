@@ -30,12 +30,17 @@ class ServedBoard:
 
     def __init__(self, board: Board, links: Sequence[LinkSpec], stall: str = "catch_up") -> None:
         self.board = board
-        self.server = Server(board, list(links), stall)
+        self.server = Server(board, list(links), stall, settle=self._settle)
         self.error: BaseException | None = None
         self._ready = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._thread = threading.Thread(target=self._serve, name=THREAD, daemon=True)
+
+    def _settle(self) -> bool:
+        """Bring all there that a test can look at, before a host is answered."""
+        self.board.catch_up()
+        return True
 
     def _serve(self) -> None:
         async def main() -> None:
@@ -75,6 +80,7 @@ class ServedBoard:
 
         def work() -> None:
             try:
+                self.server.pacer.catch_up()
                 done.set_result(what())
             except BaseException as error:
                 done.set_exception(error)

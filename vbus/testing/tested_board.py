@@ -59,7 +59,12 @@ class TestedBoard:
             from vbus.testing.suite_coverage import coverage_observer
 
             self.coverage = coverage_observer(board)
-        self.judged: Judged | None = None
+        self.judged: Judged = Judged([], [], [], [])
+        self.sorted: int = 0
+        """How many of its violations are sorted into :attr:`judged`."""
+        self.before_end: tuple[int, int] = (0, 0)
+        """How many violations there were when the test ended: those that fail it, and those after
+        a fault."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from functools import partial
-from time import monotonic
+from time import sleep
 from typing import Any, Final
 
 from vbus.chips.packets import Packet
@@ -17,6 +17,7 @@ from vbus.signals import Observer
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
 from vbus.values.settings import listed, suggestion
+from vbus.wall_clock import monotonic
 
 STRIDE: Final = 10 * MS
 """Chip time that passes at most before other tasks have their turn."""
@@ -238,16 +239,18 @@ class Triggers:
                     await asyncio.sleep(0)
                 self._come_now = False
                 continue
-            await asyncio.sleep(LOOK)
+            await asyncio.to_thread(sleep, LOOK)  # the loop's own clock may be stopped
             now = (board.now, watch.cycles)
             if now != seen:
                 seen, since = now, monotonic()
             elif monotonic() - since > patience:
+                virtual = board.policy != "realtime"
+                slow = "the machine was too slow, or no host acts: " if virtual else ""
                 for future in tuple(self._waiting):
                     self._fail(
                         future,
-                        f"nothing has happened on the board for {patience:g} s of wall time: it is"
-                        f" {format_instant(board.now)}, after {watch.cycles} bus cycles",
+                        f"{slow}nothing has happened on the board for {patience:g} s of wall time:"
+                        f" it is {format_instant(board.now)}, after {watch.cycles} bus cycles",
                     )
                 since = monotonic()
 

@@ -15,7 +15,7 @@ from vbus.board.sections import BoardFile, HostSection, ScopeSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
-from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
+from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
 from vbus.server.output_file import OutputFile
 from vbus.server.recording import Recording
@@ -242,7 +242,8 @@ def run_beside(
         watch = None
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
-            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, POLLING))
+            polling = POLLING if board.policy == "realtime" else PATIENCE
+            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
         running = _run_beside(
             server, recording, command(link), environment, note, stdout, watch, scope, control
         )
@@ -254,7 +255,9 @@ def run_beside(
             written.end()
             if written.error:
                 recording.fail(f"{name}: {written.error}")
-    hangs = [f"the program hangs: {watch.stuck}", *watch.details] if watch and watch.stuck else []
+    hangs = []
+    if watch and watch.stuck:
+        hangs = [watch.verdict("the program hangs"), *watch.details]
     return Ran(code, findings, outcome, hangs, recording.failures)
 
 

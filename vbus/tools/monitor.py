@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing, suppress
-from time import monotonic
 from typing import Any, Final
 
 import click
@@ -19,6 +18,7 @@ from vbus.tools.journal_lines import instant
 from vbus.tools.output import Line, complain, json_line
 from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
 from vbus.trace.latest_lines import LatestLines
+from vbus.wall_clock import monotonic
 
 SHOWN: Final = 16
 FEWEST: Final = 4

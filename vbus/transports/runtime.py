@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from time import monotonic, sleep
+from time import sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.runtime import is_trusted, lock_of, locked_names, pause_mark, runtime_directory
+from vbus.wall_clock import monotonic
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01

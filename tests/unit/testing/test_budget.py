@@ -1,8 +1,10 @@
 """A host that goes on for ever ends its test, which says what it waited for."""
 
+import sys
+import time
+
 import pytest
 
-from tests.unit.testing.test_plugin import suite
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.chips.packets import STATUS, Cycle, Packet
@@ -14,9 +16,8 @@ from vbus.server.host_limits import GRACE, LOOK
 from vbus.server.polls import Polls
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import BUDGET, HostStuck, Limits, Watch, budget_of
+from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits, Watch, budget_of
 
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 RSTI = 0x1D
@@ -84,6 +85,59 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and was told nothing"):
         polled(bus, 3 * LOOK, 0)
     assert watch.cycles == 2 * LOOK + 1
+
+
+def moving(policy: str, limits: Limits) -> tuple[Watch, Bus]:
+    """Return a board on which something is due, so that a poll may be told something new."""
+    rate = 1.0 if policy == "realtime" else None
+    board = build(*for_test(of_part("LM629N-8"), "board.toml", rate=rate))
+    board.run_until(5 * MS)
+    board.kernel.timer(lambda: None).at(3000 * SECOND)
+    watch = Watch(board, limits)
+    return watch, connect_in_process(board)
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "realtime"])
+def test_wall_time_says_nothing_of_a_host_where_time_is_virtual(policy: str) -> None:
+    watch, bus = moving(policy, Limits(polling=0.0))
+    with pytest.raises(HostStuck) as stuck:
+        polled(bus, 3 * LOOK, 0)
+    if policy == "realtime":
+        assert str(stuck.value).startswith("the host hangs: it has polled for 0 s of wall time")
+    else:
+        assert str(stuck.value).startswith("the machine was too slow: it has polled for 0 s")
+        assert f"it had made {watch.cycles} bus cycles, at 7001us of chip time" in watch.stuck
+        assert watch.verdict("the program hangs") == f"the machine was too slow: {watch.stuck}"
+
+
+def test_bounds_of_chip_time_end_a_host_before_a_wall_clock_does() -> None:
+    watch, bus = moving("lockstep", Limits(UNBOUNDED, 10 * MS, polling=BUDGET.polling))
+    with pytest.raises(HostStuck, match=r"the host hangs: it was not done after 0\.01 s of chip"):
+        polled(bus, 6000, 0)
+    assert not watch.slow
+
+
+@pytest.mark.parametrize("names", [["monotonic", "monotonic_ns"], ["time", "time_ns"], ["all"]])
+def test_wall_time_ends_though_a_test_has_stopped_its_clock(
+    monkeypatch: pytest.MonkeyPatch, names: list[str]
+) -> None:
+    """As freezegun does it: in the module, and in each that has one of its functions."""
+    clocks = ("time", "monotonic", "perf_counter", "process_time", "thread_time")
+    every = [*clocks, *(f"{name}_ns" for name in clocks)]
+    stopped = {}
+    with monkeypatch.context() as patched:
+        for name in every if names == ["all"] else names:
+            real, value = getattr(time, name), getattr(time, name)()
+            stopped[id(real)] = lambda value=value: value
+            patched.setattr(time, name, stopped[id(real)])
+        for module in [one for one in sys.modules.values() if one.__name__.startswith("vbus")]:
+            for name, value in list(vars(module).items()):
+                if id(value) in stopped:
+                    patched.setattr(module, name, stopped[id(value)])
+        watch, bus = moving("lockstep", Limits(cycles=UNBOUNDED, polling=0.05))
+        with pytest.raises(HostStuck, match="the machine was too slow"):
+            polled(bus, 900_000, 0)
+    assert watch.slow
 
 
 def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
 from vbus.board.build import build
 from vbus.kernel import MS
 from vbus.server.host_limits import KEPT
@@ -10,7 +9,6 @@ from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import Limits, Watch
 
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
 from vbus.errors import ConfigError, VbusError
 from vbus.plant.dc_motor import DcMotor
 from vbus.testing.golden import complaints, read_golden, text_of
@@ -15,7 +14,6 @@ from vbus.trace.runs.difference import Tolerance
 from vbus.trace.runs.motion import Course, Move
 from vbus.trace.runs.run import Run, Said
 
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 RUN = Run(

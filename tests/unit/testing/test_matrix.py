@@ -4,9 +4,6 @@ import json
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
-
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 HASTY_C = """

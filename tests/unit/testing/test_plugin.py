@@ -13,30 +13,6 @@ from tests.unit.scope.decoded import of_page
 
 pytest_plugins = "pytester"
 
-BOARD = """
-[board]
-name = "bench"
-
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-
-[plants.motor]
-model = "dc_motor"
-"""
-
-
-@pytest.fixture
-def suite(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
-    monkeypatch.setenv("PYTEST_ADDOPTS", "-p no:hypothesispytest")  # it takes long to import
-    pytester.makeini(
-        "[pytest]\nfilterwarnings = error\nasyncio_mode = strict\n"
-        "asyncio_default_fixture_loop_scope = function\n"
-    )
-    pytester.makefile(".toml", board=BOARD)
-    return pytester
-
 
 def vbus(line: str) -> subprocess.CompletedProcess[str]:
     program, *arguments = shlex.split(line)
@@ -413,3 +389,30 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
         """
     )
     suite.runpytest_subprocess("-q").assert_outcomes(passed=1)
+
+
+def test_fixtures_of_two_chips_share_one_board_and_one_time(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        def test_families(vbus_mcp1200, vbus_mc1241a, vbus_clock, vbus_board):
+            assert vbus_mcp1200.board is vbus_mc1241a.board is vbus_board
+            assert list(vbus_board.axes) == ["x.1", "y.1", "y.2"]
+            vbus_mcp1200.host.reset()
+            assert vbus_mc1241a.host.select(2) >= 0
+            assert vbus_mcp1200.bus.read(1) == vbus_mcp1200.chip.peek(1)
+            vbus_clock.advance("1 ms")
+            assert vbus_mcp1200.bus.now() == vbus_mc1241a.bus.now() == vbus_clock.now
+
+        def test_kin(vbus_lm629, vbus_lm628):
+            for name, one in {"LM629": vbus_lm629, "LM628": vbus_lm628}.items():
+                assert one.chip.part.startswith(name)
+                one.host.check_reset()
+
+        def test_asked_for_too_late(request, vbus_mcp1200):
+            with pytest.raises(Exception, match="the chips of all fixtures among its arguments"):
+                request.getfixturevalue("vbus_lm629")
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=3)

@@ -5,9 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite, vbus
+from tests.unit.testing.test_plugin import vbus
 
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 TESTS = """

@@ -2,9 +2,6 @@
 
 import pytest
 
-from tests.unit.testing.test_plugin import suite
-
-__all__ = ["suite"]
 pytest_plugins = "pytester"
 
 TOO_EARLY = """
@@ -144,7 +141,7 @@ def test_one_of_two_needs_it(vbus_make_board, part):
     )
     of_test = "test_an_acceptance_that_is_never_needed_fails.py"
     result = suite.runpytest("-q", *options)
-    result.assert_outcomes(passed=2, failed=1)
+    result.assert_outcomes(passed=3, errors=1)
     result.stdout.fnmatch_lines(
         [f"{of_test}::test_alone accepts lm628.reset-write (the bootloader cannot wait), which*"]
     )
@@ -262,3 +259,79 @@ def test_a_project_that_makes_no_sense_is_refused(
     result = suite.runpytest("-q", "-c", "tox.ini", "--rootdir", ".")
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines([message])
+
+
+CLOSES = """
+import pytest
+from vbus.testing.in_process import connect_in_process
+
+@pytest.fixture
+def driver(vbus_board):
+    bus = connect_in_process(vbus_board)
+    yield bus
+    bus.write(0, 0x1E)
+    bus.close()
+"""
+
+
+def test_violations_of_a_drivers_end_fail_its_test(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        CLOSES
+        + """
+def test_it(driver):
+    pass
+
+def test_fails_anyway(driver):
+    driver.write(0, 0x1E)
+    driver.delay("5 ms")
+    assert False
+
+@pytest.mark.vbus(accept={"lm628.reset-write": "it ends when it likes"})
+def test_accepted(driver):
+    pass
+
+@pytest.mark.vbus(violations="report")
+def test_reported(driver):
+    pass
+"""
+    )
+    result = suite.runpytest("-q", "-rE")
+    result.assert_outcomes(passed=3, failed=1, errors=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*ERROR at teardown of test_it*",
+            "x broke lm628.reset-write at 1us: Nothing is written during reset*",
+            "violations: 1",
+            "ERROR *::test_it *",
+        ]
+    )
+
+
+@pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
+@pytest.mark.parametrize("board", [True, False], ids=["a board", "no board"])
+def test_an_acceptance_is_found_needless_whatever_runs_first(
+    suite: pytest.Pytester, options: list[str], board: bool
+) -> None:
+    suite.makepyprojecttoml('[tool.vbus.accept]\n"lm628.busy-write" = "old firmware"\n')
+    suite.makepyfile(
+        f"""
+import pytest
+pytestmark = pytest.mark.vbus(accept={{"lm628.busy-read": "polls too fast"}})
+
+def test_a_without_a_board():
+    pass
+
+def test_b({"vbus_board" if board else ""}):
+    pass
+
+def test_c_without_a_board():
+    pass
+"""
+    )
+    result = suite.runpytest("-q", *options)
+    result.assert_outcomes(passed=3)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines(
+        ["the project accepts lm628.busy-write (old firmware), which never happened; take it out"]
+    )
+    result.stdout.fnmatch_lines(["*.py accepts lm628.busy-read (polls too fast), which never*"])

@@ -2,7 +2,6 @@
 
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, nullcontext, suppress
-from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
@@ -15,6 +14,7 @@ from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
+from vbus.wall_clock import monotonic
 
 P = ParamSpec("P")
 T = TypeVar("T")

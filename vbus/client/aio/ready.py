@@ -2,8 +2,9 @@
 
 import asyncio
 from collections.abc import Callable
-from time import monotonic
 from typing import TypeVar
+
+from vbus.wall_clock import monotonic
 
 T = TypeVar("T")
 

@@ -132,7 +132,7 @@ class Again(Observer):
         kernel = board.kernel
         address, byte = int(value >> 8), int(value & 0xFF)
         if when > kernel.now:
-            board.run_until(when)
+            board.pass_until(when)
         board.limit = END
         self.reply, self.error = None if write else byte, 0
         same: i64 = 0

@@ -81,7 +81,7 @@ class History:
         if place < len(self.entries):
             when = min(when, self.entries[place].when)
         if when > self.board.now:
-            self.board.run_until(when)
+            self.board.pass_until(when)
         return self.board
 
     def first(self, condition: Condition, stays: bool = False) -> Entry | None:

@@ -36,7 +36,7 @@ class Player:
     def run_to(self, entry: Entry) -> None:
         """Let time pass to the instant of an entry."""
         if entry.when > self.board.now:
-            self.board.run_until(entry.when)
+            self.board.pass_until(entry.when)
 
     def call(self, entry: Entry) -> tuple[Any, int]:
         """Make one call; return its reply and the number of its refusal, 0 if there was none.
@@ -108,7 +108,7 @@ class Player:
 
     def _pass(self, when: int) -> Iterator[None]:
         while self.board.now < when:
-            self.board.run_until(min(when, self.board.now + STRETCH))
+            self.board.pass_until(min(when, self.board.now + STRETCH))
             yield
 
 

@@ -238,7 +238,7 @@ class Conform(Observer):
 
     def _begin(self, sample: Sample, start: Start) -> None:
         when, value = sample
-        self._board.run_until(when)
+        self._board.pass_until(when)
         self.verdict.begin = when
         self._levels = tuple([self._wiring.level(name, value) for name in self._watch.PINS])
         self._byte = self._wiring.byte(value)
@@ -261,7 +261,7 @@ class Conform(Observer):
         before, old = self._levels, self._byte
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
         byte = wiring.byte(value)
-        board.run_until(when)
+        board.pass_until(when)
         self._chip.advance()
         board.kernel.settle()
         # Neither the edge's instant nor the model's is exact: all of these may have been read.
