@@ -3,15 +3,16 @@
 import asyncio
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Final, TextIO
+from typing import Any, BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection, ScopeSection
+from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
@@ -23,12 +24,13 @@ from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
-from vbus.tools.output import complain
+from vbus.tools.output import complain, scope_address
 from vbus.tools.scope import place_of
 from vbus.tools.scope_process import show_board
 from vbus.tools.transcript import Transcript
 
-NO_SCOPE: Final = ScopeSection()
+Show = Callable[[str], Coroutine[Any, Any, None]]
+
 LIMIT: Final = "VBUS_LIMIT_PS"
 """Variable that tells firmware's simulator after how much chip time the board must know of it."""
 
@@ -119,8 +121,9 @@ def run_on_board(
     transcript: str | None = None,
     summary: bool = True,
     limit: int | None = None,
-    scope: str = "",
+    scope: str | None = None,
     control: bool = False,
+    open_page: bool = False,
 ) -> int:
     """Run a program on a board that lives as long as the program; return its exit code.
 
@@ -139,6 +142,7 @@ def run_on_board(
             as it likes.
         scope: where the board is shown in a browser; else where its file says.
         control: whether who looks there may pause and step it.
+        open_page: whether a browser is started there, and the program begins when it has come.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -153,12 +157,13 @@ def run_on_board(
                 written = stack.enter_context(Path(transcript).open("w"))
             except OSError as error:
                 raise VbusError(f"{transcript}: {error.strerror}") from error
-        shown = recorded(file, {}, "", scope).scope
+        address = scope_address(scope, control or open_page, file.scope.listen)
+        shown = recorded(file, {}, "", address or "").scope
+        show = None
         if shown.listen:
             place_of(shown)
-        ran = run_beside(
-            file, source, host, command, written, limit=limit, scope=shown, control=control
-        )
+            show = partial(show_board, scope=shown, control=control, open_page=open_page)
+        ran = run_beside(file, source, host, command, written, limit=limit, show=show)
     for line in ran.hangs:
         complain(line)
     lines = ran.findings.lines()
@@ -195,8 +200,7 @@ def run_beside(
     ahead: int = 0,
     stdout: BinaryIO | None = None,
     limit: int | None = None,
-    scope: ScopeSection = NO_SCOPE,
-    control: bool = False,
+    show: Show | None = None,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
@@ -209,8 +213,7 @@ def run_beside(
         ahead: how long the board runs before the program begins (ps).
         stdout: takes what the program says; else it goes where this process's goes.
         limit: chip time that it may take (ps).
-        scope: where the board is shown.
-        control: whether who looks there may pause and step it.
+        show: shows the board of this name, and is waited for before the program begins.
     """
     address = metrics_of(file)
     board = build(file, source)
@@ -242,7 +245,7 @@ def run_beside(
             until = min(board.now + limit, UNBOUNDED)
             watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, POLLING))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch, scope, control
+            server, recording, command(link), environment, note, stdout, watch, show
         )
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
@@ -275,8 +278,7 @@ async def _run_beside(
     note: Path,
     stdout: BinaryIO | None,
     watch: Watch | None,
-    scope: ScopeSection,
-    control: bool,
+    show: Show | None,
 ) -> int:
     """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
@@ -288,8 +290,8 @@ async def _run_beside(
     if counted:
         complain(f"metrics: {counted}")
     try:
-        if scope.listen:
-            await show_board(server.board.name, scope, control)
+        if show is not None:
+            await show(server.board.name)
         code = await run_program(command, environment, note, True, stdout, watch)
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
