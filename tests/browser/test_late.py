@@ -140,7 +140,9 @@ def test_a_demo_begins_when_its_page_is_there(
     new_page: Open, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = tmp_path / "asked"
-    (tmp_path / "browser").write_text(f'#!/bin/sh\necho "$1" > {asked}.part\nmv {asked}.part {asked}')
+    (tmp_path / "browser").write_text(
+        f'#!/bin/sh\necho "$1" > {asked}.part\nmv {asked}.part {asked}'
+    )
     (tmp_path / "browser").chmod(0o755)
     monkeypatch.setenv("BROWSER", str(tmp_path / "browser"))
     process = start("demo", "lm629", "--headless", "--open")

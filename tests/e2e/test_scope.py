@@ -324,7 +324,9 @@ def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
             board.send_signal(signal.SIGINT)
             with late.makefile("rb") as told:
                 lines = (json.loads(line) for line in told)
-                description = next(line[1] for line in lines if isinstance(line, list) and line[0] == "scope")
+                description = next(
+                    line[1] for line in lines if isinstance(line, list) and line[0] == "scope"
+                )
                 data = told.read()
     frames = b""
     while data:

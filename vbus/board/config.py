@@ -18,6 +18,7 @@ from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.collection import collection_held
 from vbus.errors import PluginError
+from vbus.file_kinds import foreign, no_text, unreadable
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 
@@ -43,12 +44,11 @@ def _text_of(path: str | FilePath) -> str:
     try:
         return FilePath(path).read_bytes().decode()
     except OSError as error:
-        raise BoardFileError(
-            [Problem(str(path), 0, "", f"cannot be read: {error.strerror}")]
-        ) from None
+        raise BoardFileError([Problem(str(path), 0, "", unreadable(path, error))]) from None
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
-        raise BoardFileError([Problem(str(path), line, "", "this is no UTF-8 text")]) from None
+        reason = no_text(path, error.object)
+        raise BoardFileError([Problem(str(path), line, "", reason)]) from None
 
 
 @collection_held()
@@ -83,6 +83,9 @@ def read_zenoh_file(path: str | FilePath) -> sections.ZenohSection:
 
 
 def _no_toml(file: str, text: str, reason: str) -> Problem:
+    other = foreign(file, text.encode())
+    if other:
+        return Problem(file, 0, "", f"this is no board file: {other}")
     match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
     if match is None:
         end = re.fullmatch(r"(.*) \(at end of document\)", reason, re.DOTALL)

@@ -14,7 +14,8 @@ from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
-from vbus.errors import VbusError
+from vbus.errors import ProgramError, VbusError
+from vbus.file_kinds import HEAD, looks_like
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
@@ -301,6 +302,33 @@ async def _run_beside(
     return code
 
 
+def not_started(program: str, error: OSError) -> ProgramError:
+    """Return what to say about a program that cannot be started, and what to do."""
+    path = Path(program)
+    if isinstance(error, FileNotFoundError):
+        if path.exists() and "/" in program:  # its interpreter is not there
+            return ProgramError(
+                f"{program}: what its first line names, or its loader, is not on this machine", True
+            )
+        if path.exists():
+            return ProgramError(
+                f"{program}: not in $PATH; write ./{program} for the one here", True
+            )
+        return ProgramError(
+            f"{program}: there is no such program; build it, or name it as a shell finds it", True
+        )
+    if path.is_dir():
+        return ProgramError(f"{program}: it is a directory; name a program in it", False)
+    if path.is_file() and os.access(path, os.R_OK):
+        with path.open("rb") as file:
+            kind = looks_like(program, file.read(HEAD))
+        hint = f"if it is a program: chmod +x {program}"
+        if os.access(path, os.X_OK):
+            hint = "a script begins with a line such as #!/bin/sh"
+        return ProgramError(f"{program}: it cannot be run: {kind}; {hint}", False)
+    return ProgramError(f"{program}: cannot be started: {error.strerror}", False)
+
+
 async def run_program(
     command: list[str],
     environment: dict[str, str],
@@ -351,7 +379,7 @@ async def run_program(
                 stdout=stdout,
             )
         except OSError as error:
-            raise VbusError(f"{command[0]}: {error.strerror}") from error
+            raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
             watch.over = lambda _: offspring.slay()

@@ -101,7 +101,9 @@ def command(
         raise click.UsageError(f"{option} is for one board, and these are {len(sources)}")
     if output is not None:
         if not journal:
-            raise click.UsageError(f"-o is for journals, and {source} is none")
+            raise click.UsageError(
+                f"-o is for journals, and {source} is none: {_no_file(Path(source))}"
+            )
         return _write(journals, output, strobes, no_progress)
     if foxglove is not None:
         if journal:
@@ -134,6 +136,13 @@ def command(
     page = partial(_page_of_boards, place, stay, control, sparse)
     _serve_boards(sources, page, stay, control, samples=not sparse)
     return exit_codes.OK
+
+
+def _no_file(path: Path) -> str:
+    return (
+        "it is a directory; name a journal in it"
+        if path.is_dir() else 'there is no such file; "vbus run BOARD --journal FILE" writes one'
+    )  # fmt: skip
 
 
 def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:

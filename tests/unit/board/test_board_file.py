@@ -303,8 +303,8 @@ MISTAKES = [
     ),
     (
         "ACME-1", "AMCE-1",
-        'b.toml:2: chips.x.part: unknown part "AMCE-1"; did you mean "ACME"? known are ACME,'
-        " BROKEN, GRUMPY, ODD, TWIN",
+        'b.toml:2: chips.x.part: unknown part "AMCE-1"; did you mean "ACME-1" or "ACME-2"?'
+        " known are ACME-1, ACME-2, GRUMPY, TWIN-1",
     ),
     ("ACME-1", "ACME-3", 'b.toml:2: chips.x.part: found "ACME-3"; did you mean "ACME-2"? known are'
      " ACME-1, ACME-2"),
