@@ -76,14 +76,11 @@ def looks_like(name: object, head: bytes) -> str:
     try:
         text = head[: HEAD - 4].decode()
     except UnicodeDecodeError:
-        plain = sum(byte in _PLAIN for byte in head)
-        text = "" if plain < 0.9 * len(head) else None
-    if text is None:
-        return "it looks like text in another encoding; save it as UTF-8"
-    if text and all(letter.isprintable() or letter.isspace() for letter in text):
-        first = next(iter(text.strip().splitlines()), "")
-        return f'it looks like text, and begins with "{first[:20]}"'
-    return f"it looks like binary data of another program, and begins with {head[:4].hex(' ')}"
+        return _other_text(head)
+    if not all(letter.isprintable() or letter.isspace() for letter in text):
+        return _binary(head)
+    first = next(iter(text.strip().splitlines()), "")
+    return f'it looks like text, and begins with "{first[:20]}"'
 
 
 def no_text(name: object, data: bytes) -> str:
@@ -94,9 +91,20 @@ def no_text(name: object, data: bytes) -> str:
         data: all of it.
     """
     head = data[:HEAD]
-    if all(kind.begins.match(head) is None or kind.what.endswith("(TOML)") for kind in _KINDS):
-        head = head.lstrip(b"[ \n") or head  # a table of TOML says nothing of the encoding
-    return f"this is no UTF-8 text: {looks_like(name, head)}"
+    seems = foreign(name, head) or _other_text(head)
+    return f"this is no UTF-8 text: {seems}"
+
+
+def _other_text(head: bytes) -> str:
+    """Return what bytes look like that are no UTF-8 text, and begin like no other kind."""
+    plain = sum(byte in _PLAIN for byte in head)
+    if plain > 0.8 * len(head):
+        return "it looks like text in another encoding; save it as UTF-8"
+    return _binary(head)
+
+
+def _binary(head: bytes) -> str:
+    return f"it looks like binary data of another program, and begins with {head[:4].hex(' ')}"
 
 
 def foreign(name: object, head: bytes) -> str:

@@ -314,20 +314,18 @@ def test_who_does_not_read_what_he_asked_for_keeps_no_host_waiting(folder: Path)
 
 @pytest.mark.slow
 def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as late:
-        with running(folder / "bench.toml") as (board, _):
-            with socket_address(watch_path("bench")) as address:
-                late.connect(address)
-            late.sendall(b'{"scope": {}}\n')
-            for target in (900, 0, 900, 0, 900):
-                reached = drive(folder, target)
-            board.send_signal(signal.SIGINT)
-            with late.makefile("rb") as told:
-                lines = (json.loads(line) for line in told)
-                description = next(
-                    line[1] for line in lines if isinstance(line, list) and line[0] == "scope"
-                )
-                data = told.read()
+    with socket.socket(socket.AF_UNIX) as late, running(folder / "bench.toml") as (board, _):
+        with socket_address(watch_path("bench")) as address:
+            late.connect(address)
+        late.sendall(b'{"scope": {}}\n')
+        for target in (900, 0, 900, 0, 900):
+            reached = drive(folder, target)
+        board.send_signal(signal.SIGINT)
+        with late.makefile("rb") as told:
+            told.readline()  # what the board is
+            lines = (json.loads(line) for line in told)
+            description = next(line[1] for line in lines if line[0] == "scope")
+            data = told.read()
     frames = b""
     while data:
         size = int.from_bytes(data[:4], "little")

@@ -1,6 +1,7 @@
 """Every verb with every kind of wrong file: a sentence that names the file and says what to do."""
 
 import io
+import socket
 import struct
 import zipfile
 from pathlib import Path
@@ -84,7 +85,8 @@ VERBS: dict[str, tuple[int, tuple[str, ...]]] = {
     "up @": (3, ("board.toml",)),
     "wave @ -o out.vcd": (1, ("run.vbj",)),
 }
-"""Each verb with a file, ``@``; its exit code for a wrong one; what is right, or wrong otherwise."""
+"""Each verb with a file, ``@``; its exit code for a wrong one; those that are right."""
+assert {code for code, _ in VERBS.values()} <= {*exit_codes.MEANINGS}
 OF_BOARDS = ("scope", "wave")
 """Verbs for which what is no file is the name of a board."""
 
@@ -157,3 +159,55 @@ def test_a_wrong_file_is_named_with_what_to_do(
         if any(problems):
             mistakes.append(f"{' '.join(words)}: {'; '.join(filter(None, problems))}: {said}")
     assert not mistakes, "\n".join(mistakes)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "likely"),
+    [("LM692N-8", "LM629N-8"), ("lm629n-8", "LM629N-8"), ("MC1214A", "MC1241A"),
+     ("MPC-1200", "MCP-1200")],
+)  # fmt: skip
+def test_a_part_that_is_not_known_has_the_numbers_close_to_it(
+    wrong: str, likely: str, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (files / "part.toml").write_text(BOARD.replace("LM629N-8", wrong))
+    assert cli._run(["check", "part.toml"]) == exit_codes.BAD_BOARD
+    assert f'unknown part "{wrong}"; did you mean "{likely}"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        "run board.toml --metrics 127.0.0.1:{}",
+        "run tcp.toml",
+        "run board.toml --scope 127.0.0.1:{}",
+        "exec --board board.toml --scope 127.0.0.1:{} -- true",
+        "scope empty.vbj --listen 127.0.0.1:{}",
+    ],
+)
+def test_a_port_in_use_is_named_with_what_to_do(
+    verb: str, files: Path, journal: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (files / "empty.vbj").write_bytes(journal)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        (files / "tcp.toml").write_text(BOARD.replace("unix:$VBUS_RUNTIME/wrong", f"tcp:{port}"))
+        assert cli._run(verb.format(port).split()) == exit_codes.NO_LINK
+    said = capfd.readouterr().err
+    assert f":{port}" in said
+    assert "in use" in said
+    assert "0 is any free one" in said
+
+
+@pytest.mark.parametrize(
+    "verb",
+    ["monitor nobody", "scope nobody", "snap save nobody a.vbs", "stop nobody", "ls nobody",
+     "wait nobody --timeout 0", "fault list nobody", "logs nobody", "wave nobody -o a.vcd",
+     "exec --join nobody -- true", "exec --link unix:nobody -- true"],
+)  # fmt: skip
+def test_a_board_that_is_not_there_is_named_with_what_to_do(
+    verb: str, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli._run(verb.split()) in (exit_codes.FAILURE, exit_codes.NO_LINK)
+    said = capsys.readouterr().err
+    assert "nobody" in said
+    assert "vbus " in said.partition("nobody")[2], said

@@ -311,9 +311,7 @@ def not_started(program: str, error: OSError) -> ProgramError:
                 f"{program}: what its first line names, or its loader, is not on this machine", True
             )
         if path.exists():
-            return ProgramError(
-                f"{program}: not in $PATH; write ./{program} for the one here", True
-            )
+            return ProgramError(f"{program}: not in $PATH; write ./{program}", True)
         return ProgramError(
             f"{program}: there is no such program; build it, or name it as a shell finds it", True
         )

@@ -177,9 +177,7 @@ def _check_firmware(elf: str) -> None:
         made = "avr-gcc links one (a .hex file lacks what the simulator needs)"
         raise ProgramError(is_none(elf, head, "AVR firmware (ELF)", made), False)
     if head[18:20] != _AVR:
-        raise ProgramError(
-            f"{elf}: an ELF program for another machine; link one with avr-gcc", False
-        )
+        raise ProgramError(f"{elf}: an ELF file of another machine; link it by avr-gcc", False)
 
 
 def _host(file: BoardFile, name: str | None) -> HostSection:
