@@ -108,8 +108,9 @@ def command(
     else:
         from vbus.tools.beside import run_on_board
 
-        page = {"scope": scope, "control": scope_control, "open_page": open_page}
-        runner = partial(run_on_board, limit=limit, **page)
+        runner = partial(
+            run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
+        )
     if join is not None:
         from vbus.tools.joining import link_of
 
