@@ -26,7 +26,7 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"addresses", "bits", "collection", "errors", "options", "state", "version"}
+LEAVES = {"addresses", "bits", "collection", "errors", "file_kinds", "options", "state", "version"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "conditions", "faults", "glue", "plant", "protocols", "trace"}
 SCOPE = BOARD | {"scope"}
@@ -37,9 +37,10 @@ MAY_IMPORT = {
     "addresses": set(),
     "bits": set(),
     "collection": set(),
-    "errors": set(),
+    "errors": {"file_kinds"},
+    "file_kinds": set(),
     "options": set(),
-    "state": {"errors", "state"},
+    "state": {"errors", "file_kinds", "state"},
     "version": set(),
     "kernel": LEAVES | {"kernel"},
     "signals": SIGNALS,

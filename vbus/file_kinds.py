@@ -1,6 +1,5 @@
 """What a file is that was given in the place of another: by how it begins."""
 
-import os
 import re
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -138,6 +137,6 @@ def unreadable(path: str | Path, error: OSError) -> str:
     folder = Path(path).parent
     if not folder.is_dir():
         return f"{reason}; there is no folder {folder} either"
-    there = sorted(entry.name for entry in os.scandir(folder) if entry.is_file())
+    there = sorted(entry.name for entry in folder.iterdir() if entry.is_file())
     close = get_close_matches(Path(path).name, there, n=1)
     return reason + (f'; did you mean "{folder / close[0]}"?' if close else "; check its name")
