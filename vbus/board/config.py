@@ -46,17 +46,15 @@ def _text_of(path: str | FilePath) -> str:
     except OSError as error:
         raise BoardFileError([Problem(str(path), 0, "", unreadable(path, error))]) from None
     except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        reason = no_text(path, error.object)
+        line, reason = error.object.count(b"\n", 0, error.start) + 1, no_text(path, error.object)
         raise BoardFileError([Problem(str(path), line, "", reason)]) from None
 
 
 @collection_held()
 def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
     """Check a board file that is already in memory; ``file`` is its name in messages."""
-    data = _parsed(file, text)
     source = Source(file, text)
-    return _Reader(source, data).read(), source
+    return _Reader(source, _parsed(file, text)).read(), source
 
 
 def _parsed(file: str, text: str) -> dict[str, Any]:
@@ -83,8 +81,7 @@ def read_zenoh_file(path: str | FilePath) -> sections.ZenohSection:
 
 
 def _no_toml(file: str, text: str, reason: str) -> Problem:
-    other = foreign(file, text.encode())
-    if other:
+    if other := foreign(file, text.encode()):
         return Problem(file, 0, "", f"this is no board file: {other}")
     match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
     if match is None:
