@@ -27,11 +27,11 @@ def texts(*folders: Path) -> list[Path]:
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
 ORDER = (
-    "errors", "bits", "collection", "options", "addresses", "version", "wall_clock", "runtime",
-    "native", "entry_points", "compiled", "state", "kernel", "values", "signals", "protocols",
-    "chips", "plant", "glue", "plugins", "network", "client", "circuit", "events", "faults", "board",
-    "trace", "scope", "nodes", "transports", "server", "attach", "cluster", "tools", "testing",
-    "__init__", "__main__",
+    "file_kinds", "errors", "bits", "collection", "options", "addresses", "version", "wall_clock",
+    "runtime", "native", "entry_points", "compiled", "state", "kernel", "values", "signals",
+    "protocols", "chips", "plant", "glue", "plugins", "network", "client", "circuit", "events",
+    "faults", "board", "trace", "scope", "nodes", "transports", "server", "attach", "cluster",
+    "tools", "testing", "__init__", "__main__",
 )  # fmt: skip
 """Rooms, the lowest first: a room imports those before it, for type checkers and in functions too.
 A folder is a room, a file beside the folders too; see :data:`ROLES` for the folder of a chip."""

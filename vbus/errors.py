@@ -11,6 +11,7 @@
     +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- PluginError       an entry point is missing or broken
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
+    +-- ProgramError      a program cannot be started
     +-- TimeEndedError    chip time has come to its end
     +-- SnapshotError     a saved state does not fit the board it is loaded into
     +-- NodeError         another node of the board: names it
@@ -24,6 +25,8 @@ does what silicon would do and a :class:`~vbus.signals.tables.Violation` is file
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from vbus.file_kinds import no_text, unreadable
 
 
 class VbusError(Exception):
@@ -77,6 +80,18 @@ class TimeEndedError(VbusError):
     """Chip time has come to its end; a board in real time ends there, in order."""
 
 
+class ProgramError(VbusError):
+    """A program that cannot be started.
+
+    Attributes:
+        missing: whether there is none of that name; or else it is there and cannot be run.
+    """
+
+    def __init__(self, message: str, missing: bool) -> None:
+        super().__init__(message)
+        self.missing: bool = missing
+
+
 class NodeError(VbusError):
     """Another node of the same board does not do its part.
 
@@ -102,9 +117,10 @@ def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator
     """Raise an error of this kind where the file cannot be read, or is no text."""
     try:
         yield
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
-        raise kind(f"{path}: cannot be read: {reason}") from error
+    except OSError as error:
+        raise kind(f"{path}: {unreadable(path, error)}") from error
+    except UnicodeDecodeError as error:
+        raise kind(f"{path}: {no_text(path, error.object)}") from error
 
 
 @contextmanager

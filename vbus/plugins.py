@@ -84,12 +84,28 @@ def load(group: str, name: str) -> object:
 
 def known(group: str, name: str) -> str:
     """Return the end of a message about an unknown ``name``: the likely one, and all there are."""
+    return _likely(name, names(group), most=1)
+
+
+def _likely(name: str, everything: list[str], most: int = 3) -> str:
     from difflib import get_close_matches
 
-    everything = names(group)
-    close = get_close_matches(name, everything, n=1)
-    hint = f'did you mean "{close[0]}"? ' if close else ""
+    close = get_close_matches(name, everything, n=most)
+    if not close:
+        folded = {item.upper(): item for item in everything}
+        close = [folded[item] for item in get_close_matches(name.upper(), folded, n=most)]
+    quoted = " or ".join(f'"{item}"' for item in close)
+    hint = f"did you mean {quoted}? " if close else ""
     return f"{hint}known are {', '.join(everything)}"
+
+
+def _parts() -> list[str]:
+    """Return the part numbers of all chips, and what those of chips without any begin with."""
+    parts: list[str] = []
+    for name in names(CHIPS):
+        with suppress(PluginError):
+            parts += chip_of(_family(name)).PARTS or (name,)
+    return list(dict.fromkeys(parts))
 
 
 def _import(entry: EntryPoint, group: str) -> object:
@@ -114,7 +130,7 @@ def family_of(part: str) -> Family:
     """
     fitting = [name for name in _entries(CHIPS) if part.startswith(name)]
     if not fitting:
-        raise PluginError(f'unknown part "{part}"; {known(CHIPS, part)}')
+        raise PluginError(f'unknown part "{part}"; {_likely(part, _parts())}')
     return _family(max(fitting, key=len))
 
 

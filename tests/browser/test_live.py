@@ -247,6 +247,19 @@ def test_orders_only_where_the_server_takes_them(new_page: Open, board: Board) -
     assert board.heard == []
 
 
+def test_what_is_left_out_is_said_beside_the_state(board: Board) -> None:
+    page = board.page
+    board.play()
+    board.reached()
+    state_of = "document.getElementById('state').textContent"
+    assert page.evaluate(state_of) == "live, lockstep"
+    text = "all before 2.000 s is left out: the scope keeps 256 MiB"
+    mark = {"text": text, "kind": "gap", "rule": None, "clause": None, "label": None}
+    board.play(frame(4, board.marks, 1, 0, column([0], 0), column([mark], 4)))
+    board.reached()
+    assert page.evaluate(state_of) == f"live, lockstep; {text}"
+
+
 def test_two_pages_at_once(new_page: Open, board: Board) -> None:
     page = new_page()
     other = Board(page)

@@ -367,7 +367,7 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
 def test_ls_of_a_board_that_does_not_run_ends_with_4() -> None:
     done = vbus("ls", "bench")
     assert (done.returncode, done.stdout) == (4, "")
-    assert done.stderr == 'vbus: no board called "bench" answers\n'
+    assert done.stderr == 'vbus: no board called "bench" answers; "vbus ls" shows which do\n'
 
 
 # -- real time on request -----------------------------------------------------------------------

@@ -216,9 +216,9 @@ def test_a_page_sees_a_running_board_as_its_journal_has_it(folder: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("always", [False, True])
-def test_in_real_time_samples_are_recorded_while_a_page_is_open_or_always(
-    folder: Path, always: bool
+@pytest.mark.parametrize("sparse", [False, True])
+def test_in_real_time_samples_are_recorded_always_or_while_a_page_is_open(
+    folder: Path, sparse: bool
 ) -> None:
     board = folder / "bench.toml"
     board.write_text(board.read_text().replace("lockstep", "realtime"))
@@ -233,7 +233,7 @@ def test_in_real_time_samples_are_recorded_while_a_page_is_open_or_always(
         return lambda seen: any(abs(value - place) < 20 for _, value in seen.rows["x.real"][-1:])
 
     with running(board):
-        process = start("scope", "bench", *(["--always"] if always else []))
+        process = start("scope", "bench", *(["--sparse"] if sparse else []))
         assert process.stdout is not None
         link = link_in(process.stdout.readline())
         drive(folder)
@@ -242,7 +242,7 @@ def test_in_real_time_samples_are_recorded_while_a_page_is_open_or_always(
         back.join()
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
-    assert (len(unseen) > 100) is always
+    assert (len(unseen) > 100) is not sparse
     assert len(seen) - len(unseen) > 100
 
 
@@ -310,6 +310,30 @@ def test_who_does_not_read_what_he_asked_for_keeps_no_host_waiting(folder: Path)
                 assert drive(folder)
         assert drive(folder)
         assert board.poll() is None
+
+
+@pytest.mark.slow
+def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as late, running(folder / "bench.toml") as (board, _):
+        with socket_address(watch_path("bench")) as address:
+            late.connect(address)
+        late.sendall(b'{"scope": {}}\n')
+        for target in (900, 0, 900, 0, 900):
+            reached = drive(folder, target)
+        board.send_signal(signal.SIGINT)
+        with late.makefile("rb") as told:
+            told.readline()  # what the board is
+            lines = (json.loads(line) for line in told)
+            description = next(line[1] for line in lines if line[0] == "scope")
+            data = told.read()
+    frames = b""
+    while data:
+        size = int.from_bytes(data[:4], "little")
+        frames, data = frames + data[4 : 4 + size], data[4 + size :]
+    seen = Seen(description, frames)
+    assert len(frames) > 1 << 19, "more than a socket holds"
+    assert seen.rows["x.real"][-1][1] == reached
+    assert not seen.rows["left out"]
 
 
 @pytest.mark.slow

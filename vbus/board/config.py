@@ -18,6 +18,7 @@ from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.collection import collection_held
 from vbus.errors import PluginError
+from vbus.file_kinds import foreign, no_text, unreadable
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 from vbus.values.settings import NAME_FORM, check_table, listed, quoted, suggestion
@@ -44,20 +45,17 @@ def _text_of(path: str | FilePath) -> str:
     try:
         return FilePath(path).read_bytes().decode()
     except OSError as error:
-        raise BoardFileError(
-            [Problem(str(path), 0, "", f"cannot be read: {error.strerror}")]
-        ) from None
+        raise BoardFileError([Problem(str(path), 0, "", unreadable(path, error))]) from None
     except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        raise BoardFileError([Problem(str(path), line, "", "this is no UTF-8 text")]) from None
+        line, reason = error.object.count(b"\n", 0, error.start) + 1, no_text(path, error.object)
+        raise BoardFileError([Problem(str(path), line, "", reason)]) from None
 
 
 @collection_held()
 def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
     """Check a board file that is already in memory; ``file`` is its name in messages."""
-    data = _parsed(file, text)
     source = Source(file, text)
-    return _Reader(source, data).read(), source
+    return _Reader(source, _parsed(file, text)).read(), source
 
 
 def _parsed(file: str, text: str) -> dict[str, Any]:
@@ -84,6 +82,8 @@ def read_zenoh_file(path: str | FilePath) -> sections.ZenohSection:
 
 
 def _no_toml(file: str, text: str, reason: str) -> Problem:
+    if other := foreign(file, text.encode()):
+        return Problem(file, 0, "", f"this is no board file: {other}")
     match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
     if match is None:
         end = re.fullmatch(r"(.*) \(at end of document\)", reason, re.DOTALL)

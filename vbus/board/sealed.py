@@ -3,6 +3,7 @@
 import hashlib
 
 from vbus.errors import SnapshotError
+from vbus.file_kinds import HEAD, is_none
 
 
 def seal(magic: bytes, body: bytes) -> bytes:
@@ -23,7 +24,8 @@ def unseal(magic: bytes, data: bytes, name: str, kind: str) -> bytes:
         SnapshotError: it is none, or was cut short or damaged.
     """
     if not data.startswith(magic):
-        raise SnapshotError(f"{name}: this is no {kind}")
+        made = '"vbus snap save" takes one of a running board'
+        raise SnapshotError(is_none(name, data[:HEAD], kind, made))
     start = len(magic) + 32
     body = data[start:]
     if hashlib.sha256(body).digest() != data[len(magic) : start]:

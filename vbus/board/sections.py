@@ -281,8 +281,8 @@ class ScopeSection(Section, frozen=True, kw_only=True):
     )
     certificate: Annotated[str, _key("text", "file of the certificate for TLS (PEM)")] = ""
     key: Annotated[str, _key("text", "file of its key (PEM)")] = ""
-    always: Annotated[
-        bool, _key("flag", "record every sample in real time, also while no page is open")
+    sparse: Annotated[
+        bool, _key("flag", "in real time, take down four samples a second while no page is open")
     ] = False
 
 

@@ -21,6 +21,7 @@ from vbus.cluster.saving import saved
 from vbus.cluster.timebase import Timebase
 from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
+from vbus.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.machine_snapshot import read, restore
@@ -170,6 +171,9 @@ def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
     return lines
 
 
+_TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
+
+
 def read_traces(paths: Sequence[str]) -> tuple[str, int]:
     """Merge trace files of all nodes of a run; return the SHA-256 (hex) and the number of lines.
 
@@ -184,7 +188,10 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
                     when, rank, _ = line.split(" ", 2)
                     lines.append((int(when), int(rank), number, line))
             except ValueError:
-                raise VbusError(f"{path}: this is no trace of nodes") from None
+                head = Path(path).read_bytes()[:HEAD]
+                raise VbusError(is_none(path, head, "trace of nodes", _TRACED)) from None
+    if not lines:
+        raise VbusError(is_none(" and ".join(paths), b"", "trace of nodes", _TRACED))
     lines.sort()
     return hash_of(line for *_, line in lines), len(lines)
 

@@ -25,6 +25,10 @@ MARK_TITLES: Final = {
     "bookmark": "bookmarks",
 }  # fmt: skip
 """Kinds of marks, each a lane of its own."""
+GAP_MARK: Final = "gap"
+"""Kind of the marks where something of a board that runs is left out."""
+GAPS: Final = "left out"
+"""Name of their lane."""
 NODE_MARK: Final = "node"
 """Kind of the marks of nodes that go and come back, on a page of several boards that run."""
 
@@ -59,7 +63,7 @@ class Lanes:
         plants: by chip: plant, key of its telemetry, lane.
         nets: by name of a net: net and lane.
         packets: lane of the packets by chip.
-        marks: lanes of the marks by kind.
+        marks: lanes of the marks by kind; those of gaps are of a board that runs alone.
         lag: how late chip time is, of a board that runs in real time.
         overload: how many times the machine would be enough for it; 0 while it keeps up.
         skew: how far apart in wall time the nodes are that it is one of.
@@ -87,6 +91,8 @@ class Lanes:
                 self.nets[net.name] = net, self._add(None, net.name, net.name, kind)
         for kind, title in MARK_TITLES.items():
             self.marks[kind] = self._add(None, title, title, MARK_LANE)
+        if late is not None:
+            self.marks[GAP_MARK] = self._add(None, GAPS, GAPS, MARK_LANE)
         self.lag: Lane | None = None
         self.overload: Lane | None = None
         self.skew: Lane | None = None

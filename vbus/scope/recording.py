@@ -27,7 +27,7 @@ from vbus.scope.frames import (
     texts,
 )  # fmt: skip
 from vbus.scope.lane import Lane
-from vbus.scope.lanes import MARK_LANE, Lanes, Lateness
+from vbus.scope.lanes import GAP_MARK, MARK_LANE, Lanes, Lateness
 from vbus.scope.look import Look, LookTimes
 from vbus.signals import Violation
 
@@ -86,6 +86,8 @@ class Recorder(BoardPackets):
         """Violations by chip that no packet has been told since."""
         self._hosts: set[str] = set()
         self._known_until: int = -1
+        self._taken: int = 0
+        """When frames were taken last (ps)."""
 
     def start(self, after: int = -1) -> None:
         """Begin to record.
@@ -233,6 +235,7 @@ class Recorder(BoardPackets):
             rows.sort(key=itemgetter(0))  # some are known later than others that began after them
             for place in range(0, len(rows), MOST_ROWS):
                 frames.append(_rows(lane, rows[place : place + MOST_ROWS], column))
+        self._taken = self.board.now
         return [*frames, frame(NOW, ALL, 0, self.board.now)]
 
     def _note_lateness(self, late: Lateness) -> None:
@@ -250,6 +253,10 @@ class Recorder(BoardPackets):
         """
         for lane in self.lanes.all:
             lane.forget()
+        if GAP_MARK in self.lanes.marks:
+            unseen = self.board.now - self._taken
+            text = f"{unseen * 1e-12:.3f} s from here on are left out: the scope did not keep up"
+            self._mark(self._taken, text, GAP_MARK)
 
     def _leave_out_known(self) -> None:
         """Forget what is new; the values go on from those there are."""

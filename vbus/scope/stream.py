@@ -2,7 +2,8 @@
 
 from typing import Any, Final
 
-from vbus.scope.frames import LASTING
+from vbus.scope.frames import HEAD, LASTING, MARKS, NOW, frame, numbers, texts
+from vbus.scope.lanes import GAP_MARK, GAPS
 
 MOST_KEPT: Final = 1 << 28
 """Bytes kept of a board that runs."""
@@ -14,7 +15,7 @@ class Stream:
     """Frames in their order. Each page has a place in it; nobody waits for a page.
 
     Where there is too much the oldest is left out, but for labels and tables: what comes later
-    counts on them.
+    counts on them. A page that would have been sent it is told by a mark.
 
     Args:
         description: what a page is told first.
@@ -31,6 +32,10 @@ class Stream:
         """Number of the oldest that is kept."""
         self._lasting: list[tuple[int, bytes]] = []
         """Frames that last and are older, each with its number."""
+        self._begin: int = 0
+        """The instant (ps) up to which frames are left out."""
+        lanes = (lane["id"] for lane in description.get("lanes", ()) if lane["name"] == GAPS)
+        self._gaps: int | None = next(lanes, None)
 
     @property
     def end(self) -> int:
@@ -45,6 +50,8 @@ class Stream:
             oldest = self._kept.pop(self._first)
             if oldest[0] in LASTING:
                 self._lasting.append((self._first, oldest))
+            else:
+                self._begin = max(self._begin, _now(oldest))
             self._size -= len(oldest)
             self._first += 1
 
@@ -54,8 +61,26 @@ class Stream:
         if place < self._first:
             for number, lasting in self._lasting:
                 message += lasting if number >= place else b""
+            message += self._gap()
             place = self._first
         while place < self.end and len(message) < MESSAGE:
             message += self._kept[place]
             place += 1
         return bytes(message), place
+
+    def _gap(self) -> bytes:
+        """Return the mark of what is left out, if there is a lane for it."""
+        if self._gaps is None or not self._begin:
+            return b""
+        kept = f"{(self._most or 0) >> 20} MiB"
+        text = f"all before {self._begin * 1e-12:.3f} s is left out: the scope keeps {kept}"
+        mark = {"text": text, "kind": GAP_MARK, "rule": None, "clause": None, "label": None}
+        return frame(MARKS, self._gaps, 1, self._begin, numbers([0]), texts([mark]))
+
+
+def _now(frames: bytes) -> int:
+    """Return how far time had come when frames were made (ps); 0 if they do not end with that."""
+    if len(frames) < HEAD.size:
+        return 0
+    kind, columns, _, _, first = HEAD.unpack_from(frames, len(frames) - HEAD.size)
+    return int(first) if (kind, columns) == (NOW, 0) else 0

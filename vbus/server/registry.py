@@ -183,7 +183,12 @@ def not_there(board: str, does: str, reason: str) -> str:
     nodes = [f"{board}.{name}" for name in nodes_of(board)]
     if nodes:
         return f'"{board}" is a machine of nodes; name one of them: {", ".join(nodes)}'
-    return f'no board called "{board}" {does} ({reason}); "vbus ls" shows which run'
+    if Path(board).is_dir():
+        return f'"{board}" is a directory, and no board; name a file in it, or a board ("vbus ls")'
+    return (
+        f'no board called "{board}" {does} ({reason}); "vbus ls" shows which run, "vbus run FILE"'
+        " starts one"
+    )
 
 
 def order(board: str, do: str, **values: Any) -> Any:

@@ -4,8 +4,8 @@ import asyncio
 import json
 import logging
 import os
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import ExitStack, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -263,8 +263,18 @@ class Server:
         except OSError as error:  # everything else has been closed
             self._report(f"board {self.board.name}, while it stopped: {error}")
 
-    async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
+    async def serve(
+        self,
+        stop: asyncio.Event,
+        ready: Callable[[], None] | None = None,
+        before: Callable[[], Coroutine[Any, Any, None]] | None = None,
+    ) -> None:
         """Serve until ``stop`` is set.
+
+        Args:
+            stop: ends it.
+            ready: called once every link is open and ``before`` has returned.
+            before: what is waited for until then; cancelled by ``stop``.
 
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
@@ -272,7 +282,9 @@ class Server:
         self.pacer.on_end = stop.set
         self.start(asyncio.get_running_loop())
         try:
-            if ready is not None:
+            if before is not None:
+                await _unless(stop, before())
+            if ready is not None and not stop.is_set():
                 ready()
             await stop.wait()
         finally:
@@ -345,6 +357,7 @@ def run(
     report: Callable[[str], None] | None = None,
     metrics: tuple[str, int] | None = None,
     settle: Callable[[], bool] | None = None,
+    before: "Callable[[Server], Coroutine[Any, Any, None]] | None" = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 
@@ -354,6 +367,18 @@ def run(
 
     async def serve(stop: asyncio.Event) -> None:
         server = Server(board, links, stall, report, metrics, settle=settle)
-        await server.serve(stop, None if on_ready is None else partial(on_ready, server))
+        ready = None if on_ready is None else partial(on_ready, server)
+        await server.serve(stop, ready, None if before is None else partial(before, server))
 
     run_until_signal(serve)
+
+
+async def _unless(stop: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
+    """Wait until something is done, or until ``stop`` is set, which cancels it."""
+    done = asyncio.ensure_future(doing)
+    stopped = asyncio.ensure_future(stop.wait())
+    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    for one in (done, stopped):
+        one.cancel()
+    with suppress(asyncio.CancelledError):
+        await done

@@ -2,10 +2,11 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import closing
 from math import isinf
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -151,8 +152,13 @@ def serve_read(
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
     snapshot: str = "",
+    before: Callable[[Server], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Serve a board file that has been read; see :func:`serve`."""
+    """Serve a board file that has been read; see :func:`serve`.
+
+    Args:
+        before: what is waited for before ``on_ready`` is called.
+    """
     if not file.hosts:
         raise ConfigError(
             f"{file.path}: there is no [[hosts]], so nothing could attach; write one, such as\n"
@@ -172,9 +178,13 @@ def serve_read(
         load_into(board, read(_content(snapshot), snapshot))
     recording = Recording(board, source.text, file.path, report or log.warning)
 
-    def ready(server: Server) -> None:
+    async def begin(server: Server) -> None:
         server.keep(recording)
         recording.start(asyncio.get_running_loop())
+        if before is not None:
+            await before(server)
+
+    def ready(server: Server) -> None:
         keep_what_is_made()
         if on_ready is not None:
             on_ready(server)
@@ -182,5 +192,6 @@ def serve_read(
 
     with own_board(board.name), closing(recording):
         recording.open(file.record, file.waves)
-        run(board, links_of(file), file.board.stall, ready, report, address, recording.settle)
+        links, settle = links_of(file), recording.settle
+        run(board, links, file.board.stall, ready, report, address, settle, begin)
     recording.check()

@@ -33,6 +33,7 @@ import errno
 import io
 import json
 import os
+import select
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -69,6 +70,8 @@ MOST_FRAMES: Final = 1 << 24
 """The same of frames."""
 MOST_ANSWERS: Final = 2 * MOST_FRAMES
 """The same of frames, and answers to orders among them."""
+LAST_SECONDS: Final = 1.0
+"""How long a board that ends waits for somebody who reads nothing."""
 MOST_LINES: Final = 20_000
 """Lines kept between two sendings; the rest is counted as lost."""
 
@@ -360,11 +363,24 @@ class Watcher(Connection, Observer):
                 self._wave.stop()
             elif (recorder := self._recorder or self._pins) is not None:
                 recorder.stop()
+                self._send_last()  # there is room for what is new then
                 self._send_frames(recorder)
-                with suppress(OSError):  # the last that is told, if there is room for it
-                    os.write(self._link.fd, self.pending)
+                self._send_last()
             else:
                 self._board.unobserve(self)
             if self._until is not None:
                 self._until.end()
         super().end()
+
+    def _send_last(self) -> None:
+        """Send what is pending: a run that was short may end with most of it, and waits for it.
+
+        Not for somebody who has read nothing for a while, or orders and does not read.
+        """
+        if len(self.pending) > MOST_ANSWERS:
+            return
+        room = select.poll()
+        room.register(self._link.fd, select.POLLOUT)
+        with suppress(OSError):  # nobody is there any more
+            while self.pending and room.poll(LAST_SECONDS * 1000):
+                del self.pending[: os.write(self._link.fd, self.pending)]

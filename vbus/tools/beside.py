@@ -3,17 +3,19 @@
 import asyncio
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Final, TextIO
+from typing import Any, BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection, ScopeSection
+from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
-from vbus.errors import VbusError
+from vbus.errors import ProgramError, VbusError
+from vbus.file_kinds import HEAD, looks_like
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
@@ -25,12 +27,13 @@ from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, exit_codes, preload
 from vbus.tools.outcome import Outcome
-from vbus.tools.output import complain
+from vbus.tools.output import complain, scope_address
 from vbus.tools.scope import place_of
 from vbus.tools.scope_process import show_board
 from vbus.tools.transcript import Transcript
 
-NO_SCOPE: Final = ScopeSection()
+Show = Callable[[str], Coroutine[Any, Any, None]]
+
 LIMIT: Final = "VBUS_LIMIT_PS"
 """Variable that tells firmware's simulator after how much chip time the board must know of it."""
 
@@ -121,8 +124,9 @@ def run_on_board(
     transcript: str | None = None,
     summary: bool = True,
     limit: int | None = None,
-    scope: str = "",
+    scope: str | None = None,
     control: bool = False,
+    open_page: bool = False,
 ) -> int:
     """Run a program on a board that lives as long as the program; return its exit code.
 
@@ -141,6 +145,7 @@ def run_on_board(
             as it likes.
         scope: where the board is shown in a browser; else where its file says.
         control: whether who looks there may pause and step it.
+        open_page: whether a browser is started there, and the program begins when it has come.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -148,12 +153,13 @@ def run_on_board(
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
     files = _files(file, transcript)
-    shown = recorded(file, {}, "", scope).scope
+    address = scope_address(scope, control or open_page, file.scope.listen)
+    shown = recorded(file, {}, "", address or "").scope
+    show = None
     if shown.listen:
         place_of(shown)
-    ran = run_beside(
-        file, source, host, command, transcript, limit=limit, scope=shown, control=control
-    )
+        show = partial(show_board, scope=shown, control=control, open_page=open_page)
+    ran = run_beside(file, source, host, command, transcript, limit=limit, show=show)
     for line in ran.hangs:
         complain(line)
     lines = ran.findings.lines()
@@ -192,8 +198,7 @@ def run_beside(
     ahead: int = 0,
     stdout: BinaryIO | None = None,
     limit: int | None = None,
-    scope: ScopeSection = NO_SCOPE,
-    control: bool = False,
+    show: Show | None = None,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
@@ -206,8 +211,7 @@ def run_beside(
         ahead: how long the board runs before the program begins (ps).
         stdout: takes what the program says; else it goes where this process's goes.
         limit: chip time that it may take (ps).
-        scope: where the board is shown.
-        control: whether who looks there may pause and step it.
+        show: shows the board of this name, and is waited for before the program begins.
     """
     address = metrics_of(file)
     board = build(file, source)
@@ -245,7 +249,7 @@ def run_beside(
             polling = POLLING if board.policy == "realtime" else PATIENCE
             watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch, scope, control
+            server, recording, command(link), environment, note, stdout, watch, show
         )
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
@@ -282,8 +286,7 @@ async def _run_beside(
     note: Path,
     stdout: BinaryIO | None,
     watch: Watch | None,
-    scope: ScopeSection,
-    control: bool,
+    show: Show | None,
 ) -> int:
     """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
@@ -295,8 +298,8 @@ async def _run_beside(
     if counted:
         complain(f"metrics: {counted}")
     try:
-        if scope.listen:
-            await show_board(server.board.name, scope, control)
+        if show is not None:
+            await show(server.board.name)
         code = await run_program(command, environment, note, True, stdout, watch)
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
@@ -304,6 +307,31 @@ async def _run_beside(
     finally:
         server.stop()
     return code
+
+
+def not_started(program: str, error: OSError) -> ProgramError:
+    """Return what to say about a program that cannot be started, and what to do."""
+    path = Path(program)
+    if isinstance(error, FileNotFoundError):
+        if path.exists() and "/" in program:  # its interpreter is not there
+            return ProgramError(
+                f"{program}: what its first line names, or its loader, is not on this machine", True
+            )
+        if path.exists():
+            return ProgramError(f"{program}: not in $PATH; write ./{program}", True)
+        return ProgramError(
+            f"{program}: there is no such program; build it, or name it as a shell finds it", True
+        )
+    if path.is_dir():
+        return ProgramError(f"{program}: it is a directory; name a program in it", False)
+    if path.is_file() and os.access(path, os.R_OK):
+        with path.open("rb") as file:
+            kind = looks_like(program, file.read(HEAD))
+        hint = f"if it is a program: chmod +x {program}"
+        if os.access(path, os.X_OK):
+            hint = "a script begins with a line such as #!/bin/sh"
+        return ProgramError(f"{program}: it cannot be run: {kind}; {hint}", False)
+    return ProgramError(f"{program}: cannot be started: {error.strerror}", False)
 
 
 async def run_program(
@@ -356,7 +384,7 @@ async def run_program(
                 stdout=stdout,
             )
         except OSError as error:
-            raise VbusError(f"{command[0]}: {error.strerror}") from error
+            raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
             watch.over = lambda _: offspring.slay()

@@ -12,6 +12,7 @@ from vbus.errors import (
     CaptureError,
     ConfigError,
     PluginError,
+    ProgramError,
     TimeEndedError,
     TransportError,
     VbusError,
@@ -136,6 +137,8 @@ def _run(arguments: list[str] | None) -> int:
     except VbusError as error:
         # Mistakes of board files begin with their place.
         click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
+        if isinstance(error, ProgramError):
+            return exit_codes.NO_PROGRAM if error.missing else exit_codes.NOT_RUNNABLE
         codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
         return next(codes, exit_codes.FAILURE)
     except (KeyboardInterrupt, click.Abort):

@@ -236,13 +236,17 @@ def _hertz(text: str | None) -> int:
 def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
     """Open a capture; its format is told by how its name ends."""
     from vbus.errors import CaptureError
+    from vbus.file_kinds import HEAD, is_none
     from vbus.trace.silicon.capture_csv import read_csv
     from vbus.trace.silicon.capture_sr import read_sr
     from vbus.trace.silicon.capture_vcd import read_vcd
 
     kind = path.suffix.lower()
     if kind not in (".vcd", ".sr", ".csv"):
-        raise CaptureError(f"{path}: captures end in .vcd, .sr or .csv")
+        with reading(path, CaptureError) as file:
+            head = file.read(HEAD)
+        made = "captures end in .vcd, .sr or .csv"
+        raise CaptureError(is_none(path, head, "capture", made))
     with reading(path, CaptureError) as file:
         if kind == ".csv":
             capture = read_csv(file, str(path), hertz)

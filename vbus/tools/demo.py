@@ -10,7 +10,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.demos import NAMES, demo_of
-from vbus.tools.output import SCOPE_ADDRESS, complain, scope_options, show
+from vbus.tools.output import complain, scope_address, scope_options, show
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -37,21 +37,22 @@ def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
 @click.option("--headless", is_flag=True, help="No live view: print the summary only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON; headless.")
 def command(
-    name: str, scope: str | None, scope_control: bool, headless: bool, as_json: bool
-) -> int:
+    name: str, scope: str | None, scope_control: bool, open_page: bool, headless: bool,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Watch a chip move a motor under a host in another process.
 
     Starts a board in this process, opens a real pseudo terminal, and lets a host in a separate
     process make moves through it in real time. The exit code is 1 if a move did not end where it
     should.
     """
-    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
+    scope = scope_address(scope, scope_control or open_page)
     if scope is not None:
         from vbus.tools.scope import Place
 
         Place(scope, option="--scope")
     live = not headless and not as_json and sys.stdout.isatty()
-    run = _Run(name, live, scope, scope_control)
+    run = _Run(name, live, scope, scope_control, open_page)
     asyncio.run(run.play())
     show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
@@ -62,7 +63,9 @@ def command(
 class _Run:
     """One demonstration from start to summary."""
 
-    def __init__(self, name: str, live: bool, scope: str | None, control: bool) -> None:
+    def __init__(
+        self, name: str, live: bool, scope: str | None, control: bool, open_page: bool
+    ) -> None:
         from vbus.board.build import load_board_text
         from vbus.server.server import LinkSpec, Server
         from vbus.tools.demos.view import Traffic
@@ -74,6 +77,7 @@ class _Run:
         self._live: bool = live
         self._scope: str | None = scope
         self._control: bool = control
+        self._open_page: bool = open_page
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
         self._traffic: Traffic = Traffic(self.demo)
@@ -97,7 +101,8 @@ class _Run:
                 from vbus.tools.scope_process import show_board
 
                 scope = ScopeSection(listen=self._scope)
-                await show_board(self._server.board.name, scope, self._control)
+                name = self._server.board.name
+                await show_board(name, scope, self._control, self._open_page)
             process = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", "vbus.tools.demos.host", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,

@@ -6,7 +6,7 @@ from typing import Final
 
 import click
 
-from vbus.tools.output import SCOPE_ADDRESS, duration, record_options, scope_options
+from vbus.tools.output import duration, record_options, scope_options
 
 Runner = Callable[..., int]
 
@@ -17,6 +17,7 @@ _WITHOUT: Final = {
     "limit": "only a board that ends with the program can end it",
     "scope": "a running board is shown by: vbus scope NAME",
     "scope-control": "a running board is taken in hand by: vbus scope NAME --control",
+    "open": "a running board is shown by: vbus scope NAME",
 }
 """Why options are for boards that the program has of its own."""
 
@@ -61,6 +62,7 @@ def command(
     metrics: str | None,
     scope: str | None,
     scope_control: bool,
+    open_page: bool,
     sweep: str | None,
     limit: int | None,
     **records: str | None,
@@ -89,6 +91,7 @@ def command(
         "metrics": metrics,
         "scope": scope,
         "scope-control": scope_control or None,
+        "open": open_page or None,
         **wanted,
     }
     if sweep is not None and any(value is not None for value in given.values()):
@@ -99,14 +102,15 @@ def command(
             raise click.UsageError(
                 f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
-    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
     runner: Runner
     if sweep is not None:
         runner = _sweep(sweep, limit)
     else:
         from vbus.tools.beside import run_on_board
 
-        runner = partial(run_on_board, limit=limit, scope=scope or "", control=scope_control)
+        runner = partial(
+            run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
+        )
     if join is not None:
         from vbus.tools.joining import link_of
 

@@ -11,7 +11,8 @@ from typing import Final
 
 from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile, HostSection
-from vbus.errors import ConfigError, VbusError
+from vbus.errors import ConfigError, ProgramError, VbusError
+from vbus.file_kinds import HEAD, is_none, unreadable
 from vbus.native import include_dir
 from vbus.server.serving import recorded
 from vbus.tools.beside import run_on_board, run_program
@@ -31,6 +32,8 @@ KEYS: Final = {
 
 FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
 
+_AVR: Final = b"\x53\x00"
+"""The machine of an ELF file, at byte 18."""
 PACKAGES: Final = "libsimavr-dev libelf-dev"
 _SOURCES: Final = ("pin_link.c", "pin_decoder.c", "card_table.c", "link_text.c", "vbus.c")
 _HEADERS: Final = ("pin_link.h", "pin_decoder.h", "card_table.h", "link_text.h", "vbus.h")
@@ -142,20 +145,39 @@ def run_avr(
     if (board is None) == (link is None):
         raise ValueError("name either a board file or a link")
     if link is not None:
+        _check_firmware(elf)
         command = [simulator(), "--link", link, *options, elf]
         return asyncio.run(run_program(command, {}, Path()))
     assert board is not None
     file, source = read_board_file(board)
     file = recorded(file, record or {}, metrics)
+    host = _host(file, pinmap)
+    _check_firmware(elf)
     program = simulator()
     return runner(
         file,
         source,
-        _host(file, pinmap),
+        host,
         lambda address: [program, "--link", address, *options, elf],
         transcript,
         summary,
     )
+
+
+def _check_firmware(elf: str) -> None:
+    """Refuse what is no firmware of an AVR."""
+    path = Path(elf)
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        missing = isinstance(error, FileNotFoundError)
+        raise ProgramError(f"{elf}: {unreadable(path, error)}", missing) from None
+    if not head.startswith(b"\x7fELF"):
+        made = "avr-gcc links one (a .hex file lacks what the simulator needs)"
+        raise ProgramError(is_none(elf, head, "AVR firmware (ELF)", made), False)
+    if head[18:20] != _AVR:
+        raise ProgramError(f"{elf}: an ELF file of another machine; link it by avr-gcc", False)
 
 
 def _host(file: BoardFile, name: str | None) -> HostSection:

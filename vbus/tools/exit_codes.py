@@ -10,10 +10,12 @@ NO_LINK: Final = 4
 NO_PLUGIN: Final = 5
 BAD_CAPTURE: Final = 6
 TIME_ENDED: Final = 7
+NOT_RUNNABLE: Final = 126
+NO_PROGRAM: Final = 127
 INTERRUPTED: Final = 130
 
 MEANINGS: Final = {
-    OK: "it worked",
+    OK: "it worked; also what serves until Ctrl-C, ended by that",
     FAILURE: "it did not work; the message says why",
     USAGE: "the command line is wrong; of vbus diff: the runs cannot be compared",
     BAD_BOARD: "the board file is wrong",
@@ -21,5 +23,7 @@ MEANINGS: Final = {
     NO_PLUGIN: "a plug-in is missing or broken",
     BAD_CAPTURE: "a capture cannot be read, or lacks what is needed",
     TIME_ENDED: "chip time has come to its end, 106 days after power-on",
-    INTERRUPTED: "interrupted by Ctrl-C",
+    NOT_RUNNABLE: "vbus exec: the program is there, and cannot be run",
+    NO_PROGRAM: "vbus exec: there is no such program",
+    INTERRUPTED: "interrupted by Ctrl-C before it was done",
 }

@@ -82,6 +82,8 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
     if lines:
         return lines
     match = _ENTRY.fullmatch(what)
+    if match is not None and Path(match[1]).is_dir():
+        raise click.UsageError(f"{match[1]} is a directory; name a journal in it{_in(match[1])}")
     if match is None or not Path(match[1]).is_file():
         raise click.UsageError(
             unknown_clause(what)
@@ -93,6 +95,12 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
     first = int(match[2]) if match[2] else 0
     last = int(match[3]) if match[3] else first if match[2] else None
     return decoded(Path(match[1]), first, last, quiet)
+
+
+def _in(folder: str) -> str:
+    """Return the first journal of a folder, as an example."""
+    found = sorted(Path(folder).glob("*.vbj"))
+    return f", such as {found[0]}" if found else ""
 
 
 def _refuse_unknown_rule(what: str) -> None:

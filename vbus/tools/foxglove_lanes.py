@@ -232,7 +232,10 @@ class FoxgloveServer:
                 tls_key=key,
             )
         except RuntimeError as error:
-            raise TransportError(f"{self._host}:{self._port}: cannot listen: {error}") from error
+            raise TransportError(
+                f"{self._host}:{self._port}: cannot listen: {error}; free the address, or give"
+                " another with --foxglove (port 0 is any free one)"
+            ) from error
         shown = f"[{self._host}]" if ":" in self._host else self._host
         scheme = "ws" if self._tls is None else "wss"
         self._report(f"{scheme}://{shown}:{self._server.port}")

@@ -23,7 +23,10 @@ def link_of(name: str, firmware: bool = False) -> str:
     found = next((board for board in boards if board["board"] == name), None)
     if found is None:
         names = ", ".join(sorted(str(board["board"]) for board in boards)) or "none"
-        raise TransportError(f'no board called "{name}" runs on this machine; running are: {names}')
+        raise TransportError(
+            f'no board called "{name}" runs on this machine; running are: {names}; "vbus run FILE"'
+            " starts one"
+        )
     if "error" in found:
         raise TransportError(f"{name}: {found['error']}")
     links = [

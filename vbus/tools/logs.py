@@ -24,7 +24,10 @@ def command(board: str, follow: bool) -> None:
     try:
         file = log_path(board).open(encoding="utf-8", errors="replace")
     except FileNotFoundError:
-        raise TransportError(f'no board called "{board}" was started with --detach') from None
+        raise TransportError(
+            f'no board called "{board}" was started with --detach; "vbus ls" shows which run, and'
+            " others tell the terminal they were started on"
+        ) from None
     with file:
         while True:
             alive = follow and answers(board)

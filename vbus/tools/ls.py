@@ -36,7 +36,7 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     lines = (line for board in boards for line in _lines(board))
     show(as_json, boards, lines if boards or names else ["no board is running"])
     for name in missing:
-        complain(f'no board called "{name}" answers')
+        complain(f'no board called "{name}" answers; "vbus ls" shows which do')
     return exit_codes.NO_LINK if missing else exit_codes.OK
 
 

@@ -1,6 +1,7 @@
 """``vbus order``: bus cycles on several nodes, for one coming instant."""
 
-from typing import IO
+import sys
+from pathlib import Path
 
 import click
 
@@ -16,7 +17,7 @@ def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
 
 @click.command("order")
 @click.argument("board")
-@click.argument("scenario", type=click.File("r"))
+@click.argument("scenario")
 @click.option(
     "--ahead", default="100ms", callback=duration, help="How far ahead; 100ms if not given."
 )
@@ -30,7 +31,7 @@ def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 def command(
     board: str,
-    scenario: IO[str],
+    scenario: str,
     ahead: int,
     align: int,
     connect: tuple[str, ...],
@@ -43,12 +44,14 @@ def command(
     """
     from vbus.board.config import read_board_file
     from vbus.cluster.ordering import order
-    from vbus.errors import ConfigError
+    from vbus.errors import ConfigError, read_errors
 
     file, _ = read_board_file(board)
     if not file.nodes:
         raise ConfigError(f"{board}: this board has no nodes; its hosts write to its chips")
-    at, answers = order(file, scenario.read(), scenario.name, ahead, connect, align)
+    with read_errors(scenario):
+        text = sys.stdin.read() if scenario == "-" else Path(scenario).read_text(encoding="utf-8")
+    at, answers = order(file, text, scenario, ahead, connect, align)
     nodes = [
         {"node": answer.node, "requests": answer.taken, "ahead_ps": at - answer.now}
         for answer in answers

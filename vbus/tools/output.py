@@ -45,7 +45,22 @@ def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
         "--scope-control", is_flag=True,
         help="And let who has the link pause and step it, break it, and use its bus and pins.",
     )(verb)  # fmt: skip
+    verb = click.option(
+        "--open", "open_page", is_flag=True,
+        help="And open it in a browser here; begin when it is there.",
+    )(verb)  # fmt: skip
     return scope_option(verb)
+
+
+def scope_address(scope: str | None, meant: bool, of_file: str = "") -> str | None:
+    """Return where a scope is wanted, if it is.
+
+    Args:
+        scope: what ``--scope`` says.
+        meant: whether an option was given that makes sense with a scope alone.
+        of_file: where the board file wants it.
+    """
+    return of_file or SCOPE_ADDRESS if scope is None and meant else scope
 
 
 def refuse_detached(scope: str | None, detach: bool) -> None:

@@ -34,7 +34,7 @@ Panel = list["LaneTold"]
 
 
 @click.command("plot")
-@click.argument("journal", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("journal", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
               help="The picture: .svg, .png or .pdf.")  # fmt: skip
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="This axis; else all.")

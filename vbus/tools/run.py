@@ -7,12 +7,12 @@ import click
 from vbus.collection import collection_held
 from vbus.tools import exit_codes
 from vbus.tools.output import (
-    SCOPE_ADDRESS,
     complain,
     from_option,
     rate_option,
     record_options,
     refuse_detached,
+    scope_address,
     scope_options,
     show,
 )
@@ -65,6 +65,7 @@ def command(
     metrics: str | None,
     scope: str | None,
     scope_control: bool,
+    open_page: bool,
     start: str | None,
     priority: str | None,
     cpu: int | None,
@@ -87,7 +88,7 @@ def command(
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--priority") from None
     file, source = read_board_file(board)
-    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
+    scope = scope_address(scope, scope_control or open_page, file.scope.listen)
     refuse_detached(scope, detach)
     if scope_control and file.nodes:
         raise click.UsageError(
@@ -133,11 +134,13 @@ def command(
     def ready(server: "Server") -> None:
         status = server.statistics() | {"priority": str(wanted)}
         show(as_json, status, [*lines_of(status), READY])
-        if shown.listen:
-            from vbus.tools.scope_process import start_scope
-
-            start_scope(server.board.name, shown, scope_control)
         wanted.pin()
 
-    serve_read(file, source, rate, ready, complain, start or "")
+    async def show_first(server: "Server") -> None:
+        if shown.listen:
+            from vbus.tools.scope_process import show_board
+
+            await show_board(server.board.name, shown, scope_control, open_page)
+
+    serve_read(file, source, rate, ready, complain, start or "", show_first)
     return exit_codes.OK

@@ -65,8 +65,8 @@ LOOK_SECONDS: Final = 0.5
 @click.option("--pin", "pins", multiple=True, metavar="NAME",
               help="With --sigrok: this pin; else the host bus, and others.")  # fmt: skip
 @click.option(
-    "--always", is_flag=True,
-    help="Record every sample of a board in real time, also while no page is open.",
+    "--sparse", is_flag=True,
+    help="While no page is open, take down few samples of a board in real time: four a second.",
 )  # fmt: skip
 @click.option(
     "--stay", type=click.FloatRange(0), metavar="SECONDS",
@@ -76,7 +76,7 @@ LOOK_SECONDS: Final = 0.5
 def command(
     sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,
     listen: str, remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
-    sigrok: str | None, chip: str, pins: tuple[str, ...], always: bool, stay: float | None,
+    sigrok: str | None, chip: str, pins: tuple[str, ...], sparse: bool, stay: float | None,
     no_progress: bool,
 ) -> int:  # fmt: skip
     """See motion, bus and time of a board in a browser.
@@ -101,7 +101,9 @@ def command(
         raise click.UsageError(f"{option} is for one board, and these are {len(sources)}")
     if output is not None:
         if not journal:
-            raise click.UsageError(f"-o is for journals, and {source} is none")
+            raise click.UsageError(
+                f"-o is for journals, and {source} is none: {_no_file(Path(source))}"
+            )
         return _write(journals, output, strobes, no_progress)
     if foxglove is not None:
         if journal:
@@ -131,9 +133,16 @@ def command(
         raise click.UsageError("--at is for a journal that goes on as a board, with --control")
     if journal:
         return _serve_journals(journals, place, strobes, no_progress)
-    page = partial(_page_of_boards, place, stay, control, always)
-    _serve_boards(sources, page, stay, control, always)
+    page = partial(_page_of_boards, place, stay, control, sparse)
+    _serve_boards(sources, page, stay, control, samples=not sparse)
     return exit_codes.OK
+
+
+def _no_file(path: Path) -> str:
+    return (
+        "it is a directory; name a journal in it"
+        if path.is_dir() else 'there is no such file; "vbus run BOARD --journal FILE" writes one'
+    )  # fmt: skip
 
 
 def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:
@@ -297,7 +306,7 @@ def _serve_journals(paths: Sequence[Path], place: Place, strobes: bool, quiet: b
 
 
 def _page_of_boards(
-    place: Place, stay: float | None, control: bool, always: bool, feeds: "Feeds",
+    place: Place, stay: float | None, control: bool, sparse: bool, feeds: "Feeds",
     at_end: ExitStack,
 ) -> "tuple[ScopeServer, Take]":  # fmt: skip
     """Return what serves the page of running boards."""
@@ -325,7 +334,7 @@ def _page_of_boards(
     order = orders.order if orders else None
     server = place.server(begun(feeds.description), bookmarks, stay, order)
     server.on_registers = feeds.look_inside
-    if not always:
+    if sparse:
         server.on_pages = feeds.look_at_samples
 
     def take(message: bytes) -> None:

@@ -149,7 +149,7 @@ class ScopeServer:
             await self._runner.cleanup()
             raise TransportError(
                 f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
-                " give another with --listen (port 0 is any free one)"
+                " give another (port 0 is any free one)"
             ) from error
         self._port = self._runner.addresses[0][1]
         shown = f"[{self._host}]" if ":" in self._host else self._host

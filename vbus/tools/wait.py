@@ -29,6 +29,9 @@ def command(names: tuple[str, ...], timeout: float) -> int:
     for name in names:
         while not answers(name):
             if time.monotonic() >= deadline:
-                raise TransportError(f'no board called "{name}" is ready within {timeout:g} s')
+                raise TransportError(
+                    f'no board called "{name}" is ready within {timeout:g} s; "vbus ls" shows which'
+                    ' run, "vbus logs" what one in the background has said'
+                )
             time.sleep(PAUSE)
     return exit_codes.OK

@@ -1,6 +1,7 @@
 """What a transport is: it waits for hosts and gives each a link that carries bytes."""
 
 import asyncio
+import errno
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -174,8 +175,17 @@ class Transport:
         except BaseException as error:
             self.opened.close()
             if isinstance(error, OSError) and not isinstance(error, TransportError):
-                raise TransportError(f"{place}: {error.strerror or error}") from error
+                advice = _ADVICE.get(error.errno or 0, "")
+                raise TransportError(f"{place}: {error.strerror or error}{advice}") from error
             raise
+
+
+_ADVICE: Final = {
+    errno.EADDRINUSE: "; stop who has it, or choose another port (0 is any free one)",
+    errno.EADDRNOTAVAIL: "; it is no address of this computer: choose one that is",
+    errno.EACCES: "; choose a place, or a port from 1024 up, that you may use",
+}
+"""What to do about errors of the system."""
 
 
 def _ignore(_: object) -> None:

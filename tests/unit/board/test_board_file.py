@@ -303,8 +303,8 @@ MISTAKES = [
     ),
     (
         "ACME-1", "AMCE-1",
-        'b.toml:2: chips.x.part: unknown part "AMCE-1"; did you mean "ACME"? known are ACME,'
-        " BROKEN, GRUMPY, ODD, TWIN",
+        'b.toml:2: chips.x.part: unknown part "AMCE-1"; did you mean "ACME-1" or "ACME-2"?'
+        " known are ACME-1, ACME-2, GRUMPY, TWIN-1",
     ),
     ("ACME-1", "ACME-3", 'b.toml:2: chips.x.part: found "ACME-3"; did you mean "ACME-2"? known are'
      " ACME-1, ACME-2"),
@@ -586,13 +586,16 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = tmp_path / "none.toml"
     with pytest.raises(ConfigError) as caught:
         load_board(path)
-    assert str(caught.value) == f"{path}: cannot be read: No such file or directory"
+    assert str(caught.value) == f"{path}: cannot be read: No such file or directory; check its name"
+    (tmp_path / "nine.toml").touch()
+    with pytest.raises(ConfigError, match=r'directory; did you mean ".*nine.toml"\?'):
+        load_board(path)
 
 
 def test_a_folder_is_no_board_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         load_board(tmp_path)
-    assert str(caught.value) == f"{tmp_path}: cannot be read: Is a directory"
+    assert str(caught.value) == f"{tmp_path}: cannot be read: it is a directory; name a file in it"
 
 
 def test_bytes_that_are_no_text_are_refused_with_their_line(tmp_path: Path) -> None:
@@ -600,7 +603,9 @@ def test_bytes_that_are_no_text_are_refused_with_their_line(tmp_path: Path) -> N
     path.write_bytes(b"[board]\nname = '\xe9'\n")
     with pytest.raises(ConfigError) as caught:
         load_board(path)
-    assert str(caught.value) == f"{path}:2: this is no UTF-8 text"
+    assert str(caught.value) == (
+        f"{path}:2: this is no UTF-8 text: it looks like text in another encoding; save it as UTF-8"
+    )
 
 
 @pytest.mark.parametrize(

@@ -214,6 +214,22 @@ def test_what_there_is_no_room_for_is_left_out_and_values_are_told_anew() -> Non
     assert found.labels[label].startswith("RDSTAT")
 
 
+def test_where_something_is_left_out_of_a_board_that_runs_it_is_marked() -> None:
+    board = load_board_text(LM629)
+    recorder = Recorder(board, edges=False, late=Lateness)
+    recorder.start()
+    recorder.take()
+    port = board.open_port("h")
+    port.delay(1000 * MS)
+    recorder.leave_out()
+    port.delay(500 * MS)
+    recorder.leave_out()
+    ((when, mark),) = seen(recorder).rows["left out"]
+    assert (when, mark["kind"]) == (0, "gap")
+    assert mark["text"] == "1.500 s from here on are left out: the scope did not keep up"
+    assert not Seen(recorder.lanes.described(False), b"".join(recorder.take())).rows["left out"]
+
+
 def test_a_chip_that_rests_is_looked_at_when_somebody_touches_it() -> None:
     board = load_board_text(LM629)
     recorder = Recorder(board, edges=False)

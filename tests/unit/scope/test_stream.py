@@ -1,7 +1,11 @@
 """What pages are sent: all of it in order, to each at its own pace."""
 
+from tests.unit.scope.decoded import Seen
+from tests.unit.trace.conftest import LM629
+from vbus.board.build import load_board_text
 from vbus.scope import stream as made
 from vbus.scope.frames import ALL, LABELS, NOW, frame, texts
+from vbus.scope.lanes import Lanes, Lateness
 from vbus.scope.stream import Stream
 
 
@@ -34,6 +38,23 @@ def test_where_there_is_too_much_the_oldest_is_left_out_but_no_label() -> None:
     assert stream.after(0) == (labels("a") + labels("b") + now(0) + now(1) + now(2), 8)
     assert stream.after(1) == (labels("b") + now(0) + now(1) + now(2), 8)
     assert stream.after(6) == (now(1) + now(2), 8)
+
+
+def test_a_page_is_told_up_to_when_all_is_left_out() -> None:
+    lanes = Lanes(load_board_text(LM629), False, Lateness())
+    description = lanes.described(live=True)
+    second = 1_000_000_000_000
+    stream = Stream(description, most=3 * len(now(0)))
+    for when in range(1, 4):
+        stream.add(now(when * second))
+    assert Seen(description, stream.after(0)[0]).rows["left out"] == []
+    for when in range(4, 6):
+        stream.add(now(when * second))
+    message, place = stream.after(0)
+    ((when, mark),) = Seen(description, message).rows["left out"]
+    assert (when, mark["kind"]) == (2 * second, "gap")
+    assert mark["text"].startswith("all before 2.000 s is left out: the scope keeps ")
+    assert stream.after(place) == (b"", place), "a page that follows misses nothing"
 
 
 def test_what_is_longer_than_all_that_is_kept_is_sent_all_the_same() -> None:

@@ -600,7 +600,7 @@ function drawMarks(strip, lane) {
  */
 export function markColour(kind, colours) {
   if (kind === "violation") return colours.violation;
-  if (kind === "fault") return colours.fault;
+  if (kind === "fault" || kind === "gap") return colours.fault;
   if (kind === "interrupt") return colours.interrupt;
   if (kind === "bookmark") return colours.accent;
   if (kind === "node") return colours.strong;

@@ -2,7 +2,7 @@
 
 /**
  * @typedef {{description: (text: string) => void, frames: (bytes: Uint8Array<ArrayBuffer>) => void,
- *   answer: (text: string) => void, bookmarks: (text: string) => void, state: (text: string, connected: boolean) => void}} Listener
+ *   answer: (text: string) => void, bookmarks: (text: string) => void, state: (text: string, lost: boolean) => void}} Listener
  */
 
 const FIRST_PAUSE = 250;
@@ -25,9 +25,9 @@ export class Live {
       history.replaceState(null, "", location.pathname + location.search);
       try {
         const answer = await fetch("enter", { method: "POST", body: code });
-        if (!answer.ok) this.listener.state("the code of this link was used or is wrong", false);
+        if (!answer.ok) this.listener.state("the code of this link was used or is wrong", true);
       } catch {
-        this.listener.state("no answer from the server", false);
+        this.listener.state("no answer from the server", true);
       }
     }
     this.#connect();
@@ -46,12 +46,12 @@ export class Live {
       else if (data.startsWith('{"bookmarks"')) this.listener.bookmarks(data);
       else {
         this.listener.description(data);
-        this.listener.state("live", true);
+        this.listener.state("live", false);
       }
     };
     socket.onclose = () => {
       if (this.socket !== socket) return;
-      this.listener.state("not connected; trying again", false);
+      this.listener.state("not connected; trying again", true);
       setTimeout(() => this.#connect(), this.pause);
       this.pause = Math.min(LONGEST_PAUSE, this.pause * 2);
     };

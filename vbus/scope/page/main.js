@@ -272,18 +272,29 @@ if (told !== null) {
     .catch((error) => tellState(`this recording cannot be read: ${error.message}`, true));
 } else {
   let reader = new FrameReader();
+  let connected = "";
+  const tellLive = () => {
+    const { description, leftOut } = app.recording;
+    tellState([`${connected}, ${description.time}`, leftOut].filter(Boolean).join("; "));
+  };
   live = new Live({
     description: (text) => {
       reader = new FrameReader();
       begin(text);
     },
     frames: (bytes) => {
+      const before = app.recording.leftOut;
       for (const frame of reader.take(bytes)) app.recording.take(frame);
+      if (app.recording.leftOut !== before) tellLive();
       app.draw(false);
     },
     bookmarks: (text) => bookmarks.show(JSON.parse(text).bookmarks),
     answer: (text) => control.take(JSON.parse(text)),
-    state: (text, connected) => tellState(connected ? `${text}, ${app.recording.description.time}` : text, !connected),
+    state: (text, lost) => {
+      connected = text;
+      if (lost) tellState(text, true);
+      else tellLive();
+    },
   });
   bookmarks.keep = (order) => live?.send(order);
   chip.ask = (on) => live?.send({ do: "registers", on });

@@ -2,6 +2,7 @@
 
 import { FRAME } from "./frames.js";
 import { Rows } from "./rows.js";
+import { instantText } from "./time.js";
 
 /**
  * @typedef {{name: string, part?: string, counts_per_rev?: number | null, counts?: string,
@@ -172,6 +173,8 @@ export class Recording {
     /** @type {Map<string, Lane>} */
     this.byName = new Map(this.lanes.map((lane) => [lane.name, lane]));
     this.total = 0;
+    /** What is left out of it, in words. */
+    this.leftOut = "";
   }
 
   /**
@@ -231,6 +234,7 @@ export class Recording {
       const places = Float64Array.from(marks, (_, number) => lane.marks.length + number);
       lane.marks.push(...marks);
       lane.insert(frame.first, columns[0], [places]);
+      for (const mark of marks) if (mark.kind === "gap") this.leftOut = mark.text;
     }
     this.total += frame.rows;
     if (this.description.live && this.total > KEPT) this.#drop();
@@ -261,6 +265,8 @@ export class Recording {
     if (!oldest) return;
     this.total -= oldest.rows.chunks[0].length;
     oldest.rows.drop();
+    const begin = instantText(oldest.instant(oldest.rows.begin));
+    this.leftOut = `rows before ${begin} are left out: a page keeps ${KEPT / 1e6} million`;
   }
 
   /**

@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from vbus.board.checks import all_rules
 from vbus.errors import VbusError, read_errors
+from vbus.file_kinds import foreign
 from vbus.signals import Violation
 from vbus.values.settings import rule_hint, rule_names
 
@@ -62,7 +63,8 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
     try:
         data = tomllib.loads(text)
     except ValueError as error:
-        raise VbusError(f"{file}: no TOML: {error}") from None
+        reason = foreign(file, text.encode()) or str(error)
+        raise VbusError(f"{file}: no TOML: {reason}; write [[suppress]] tables") from None
     known = rule_names(rules)
     wrong = [f"{file}: {key}: unknown section; write [[suppress]]" for key in data
              if key != "suppress"]  # fmt: skip

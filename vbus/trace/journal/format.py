@@ -28,6 +28,7 @@ import msgspec
 from msgspec import Struct, field
 
 from vbus.errors import VbusError
+from vbus.file_kinds import HEAD, is_none
 from vbus.kernel import END, NEVER
 from vbus.trace.journal.rows import FULL, PORTS, READ, WRITE, rows_of
 from vbus.trace.journal.shapes import checked
@@ -183,7 +184,10 @@ class JournalReader:
         """The jumps of the file in their order, once anything has been read."""
         magic = file.read(len(MAGIC))
         if magic != MAGIC:
-            raise JournalError(f"{self._name()} is no journal of version {FORMAT}")
+            head = magic + file.read(HEAD - len(magic))
+            wanted = f"journal of version {FORMAT}"
+            made = '"vbus run BOARD --journal FILE" writes one'
+            raise JournalError(is_none(self._name(), head, wanted, made))
         values = self._block()
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")

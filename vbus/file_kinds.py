@@ -1,0 +1,142 @@
+"""What a file is that was given in the place of another: by how it begins."""
+
+import re
+from pathlib import Path
+from typing import Final, NamedTuple
+
+_PLAIN: Final = frozenset(b"\t\n\r" + bytes(range(32, 127)))
+HEAD: Final = 4096
+"""Bytes of a file by which its kind is known."""
+
+
+class _Kind(NamedTuple):
+    """A kind of file.
+
+    Attributes:
+        begins: how one begins.
+        what: what it is called.
+        use: what to do with one, ``{}`` being its name.
+    """
+
+    begins: re.Pattern[bytes]
+    what: str
+    use: str
+
+
+def _kind(begins: bytes, what: str, use: str) -> _Kind:
+    return _Kind(re.compile(begins, re.DOTALL), what, use)
+
+
+_KINDS: Final = (
+    _kind(rb"vbus journal ", "a journal of vbus", '"vbus explain {}" reads it'),
+    _kind(rb"vbus (machine )?snapshot\n", "a snapshot of vbus", '"vbus snap info {}" reads it'),
+    _kind(rb"\d+ \d+ \S[^\n]*\n", "a trace of nodes", '"vbus trace {}" reads it'),
+    _kind(rb"\x7fELF", "a program (ELF)", '"vbus exec --board FILE -- {}" runs it on a board'),
+    _kind(
+        rb"\s*\$(date|version|comment|timescale|scope|var)\b", "a waveform (VCD)",
+        '"vbus conform CHIP {}" compares a capture with the model; GTKWave and Surfer show it',
+    ),
+    _kind(
+        rb"PK\x03\x04", "a zip archive, as captures of sigrok (.sr) are",
+        '"vbus conform CHIP {}" compares a capture with the model',
+    ),
+    _kind(
+        rb"\xa1\xb2[\xc3\x3c][\xd4\x4d]|[\xd4\x4d][\xc3\x3c]\xb2\xa1|\x0a\x0d\x0d\x0a",
+        "a capture of network packets (pcap)", "vbus reads none",
+    ),
+    _kind(rb"\x89MCAP0\r\n", "an MCAP file", "Foxglove shows it"),
+    _kind(rb"\x1f\x8b", "compressed (gzip)", "gunzip it first"),
+    _kind(rb"\s*<(!doctype html|!DOCTYPE html|html)", "a page (HTML)", "a browser shows it"),
+    _kind(
+        rb"(\s|#[^\n]*\n)*\[+(board|chips|plants|hosts|nodes)\b", "a board file (TOML)",
+        '"vbus run {}" runs it, "vbus check {}" names its mistakes',
+    ),
+    _kind(
+        rb"(\s|#[^\n]*\n)*\[+suppress\b", "a list of accepted violations (TOML)",
+        "it goes with --suppress",
+    ),
+    _kind(rb"\s*[{\[]", "JSON, or like it", ""),
+)  # fmt: skip
+
+
+def looks_like(name: object, head: bytes) -> str:
+    """Return what a file looks like, and what to do with it.
+
+    Args:
+        name: of the file, as people write it.
+        head: its first :data:`HEAD` bytes, or all there are.
+    """
+    if not head:
+        return "it is empty"
+    for kind in _KINDS:
+        if kind.begins.match(head):
+            use = kind.use.format(name, name)
+            return f"it looks like {kind.what}" + (f"; {use}" if use else "")
+    try:
+        text = head[: HEAD - 4].decode()
+    except UnicodeDecodeError:
+        return _other_text(head)
+    if not all(letter.isprintable() or letter.isspace() for letter in text):
+        return _binary(head)
+    first = next(iter(text.strip().splitlines()), "")
+    return f'it looks like text, and begins with "{first[:20]}"'
+
+
+def no_text(name: object, data: bytes) -> str:
+    """Return why bytes are refused that should be text.
+
+    Args:
+        name: of the file, as people write it.
+        data: all of it.
+    """
+    head = data[:HEAD]
+    seems = foreign(name, head) or _other_text(head)
+    return f"this is no UTF-8 text: {seems}"
+
+
+def _other_text(head: bytes) -> str:
+    """Return what bytes look like that are no UTF-8 text, and begin like no other kind."""
+    plain = sum(byte in _PLAIN for byte in head)
+    if plain > 0.8 * len(head):
+        return "it looks like text in another encoding; save it as UTF-8"
+    return _binary(head)
+
+
+def _binary(head: bytes) -> str:
+    return f"it looks like binary data of another program, and begins with {head[:4].hex(' ')}"
+
+
+def foreign(name: object, head: bytes) -> str:
+    """Return what a file looks like that should be TOML; empty if it may be meant as that."""
+    kind = next((kind for kind in _KINDS if kind.begins.match(head)), None)
+    meant = kind is None or not kind.use or kind.what.endswith("(TOML)")
+    return "" if meant else looks_like(name, head)
+
+
+def is_none(name: object, head: bytes, wanted: str, made: str) -> str:
+    """Return a sentence about a file that is not what it should be.
+
+    Args:
+        name: of the file, as people write it.
+        head: its first :data:`HEAD` bytes, or all there are.
+        wanted: what it should be.
+        made: where such a file comes from.
+    """
+    return f"{name} is no {wanted}: {looks_like(name, head)}; {made}"
+
+
+def unreadable(path: str | Path, error: OSError) -> str:
+    """Return why a file cannot be read, and what to do."""
+    if isinstance(error, IsADirectoryError):
+        return "cannot be read: it is a directory; name a file in it"
+    reason = f"cannot be read: {error.strerror}"
+    if not isinstance(error, FileNotFoundError):
+        return reason
+    from difflib import get_close_matches
+
+    folder = Path(path).parent
+    if not folder.is_dir():
+        return f"{reason}; there is no folder {folder} either"
+    there = sorted(entry.name for entry in folder.iterdir() if entry.is_file())
+    close = get_close_matches(Path(path).name, there, n=1)
+    return reason + (f'; did you mean "{folder / close[0]}"?' if close else "; check its name")
