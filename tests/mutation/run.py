@@ -5,6 +5,7 @@
     python tests/mutation/run.py report               what was killed, and who survives
     python tests/mutation/run.py keep                 write the verdicts down, to be checked in
     python tests/mutation/run.py gate                 thirty known mutants that must be killed
+    python tests/mutation/run.py clauses              broken clauses that their own tests do not notice
     python tests/mutation/run.py show ID              one mutant as a diff
     python tests/mutation/run.py try ID               one mutant, with what pytest says
 
@@ -26,7 +27,7 @@ from typing import Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.mutation import cover, records, trial
+from tests.mutation import clauses, cover, records, trial
 from tests.mutation.choose import choose
 from tests.mutation.mutants import (
     SAMPLE,
@@ -85,6 +86,8 @@ class Bed:
         self.kept: Path = options.lists / "results.txt"
         self.survivors: Path = options.lists / "survivors.toml"
         self.gate: Path = options.lists / "gate.toml"
+        self.answers: Path = self.build / "clauses.jsonl"
+        self.unnoticed: Path = options.lists / "clauses.toml"
 
     def sample(self) -> list[Mutant]:
         """Return the mutants that were asked for."""
@@ -401,6 +404,81 @@ def _renew(bed: Bed) -> int:
     return 0
 
 
+# -- clauses --------------------------------------------------------------------------------------
+
+
+def do_clauses(bed: Bed) -> int:
+    """Break what each clause asks for, and ask the clause's own tests."""
+    options = bed.options
+    tests = clauses.own_tests()
+    found = [it for it in clauses.breaks(bed.root, options.each)
+             if not options.only or set(options.only) & set(it.clauses)]  # fmt: skip
+    number, count = (int(part) for part in options.shard.split("/"))
+    found = found[number - 1 :: count]
+    digests = {it.mutant.id: clauses.digest_of(bed.root, it, tests) for it in found}
+    known = clauses.read_answers(bed.answers)
+    todo = [it for it in found
+            if (answer := known.get(it.mutant.id)) is None
+            or answer.digest != digests[it.mutant.id]
+            or (options.again and not answer.noticed)]  # fmt: skip
+    print(f"{len(found)} mutants of {len({c for it in found for c in it.clauses})} clauses,"
+          f" {len(todo)} to try", flush=True)  # fmt: skip
+    if todo:
+        trial.warm(bed.root)
+        asked = sorted({name for it in todo for clause in it.clauses for name in tests[clause]})
+        plain = trial.attempt(bed.root, trial.Task(asked, 900.0, examples=0))
+        if plain.verdict not in ("survived", "missing"):  # of a test with cases the cases are there
+            sys.exit(f"tests of clauses without a mutant: {plain.verdict} {plain.by}")
+
+    def work(part: int) -> None:
+        for it in todo[part :: options.jobs]:
+            answer = _ask(bed, it, tests, digests[it.mutant.id])
+            clauses.append(bed.answers, answer)
+            print(f"{answer.verdict:8} {it.mutant.id} {it.mutant.file}:{it.mutant.line}"
+                  f" {' '.join(it.clauses)}: {' '.join(answer.noticed) or '-'}", flush=True)  # fmt: skip
+
+    _share(options.jobs, work)
+    answers = clauses.read_answers(bed.answers)
+    entries = records.read_entries(bed.unnoticed)
+    listed = {entry.id for entry in (*entries, *records.read_entries(bed.survivors))}
+    new = [it for it in found if not answers[it.mutant.id].noticed and it.mutant.id not in listed]
+    for it in new:
+        before, after = difference(bed.root, it.mutant)
+        print(f"{it.mutant.file}:{it.mutant.line}: {it.mutant.scope}: {it.mutant.operator}"
+              f" [{it.mutant.id}] {' '.join(it.clauses)}\n  - {before}\n  + {after}")  # fmt: skip
+        if options.entries:
+            print(records.entry_text(bed.entry(it.mutant)))
+    problems = [f"{len(new)} mutants that no test of their clauses notices"] if new else []
+    ids = {it.mutant.id for it in found}
+    for entry in entries:
+        if entry.id in ids and answers[entry.id].noticed:
+            problems.append(f"{entry.file}: {entry.id} is listed, but noticed")
+    if count == 1 and not options.only:
+        problems += [f"{entry.file}: {entry.id} is listed, but is not among the mutants"
+                     for entry in entries if entry.id not in ids]  # fmt: skip
+    noticed = sum(bool(answers[it.mutant.id].noticed) for it in found)
+    print("\n".join([f"{noticed} of {len(found)} are noticed", *problems]))
+    return bool(problems)
+
+
+def _ask(
+    bed: Bed, it: clauses.Break, tests: dict[str, tuple[str, ...]], digest: str
+) -> clauses.Answer:
+    asked = list(dict.fromkeys(name for clause in it.clauses for name in tests[clause]))
+    mutant = it.mutant
+    source = mutated(bed.root, mutant)
+    task = trial.Task(asked, MOST, mutant.file, source, 0, whole=True)
+    outcome = trial.attempt(bed.root, task)
+    noticed = [
+        clause for clause in it.clauses
+        if any(clauses.proves(proof, failed)
+               for proof in tests[clause] for failed in outcome.failed)
+    ]  # fmt: skip
+    if outcome.verdict != "survived" and (not outcome.failed or "collection" in outcome.failed):
+        noticed = list(it.clauses)
+    return clauses.Answer(mutant.id, digest, outcome.verdict, noticed, outcome.by)
+
+
 # -- one mutant -----------------------------------------------------------------------------------
 
 
@@ -439,7 +517,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--results", type=Path, help="build/mutation/results.jsonl")
     orders = parser.add_subparsers(required=True)
     made = {}
-    for do in (do_map, do_run, do_report, do_keep, do_gate, do_show, do_try):
+    for do in (do_map, do_run, do_report, do_keep, do_gate, do_clauses, do_show,
+               do_try):
         name = do.__name__.removeprefix("do_")
         made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
         made[name].set_defaults(do=do)
@@ -452,18 +531,23 @@ def _parser() -> argparse.ArgumentParser:
             metavar="PATH",
             help="of the sample what is here; with --sample the first N here",
         )
-    for name in ("run", "gate"):
+    for name in ("run", "gate", "clauses"):
         made[name].add_argument("--jobs", type=int, default=2)
+    for name in ("run", "clauses"):
+        made[name].add_argument("--shard", default="1/1", metavar="I/N")
+        made[name].add_argument("--again", action="store_true", help="survivors once more")
+    for name in ("report", "clauses"):
+        made[name].add_argument("--entries", action="store_true", help="survivors as TOML rows")
+    made["clauses"].add_argument("--each", type=int, default=clauses.EACH, metavar="N",
+                                 help=f"mutants of a clause ({clauses.EACH})")  # fmt: skip
+    made["clauses"].add_argument("--only", action="append", metavar="CLAUSE")
     for name in ("show", "try"):
         made[name].add_argument("id")
     made["map"].add_argument("tests", nargs="*", help="paths; what is known of others stays")
-    made["run"].add_argument("--shard", default="1/1", metavar="I/N")
-    made["run"].add_argument("--again", action="store_true", help="survivors once more")
     made["run"].add_argument("--seconds", type=float, default=CHOSEN, metavar="S",
                              help=f"tests to choose for each ({CHOSEN:.0f})")  # fmt: skip
     made["run"].add_argument("--least", type=float, default=LEAST, metavar="S",
                              help="seconds of processor time each mutant may use")  # fmt: skip
-    made["report"].add_argument("--entries", action="store_true", help="survivors as TOML rows")
     made["gate"].add_argument("--renew", action="store_true", help="fill it up from the results")
     made["try"].add_argument("tests", nargs="*", help="node ids, instead of those of the map")
     return parser
