@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from tests.mutation.breaks import BREAKS
 from tests.mutation.mutants import DOUBTFUL, Layout, Mutant, digest, folder, mutants, mutated, one_per_site
-from vbus.chips.clauses import PROOFS, clauses_of, proofs_of
+from vbus.chips.clauses import clauses_of, proofs_of
 
 ID: Final = re.compile(r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)((?:(?:,| and| to|;) ?-\d+)*)")
 """A clause; "PMD-CMD-72, -73" names two."""
@@ -38,7 +38,7 @@ RANDOM: Final = (
 APART: Final = ("tests/e2e/", "tests/properties/", "tests/unit/testing/")
 """Tests of whole systems, in processes that do not see a mutant, or of any host whatever."""
 
-EACH: Final = 4
+EACH: Final = 2
 """Mutants tried for a clause, as far as its code has so many places."""
 
 
@@ -81,7 +81,7 @@ class Answer:
         digest: of its scope and of the tests that were asked.
         verdict: "killed", "survived" or "timeout".
         noticed: the clauses one of whose tests failed.
-        by: what failed first.
+        by: what failed first; if no test of the clauses did, a test of another clause.
     """
 
     id: str
@@ -330,17 +330,12 @@ def append(path: Path, answer: Answer) -> None:
         file.write(json.dumps(asdict(answer)) + "\n")
 
 
-def silent(found: Iterable[Break], answers: dict[str, Answer]) -> dict[str, tuple[int, int]]:
-    """Return the clauses that notice none of their mutants: how many were tried, and how many
-    of those did tests of other clauses of the same place notice."""
-    tried: dict[str, list[bool]] = defaultdict(list)
+def silent(found: Iterable[Break], answers: dict[str, Answer]) -> dict[str, list[Break]]:
+    """Return the clauses that notice none of their mutants, with those mutants."""
+    tried: dict[str, list[Break]] = defaultdict(list)
     heard: set[str] = set()
     for it in found:
-        if answer := answers.get(it.mutant.id):
-            heard.update(answer.noticed)
-            for clause in it.clauses:
-                tried[clause].append(bool(answer.noticed))
-    return {name: (len(all_), sum(all_)) for name, all_ in tried.items() if name not in heard}
-
-
-_ = PROOFS
+        heard.update(answers[it.mutant.id].noticed)
+        for clause in it.clauses:
+            tried[clause].append(it)
+    return {name: those for name, those in sorted(tried.items()) if name not in heard}

@@ -68,6 +68,8 @@ FACTOR: Final = 4.0
 WANTED: Final = {"vbus/chips": 0.95}
 ELSEWHERE: Final = 0.9
 """Part of the mutants that has to be killed."""
+ELSE: Final = 3.0
+"""Seconds of tests of other clauses that are asked where the clause's own have noticed nothing."""
 GATE: Final = 30
 GATE_SECONDS: Final = 1.0
 """Longest test of the gate."""
@@ -429,45 +431,32 @@ def do_clauses(bed: Bed) -> int:
         plain = trial.attempt(bed.root, trial.Task(asked, 900.0, examples=0))
         if plain.verdict not in ("survived", "missing"):  # of a test with cases the cases are there
             sys.exit(f"tests of clauses without a mutant: {plain.verdict} {plain.by}")
+    lines = cover.Map.load(bed.map)
 
     def work(part: int) -> None:
         for it in todo[part :: options.jobs]:
-            answer = _ask(bed, it, tests, digests[it.mutant.id])
+            answer = _ask(bed, it, tests, digests[it.mutant.id], lines)
             clauses.append(bed.answers, answer)
             print(f"{answer.verdict:8} {it.mutant.id} {it.mutant.file}:{it.mutant.line}"
-                  f" {' '.join(it.clauses)}: {' '.join(answer.noticed) or '-'}", flush=True)  # fmt: skip
+                  f" {' '.join(it.clauses)}: {' '.join(answer.noticed) or '-'} {answer.by}",
+                  flush=True)  # fmt: skip
 
     _share(options.jobs, work)
-    answers = clauses.read_answers(bed.answers)
-    entries = records.read_entries(bed.unnoticed)
-    listed = {entry.id for entry in (*entries, *records.read_entries(bed.survivors))}
-    new = [it for it in found if not answers[it.mutant.id].noticed and it.mutant.id not in listed]
-    for it in new:
-        before, after = difference(bed.root, it.mutant)
-        print(f"{it.mutant.file}:{it.mutant.line}: {it.mutant.scope}: {it.mutant.operator}"
-              f" [{it.mutant.id}] {' '.join(it.clauses)}\n  - {before}\n  + {after}")  # fmt: skip
-        if options.entries:
-            print(records.entry_text(bed.entry(it.mutant)))
-    problems = [f"{len(new)} mutants that no test of their clauses notices"] if new else []
-    ids = {it.mutant.id for it in found}
-    for entry in entries:
-        if entry.id in ids and answers[entry.id].noticed:
-            problems.append(f"{entry.file}: {entry.id} is listed, but noticed")
-    if count == 1 and not options.only:
-        problems += [f"{entry.file}: {entry.id} is listed, but is not among the mutants"
-                     for entry in entries if entry.id not in ids]  # fmt: skip
-    noticed = sum(bool(answers[it.mutant.id].noticed) for it in found)
-    print("\n".join([f"{noticed} of {len(found)} are noticed", *problems]))
-    return bool(problems)
+    return _tell(bed, found, clauses.read_answers(bed.answers))
 
 
 def _ask(
-    bed: Bed, it: clauses.Break, tests: dict[str, tuple[str, ...]], digest: str
+    bed: Bed,
+    it: clauses.Break,
+    tests: dict[str, tuple[str, ...]],
+    digest: str,
+    lines: cover.Map,
 ) -> clauses.Answer:
+    """Ask the tests of a mutant's clauses; if none fails, those of other clauses."""
     asked = list(dict.fromkeys(name for clause in it.clauses for name in tests[clause]))
     mutant = it.mutant
     source = mutated(bed.root, mutant)
-    task = trial.Task(asked, MOST, mutant.file, source, 0, whole=True)
+    task = trial.Task(asked, LEAST, mutant.file, source, 0, whole=True)
     outcome = trial.attempt(bed.root, task)
     noticed = [
         clause for clause in it.clauses
@@ -476,7 +465,51 @@ def _ask(
     ]  # fmt: skip
     if outcome.verdict != "survived" and (not outcome.failed or "collection" in outcome.failed):
         noticed = list(it.clauses)
-    return clauses.Answer(mutant.id, digest, outcome.verdict, noticed, outcome.by)
+    by = outcome.by
+    if not noticed:
+        own = {name for names in tests.values() for name in names}
+        others = [name for name in choose(bed.root, lines, mutant, ELSE)
+                  if name.partition("[")[0] in own]  # fmt: skip
+        if others:
+            by = trial.attempt(bed.root, trial.Task(others, LEAST, mutant.file, source)).by
+    return clauses.Answer(mutant.id, digest, outcome.verdict, noticed, by)
+
+
+def _tell(bed: Bed, found: Sequence[clauses.Break], answers: dict[str, clauses.Answer]) -> int:
+    """Say which clauses do not notice that they are broken."""
+    options = bed.options
+    entries = {entry.id: entry for entry in records.read_entries(bed.unnoticed)}
+    listed = entries.keys() | {entry.id for entry in records.read_entries(bed.survivors)}
+    problems = []
+    for name, those in clauses.silent(found, answers).items():
+        if not all(it.mutant.id in listed for it in those):
+            problems.append(f"{name} notices none of {len(those)} mutants of its code")
+    elsewhere = 0
+    for it in found:
+        answer = answers[it.mutant.id]
+        if answer.noticed or it.mutant.id in listed:
+            continue
+        elsewhere += bool(answer.by)
+        what = "noticed by" if answer.by else "noticed by no clause: "
+        before, after = difference(bed.root, it.mutant)
+        print(f"{it.mutant.file}:{it.mutant.line}: {it.mutant.scope}: {it.mutant.operator}"
+              f" [{it.mutant.id}] {' '.join(it.clauses)}: {what} {answer.by}\n"
+              f"  - {before}\n  + {after}")  # fmt: skip
+        if not answer.by:
+            problems.append(f"{it.mutant.file}: no test of any clause notices {it.mutant.id}")
+            if options.entries:
+                print(records.entry_text(bed.entry(it.mutant)))
+    ids = {it.mutant.id for it in found}
+    for entry in entries.values():
+        if entry.id in ids and answers[entry.id].noticed:
+            problems.append(f"{entry.file}: {entry.id} is listed, but noticed")
+        elif entry.id not in ids and options.shard == "1/1" and not options.only:
+            problems.append(f"{entry.file}: {entry.id} is listed, but is not among the mutants")
+    noticed = sum(bool(answers[it.mutant.id].noticed) for it in found)
+    print(f"{noticed} of {len(found)} are noticed by tests of their clauses, {elsewhere} by tests"
+          " of other clauses only")  # fmt: skip
+    print("\n".join(problems))
+    return bool(problems)
 
 
 # -- one mutant -----------------------------------------------------------------------------------
