@@ -28,7 +28,7 @@ import tempfile
 import uuid
 import venv
 from collections.abc import Iterator
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -196,7 +196,7 @@ def bill(folder: Path, needs: list[tuple[str, str, list[str]]], when: int) -> st
         raise Wrong(f"{folder} has no distribution")
     bom = Bom(components=[it for it in packages.values() if it is not whole] + files)
     bom.metadata.component = whole
-    bom.metadata.timestamp = datetime.fromtimestamp(when, timezone.utc)
+    bom.metadata.timestamp = datetime.fromtimestamp(when, UTC)
     names = "".join(f"{it.name} {next(iter(it.hashes)).content}\n" for it in files)
     bom.serial_number = uuid.uuid5(uuid.NAMESPACE_URL, names)
     for name, _, wants in needs:

@@ -18,7 +18,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from tests.mutation.breaks import BREAKS
-from tests.mutation.mutants import DOUBTFUL, Layout, Mutant, digest, folder, mutants, mutated, one_per_site
+from tests.mutation.mutants import (
+    DOUBTFUL,
+    Layout,
+    Mutant,
+    digest,
+    folder,
+    mutants,
+    mutated,
+    one_per_site,
+)
 from vbus.chips.clauses import clauses_of, proofs_of
 
 ID: Final = re.compile(r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)((?:(?:,| and| to|;) ?-\d+)*)")
@@ -34,7 +43,7 @@ RANDOM: Final = (
     "tests/reference/test_mc1241a.py::test_random_hosts_get_the_same_from_chip_and_model",
     "tests/reference/test_mcp1200.py::test_chip_and_model_agree",
 )
-"""Random hosts against a model: what fails there names fifty clauses, so it proves none by itself."""
+"""Random hosts against a model: what fails there names fifty clauses, and so proves none."""
 APART: Final = ("tests/e2e/", "tests/properties/", "tests/unit/testing/")
 """Tests of whole systems, in processes that do not see a mutant, or of any host whatever."""
 

@@ -5,7 +5,7 @@
     python tests/mutation/run.py report               what was killed, and who survives
     python tests/mutation/run.py keep                 write the verdicts down, to be checked in
     python tests/mutation/run.py gate                 thirty known mutants that must be killed
-    python tests/mutation/run.py clauses              broken clauses that their own tests do not notice
+    python tests/mutation/run.py clauses              clauses that do not notice they are broken
     python tests/mutation/run.py show ID              one mutant as a diff
     python tests/mutation/run.py try ID               one mutant, with what pytest says
 
@@ -550,8 +550,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--results", type=Path, help="build/mutation/results.jsonl")
     orders = parser.add_subparsers(required=True)
     made = {}
-    for do in (do_map, do_run, do_report, do_keep, do_gate, do_clauses, do_show,
-               do_try):
+    for do in (do_map, do_run, do_report, do_keep, do_gate, do_clauses, do_show, do_try):
         name = do.__name__.removeprefix("do_")
         made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
         made[name].set_defaults(do=do)

@@ -190,7 +190,8 @@ class _Chosen:
 
 def _options(task: Task, folder: str) -> list[str]:
     files = dict.fromkeys(name.partition("::")[0] for name in task.tests)
-    return [*(["--tb=no"] if task.whole else ["-x"]), *OPTIONS, f"--basetemp={folder}/pytest", *files]
+    end = "--tb=no" if task.whole else "-x"
+    return [end, *OPTIONS, f"--basetemp={folder}/pytest", *files]
 
 
 def _child(root: Path, task: Task, folder: str, answer: int) -> None:
@@ -253,9 +254,7 @@ def _ends(pid: int, seconds: float) -> bool:
         os.close(ended)
 
 
-def _verdict(
-    task: Task, status: int, answer: bytes, late: bool
-) -> tuple[str, str, Sequence[str]]:
+def _verdict(task: Task, status: int, answer: bytes, late: bool) -> tuple[str, str, Sequence[str]]:
     number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
     if late or (number == signal.SIGXCPU and not answer):
         return "timeout", "", ()

@@ -215,6 +215,16 @@ def test_lpes_and_lpei_load_the_threshold_and_choose_whether_to_stop(bench):
     assert bench.violations == []
 
 
+@pytest.mark.spec("LM-CMD-15", "LM-CMD-16")
+@pytest.mark.parametrize("name", ["LPEI", "LPES"])
+@pytest.mark.parametrize("bit", range(15))
+def test_each_bit_of_a_threshold_counts(bench, name, bit):
+    for threshold in (1 << bit, 0x7FFF ^ 1 << bit):
+        bench.command(name, threshold)
+        assert bench.axis.threshold == threshold
+    assert bench.violations == []
+
+
 @pytest.mark.spec("LM-CMD-25")
 @pytest.mark.parametrize("name", ["LPEI", "LPES"])
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):

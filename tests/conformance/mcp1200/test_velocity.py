@@ -89,12 +89,31 @@ def test_clearing_the_flag_under_way_holds_the_present_command(bench: Bench) -> 
 
 
 @pytest.mark.spec("MCP-VEL-4")
-def test_without_acceleration_the_velocity_stays(bench: Bench) -> None:
-    velocity_mode(bench, accel=0x0500, goal=5)
+@pytest.mark.parametrize("fraction", [False, True])
+@pytest.mark.parametrize("goal", [20, 5, 2, 0, -2, -5, -20])
+@pytest.mark.parametrize("speed", [5, 0, -5])
+def test_without_acceleration_the_velocity_stays(
+    bench: Bench, speed: int, goal: int, fraction: bool
+) -> None:
+    def ask(velocity: int) -> None:
+        if fraction:
+            bench.put("VELOCITY", velocity << 8 & 0xFFFFFF)
+        else:
+            bench.put("VELOCITY_COMMAND", velocity & 0xFF)
+
+    bench.write(0x01, 0x20 if fraction else 0)
+    ask(speed)
+    bench.put("ACCELERATION", 0x0500)
+    bench.write(0x00, 0x0D)
+    bench.control()
     bench.samples(1)
     bench.put("ACCELERATION", 0)
-    bench.put("VELOCITY_COMMAND", 20)
-    assert bench.trace("COMMAND_POSITION", 3) == [10, 15, 20]
+    ask(goal)
+    assert bench.trace("COMMAND_POSITION", 6) == [speed * n for n in range(2, 8)]
+    bench.put("ACCELERATION", 0x0100)
+    step = (goal > speed) - (goal < speed)
+    assert bench.trace("COMMAND_POSITION", 1) == [speed * 8 + step]
+    assert bench.rules() == []
 
 
 @settings(max_examples=40, deadline=None)

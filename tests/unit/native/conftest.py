@@ -23,9 +23,10 @@ def require(program: str) -> str:
     return found
 
 
-def compile_c(
-    compiler: list[str], source: Path, output: Path, client: Path = Path(include_dir(), "vbus.c")
-) -> None:
+CLIENT = Path(include_dir(), "vbus.c")
+
+
+def compile_c(compiler: list[str], source: Path, output: Path, client: Path = CLIENT) -> None:
     """Compile a C host together with the C client."""
     command = [require(compiler[0]), *compiler[1:], *WARNINGS, f"-I{include_dir()}"]
     done = subprocess.run(
