@@ -80,6 +80,11 @@ class Break:
     mutant: Mutant
     clauses: tuple[str, ...]
 
+    @property
+    def own(self) -> bool:
+        """Whether it is made by an operator of :mod:`tests.mutation.breaks`."""
+        return self.mutant.operator in BREAKS
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -98,6 +103,11 @@ class Answer:
     verdict: str
     noticed: Sequence[str]
     by: str
+
+
+def block(it: Break) -> str:
+    """Return the family and block of the first clause: LM-CMD of LM-CMD-15."""
+    return it.clauses[0].rpartition("-")[0]
 
 
 def named(text: str) -> set[str]:

@@ -71,6 +71,7 @@ ELSEWHERE: Final = 0.9
 ELSE: Final = 3.0
 """Seconds of tests of other clauses that are asked where the clause's own have noticed nothing."""
 GATE: Final = 30
+CLAUSE_GATE: Final = 24
 GATE_SECONDS: Final = 1.0
 """Longest test of the gate."""
 
@@ -89,7 +90,8 @@ class Bed:
         self.survivors: Path = options.lists / "survivors.toml"
         self.gate: Path = options.lists / "gate.toml"
         self.answers: Path = self.build / "clauses.jsonl"
-        self.unnoticed: Path = options.lists / "clauses.toml"
+        self.unnoticed: Path = options.lists / "unnoticed.toml"
+        self.clause_gate: Path = options.lists / "clause_gate.toml"
 
     def sample(self) -> list[Mutant]:
         """Return the mutants that were asked for."""
@@ -339,14 +341,15 @@ def do_keep(bed: Bed) -> int:
 
 
 def do_gate(bed: Bed) -> int:
-    """Try the mutants of the gate; with ``--renew`` fill it up from the results."""
+    """Try the mutants of both gates; with ``--renew`` fill the first up from the results."""
     if bed.options.renew:
         return _renew(bed)
-    entries = records.read_entries(bed.gate)
+    entries = [*records.read_entries(bed.gate), *records.read_entries(bed.clause_gate)]
     if not entries:
         sys.exit(f"{bed.gate} is empty; fill it with --renew")
     by_id = {mutant.id: mutant for file in sorted({entry.file for entry in entries})
-             if (bed.root / file).exists() for mutant in mutants(bed.root, file)}  # fmt: skip
+             if (bed.root / file).exists()
+             for mutant in mutants(bed.root, file, breaks=True)}  # fmt: skip
     gone = [entry for entry in entries if entry.id not in by_id]
     for entry in gone:
         print(f"no longer applies: {entry.id} {entry.file}: {entry.before}")
@@ -442,7 +445,41 @@ def do_clauses(bed: Bed) -> int:
                   flush=True)  # fmt: skip
 
     _share(options.jobs, work)
-    return _tell(bed, found, clauses.read_answers(bed.answers))
+    answers = clauses.read_answers(bed.answers)
+    if options.renew:
+        _renew_clauses(bed, found, answers)
+    return _tell(bed, found, answers)
+
+
+def _renew_clauses(
+    bed: Bed, found: Sequence[clauses.Break], answers: dict[str, clauses.Answer]
+) -> None:
+    """Keep the mutants of the gate that still apply; fill it up with others that were noticed.
+
+    Operators of our own are preferred, in a block of clauses that has few.
+    """
+    by_id = {it.mutant.id: it for it in found}
+    old = {entry.id: entry for entry in records.read_entries(bed.clause_gate)}
+    kept = [it for name, it in by_id.items() if name in old]
+    good = [it for name, it in by_id.items()
+            if name not in old and answers[name].noticed and "::" in answers[name].by
+            and answers[name].verdict == "killed"]  # fmt: skip
+
+    def order(it: clauses.Break) -> tuple[int, bool, str]:
+        block = clauses.block(it)
+        return sum(clauses.block(one) == block for one in kept), not it.own, it.mutant.rank
+
+    for _ in range(min(CLAUSE_GATE - len(kept), len(good))):
+        best = min(good, key=order)
+        good.remove(best)
+        kept.append(best)
+    kept.sort(key=lambda it: (it.mutant.file, it.mutant.line))
+    rows = [old.get(it.mutant.id) or bed.entry(it.mutant, [answers[it.mutant.id].by])
+            for it in kept]  # fmt: skip
+    text = (
+        "# Made by `run.py clauses --renew`: broken clauses, and a test that notices each.\n\n"
+    )
+    bed.clause_gate.write_text(text + "\n".join(map(records.entry_text, rows)))
 
 
 def _ask(
@@ -563,6 +600,8 @@ def _parser() -> argparse.ArgumentParser:
             metavar="PATH",
             help="of the sample what is here; with --sample the first N here",
         )
+    for name in ("gate", "clauses"):
+        made[name].add_argument("--renew", action="store_true", help="fill it up from the results")
     for name in ("run", "gate", "clauses"):
         made[name].add_argument("--jobs", type=int, default=2)
     for name in ("run", "clauses"):
@@ -580,7 +619,6 @@ def _parser() -> argparse.ArgumentParser:
                              help=f"tests to choose for each ({CHOSEN:.0f})")  # fmt: skip
     made["run"].add_argument("--least", type=float, default=LEAST, metavar="S",
                              help="seconds of processor time each mutant may use")  # fmt: skip
-    made["gate"].add_argument("--renew", action="store_true", help="fill it up from the results")
     made["try"].add_argument("tests", nargs="*", help="node ids, instead of those of the map")
     return parser
 
