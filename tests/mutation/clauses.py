@@ -30,8 +30,10 @@ from tests.mutation.mutants import (
 )
 from vbus.chips.clauses import clauses_of, proofs_of
 
-ID: Final = re.compile(r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)((?:(?:,| and| to|;) ?-\d+)*)")
-"""A clause; "PMD-CMD-72, -73" names two."""
+ID: Final = re.compile(
+    r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)((?:(?:,| and| to) (?:\1-\2)?-?\d+(?=[\s,.:;)]*(?:$|[,.:;)]| and| to)))*)"
+)
+"""A clause; "PMD-CMD-72, -73" names two, and "MCP-OUT-1 to 3, 9" four."""
 
 HOMES: Final = ("lm628", "mc1241a", "mcp1200")
 SHARED: Final = "vbus/chips/motion"
@@ -114,9 +116,10 @@ def named(text: str) -> set[str]:
     """Return the clauses that a text names."""
     found = set()
     for family, block, number, others in ID.findall(text):
-        numbers = [int(number), *(int(it) for it in re.findall(r"\d+", others))]
-        if " to" in others:
-            numbers = [*range(numbers[0], numbers[-1] + 1)]
+        numbers = [int(number)]
+        for between, last in re.findall(r"(,| and| to) (?:[A-Z]+-[A-Z]+)?-?(\d+)", others):
+            first = numbers[-1] + 1 if between == " to" else int(last)
+            numbers += range(first, int(last) + 1)
         found |= {f"{family}-{block}-{it}" for it in numbers}
     return found
 

@@ -476,9 +476,7 @@ def _renew_clauses(
     kept.sort(key=lambda it: (it.mutant.file, it.mutant.line))
     rows = [old.get(it.mutant.id) or bed.entry(it.mutant, [answers[it.mutant.id].by])
             for it in kept]  # fmt: skip
-    text = (
-        "# Made by `run.py clauses --renew`: broken clauses, and a test that notices each.\n\n"
-    )
+    text = "# Made by `run.py clauses --renew`: broken clauses, and a test that notices each.\n\n"
     bed.clause_gate.write_text(text + "\n".join(map(records.entry_text, rows)))
 
 

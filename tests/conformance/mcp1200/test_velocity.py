@@ -27,6 +27,15 @@ def test_velocity_ramps_to_a_goal_that_may_change_at_any_time(bench: Bench) -> N
 
 
 @pytest.mark.spec("MCP-VEL-1")
+@pytest.mark.parametrize("bit", [0, 1, 2, 3, 4, 6, 7])
+def test_only_high_resolution_makes_the_velocity_register_the_goal(bench: Bench, bit: int) -> None:
+    bench.write(0x01, 1 << bit)
+    bench.put("VELOCITY", 0x000900)
+    velocity_mode(bench, accel=0x7FFF, goal=3)
+    assert bench.trace("COMMAND_POSITION", 3) == [3, 6, 9]
+
+
+@pytest.mark.spec("MCP-VEL-1")
 def test_velocity_with_a_fraction(bench: Bench) -> None:
     bench.write(0x01, 0x20)
     bench.put("VELOCITY", 0xFFFEC0)
