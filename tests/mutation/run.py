@@ -110,7 +110,7 @@ class Bed:
     def find(self, name: str) -> Mutant:
         """Return the mutant of an id."""
         for file in files(self.root, self.package):
-            for mutant in mutants(self.root, file):
+            for mutant in mutants(self.root, file, breaks=True):
                 if mutant.id == name:
                     return mutant
         sys.exit(f"no mutant {name}: its line or its function has changed")

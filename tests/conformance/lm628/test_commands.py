@@ -13,7 +13,7 @@ ONE = 1 << 16
 """One count per sample, or per sample squared."""
 
 
-@pytest.mark.spec("LM-CMD-2", "LM-STA-9", "LM-TRJ-17")
+@pytest.mark.spec("LM-CMD-2", "LM-STA-9", "LM-TRJ-17", "LM-STA-2")
 def test_stt_is_taken_exactly_at_the_next_sample(bench):
     bench.next_sample()
     bench.load(0x1800, accel=ONE, velocity=ONE)

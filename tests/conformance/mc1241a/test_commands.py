@@ -50,7 +50,10 @@ def test_the_table_has_the_80_rows_of_the_manual() -> None:
 
 @pytest.mark.parametrize(
     "row",
-    [pytest.param(row, marks=spec(f"PMD-CMD-{n}"), id=row[0]) for n, row in enumerate(_summary(), 1)],
+    [
+        pytest.param(row, marks=spec(f"PMD-CMD-{n}"), id=row[0])
+        for n, row in enumerate(_summary(), 1)
+    ],
 )
 def test_a_row_of_the_table_is_the_manual_s(row: tuple[str, int, int, int]) -> None:
     made = COMMANDS[row[0]]
@@ -427,7 +430,7 @@ def test_the_target_position_is_the_floor(chip: Bench) -> None:
     assert chip.trace("target", 3) == [-1, -3, -5]  # -0.75, -2.25, -4.5
 
 
-@spec("PMD-CMD-69")
+@spec("PMD-CMD-69", "PMD-CMD-49")
 def test_set_actl_pos_gives_both_positions_a_number(chip: Bench) -> None:
     chip.send("SET_ACTL_POS", -123456)
     assert chip.send("GET_ACTL_POS") == -123456

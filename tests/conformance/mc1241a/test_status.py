@@ -176,9 +176,7 @@ def test_a_mask_let_in_later_interrupts_for_an_event_of_long_ago(chip: Bench) ->
 
 @spec("PMD-INT-2")
 @pytest.mark.parametrize(("axis", "other"), [(1, 1), (1, 2), (2, 1), (2, 2)])
-def test_an_old_event_interrupts_as_soon_as_none_stands(
-    chip: Bench, axis: int, other: int
-) -> None:
+def test_an_old_event_interrupts_as_soon_as_none_stands(chip: Bench, axis: int, other: int) -> None:
     """Another event came first and is dealt with: the old one was set and enabled all along."""
     for one, mask in {axis: 0x0020, other: 0x0001 | (axis == other) << 5}.items():
         chip.send(f"SET_{one}")

@@ -55,7 +55,7 @@ def test_outputs_while_reset_is_low_and_after(bench: Bench) -> None:
 
 @pytest.mark.spec("MCP-RST-1")
 def test_a_byte_on_its_way_to_a_register_is_lost_in_a_reset(chip: Bench) -> None:
-    chip.write(0x03, 0x55)
+    chip.chip.write(0x10, 0x55)
     assert chip.seen("PRESCALER") == 0x3F, "a byte takes four clocks"
     chip.drive("/RESET", LOW)
     chip.wait(10)

@@ -54,6 +54,19 @@ def test_acceleration_may_change_under_way(bench: Bench) -> None:
     assert bench.trace("COMMAND_POSITION", 2) == [19, 42]
 
 
+@pytest.mark.spec("MCP-VEL-1", "MCP-REG-25")
+@pytest.mark.parametrize("bit", range(16))
+def test_each_bit_of_the_acceleration_counts_but_the_sixteenth(bench: Bench, bit: int) -> None:
+    for accel in (1 << bit, 0x7FFF ^ 1 << bit):
+        bench.write(0x00, 0x05)
+        bench.samples(1)
+        velocity_mode(bench, accel=accel & 0xFFFF, goal=127)
+        command = bench.chip.axis.loop.command
+        before = command.velocity
+        bench.samples(1)
+        assert command.velocity - before == min(accel & 0x7FFF, (127 << 8) - before)
+
+
 @pytest.mark.spec("MCP-VEL-2")
 @pytest.mark.parametrize(
     ("first", "second", "told"), [(64, -63, False), (64, -64, True), (-64, 63, False)]
@@ -283,7 +296,7 @@ def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_lat
     assert bench.trace("COMMAND_POSITION", 4) == [6, 12, 20, 28]
 
 
-@pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
+@pytest.mark.spec("MCP-INT-2", "MCP-INT-4", "MCP-INT-5")
 def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_velocity(
     bench: Bench,
 ) -> None:
