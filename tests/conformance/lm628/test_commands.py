@@ -225,7 +225,7 @@ def test_each_bit_of_a_threshold_counts(bench, name, bit):
     assert bench.violations == []
 
 
-@pytest.mark.spec("LM-CMD-25")
+@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16")
 @pytest.mark.parametrize("name", ["LPEI", "LPES"])
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
     bench.command(name, 0x8123)
