@@ -31,7 +31,8 @@ from tests.mutation.mutants import (
 from vbus.chips.clauses import clauses_of, proofs_of
 
 ID: Final = re.compile(
-    r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)((?:(?:,| and| to) (?:\1-\2)?-?\d+(?=[\s,.:;)]*(?:$|[,.:;)]| and| to)))*)"
+    r"\b(LM|MCP|PMD)-([A-Z]+)-(\d+)"
+    r"((?:(?:,| and| to) (?:\1-\2)?-?\d+(?=[\s,.:;)]*(?:$|[,.:;)]| and| to)))*)"
 )
 """A clause; "PMD-CMD-72, -73" names two, and "MCP-OUT-1 to 3, 9" four."""
 
