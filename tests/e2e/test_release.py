@@ -1,7 +1,9 @@
 """A release: what its script refuses, a complete source distribution, files that a forge reads."""
 
+import hashlib
 import importlib.util
 import io
+import json
 import re
 import subprocess
 import sys
@@ -11,6 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
 
 ROOT = Path(__file__).parents[2]
 CHANGELOG = "# Changelog\n\n## 0.3.0 (unreleased)\n\nNew.\n\n## 0.2.0 (2026-12-01)\n\nA.\n\n* B\n\n"
@@ -113,7 +117,7 @@ def test_workflows_call_steps_the_script_has(release: ModuleType) -> None:
     text = "".join(path.read_text() for path in (ROOT / ".github" / "workflows").glob("*.yml"))
     steps = set(re.findall(r"release\.py (\w+)", text))
 
-    assert steps == {"check", "stamp", "sdist", "wheel", "try", "notes"}
+    assert steps == {"check", "stamp", "sdist", "wheel", "try", "sbom", "notes"}
     for step in steps:
         assert f"release.py {step} " in (release.__doc__ or "")
 
@@ -126,3 +130,42 @@ def test_wheels_are_made_for_every_python_that_is_tested() -> None:
         number = build.removeprefix("cp3").removesuffix("-*")
         assert f'"3.{number}"' in workflow
     assert settings["environment"] == {"VBUS_NEED_COMPILED": "1"}
+
+
+def test_workflows_have_no_finding_of_medium_or_high_severity() -> None:
+    done = subprocess.run(
+        [Path(sys.executable).with_name("zizmor"), "--offline", "--no-progress",
+         "--min-severity", "medium", ROOT / ".github" / "workflows"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_release_lists_its_files_and_what_it_needs(release: ModuleType, tmp_path: Path) -> None:
+    (tmp_path / "vbus-1.2.3.tar.gz").write_bytes(b"sources")
+    (tmp_path / "vbus-1.2.3-py3-none-any.whl").write_bytes(b"wheel")
+    needs = release.needed()
+
+    text = release.bill(tmp_path, needs, 1_790_000_000)
+
+    validator = JsonStrictValidator(SchemaVersion.V1_6)
+    assert validator.validate_str(text) is None
+    assert validator.validate_str(text.replace('"sha-256"', '"sum"').replace("SHA-256", "sum"))
+    assert text == release.bill(tmp_path, needs, 1_790_000_000)
+    found = json.loads(text)
+    assert found["metadata"]["component"]["purl"] == f"pkg:pypi/vbus@{needs[0][1]}"
+    hashes = {one["name"]: one["hashes"][0]["content"]
+              for one in found["components"] if one["type"] == "file"}  # fmt: skip
+    assert hashes == {
+        "vbus-1.2.3.tar.gz": hashlib.sha256(b"sources").hexdigest(),
+        "vbus-1.2.3-py3-none-any.whl": hashlib.sha256(b"wheel").hexdigest(),
+    }
+    there = {one["name"].lower() for one in found["components"] if one["type"] == "library"}
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    names = {re.split(r"[><=]", one)[0].replace("_", "-") for one in asked}
+    assert names <= {name.replace("_", "-") for name in there}
+    assert "markdown-it-py" in there  # what rich needs
+    assert not there & {"matplotlib", "pytest"}
+    with pytest.raises(release.Wrong, match="has no distribution"):
+        release.bill(tmp_path / "none", needs, 0)

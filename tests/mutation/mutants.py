@@ -23,6 +23,7 @@ from parso.python.tree import Keyword, Number
 from parso.python.tree import Operator as Sign
 from parso.tree import BaseNode
 
+from tests.mutation.breaks import BREAKS
 from tests.mutation.unobservable import same_by_construction, unobservable
 
 # Of 2,000. What is left over where a folder has fewer sites is not made up for.
@@ -164,9 +165,13 @@ def _name(node: ast.stmt) -> str:
 
 
 @cache
-def _operators() -> dict[str, list[tuple[str, Any]]]:
-    """Return the operators by the kind of node they may apply to."""
+def _operators(breaks: bool = False) -> dict[str, list[tuple[str, Any]]]:
+    """Return the operators by the kind of node they may apply to; with ``breaks`` ours as well."""
     kinds = defaultdict(list)
+    if breaks:
+        for name, own in BREAKS.items():
+            kinds["node"].append((name, own()))
+        kinds["number"].append(("Narrow", BREAKS["Narrow"]()))
     for full in operator_names():
         name = full.partition("/")[2]
         if name in WITH_ARGUMENTS or same_by_construction(name):
@@ -192,8 +197,8 @@ def _kind(node: Any) -> str:
     return "node" if isinstance(node, BaseNode) else ""
 
 
-def mutants(root: Path, file: str) -> list[Mutant]:
-    """Return every mutant of a file."""
+def mutants(root: Path, file: str, breaks: bool = False) -> list[Mutant]:
+    """Return every mutant of a file; with ``breaks`` those of our own operators as well."""
     source = (root / file).read_text()
     layout = Layout(source)
     hidden = unobservable(source)
@@ -201,7 +206,7 @@ def mutants(root: Path, file: str) -> list[Mutant]:
     counts: Counter[str] = Counter()
     texts: dict[int, str] = {}
     for node in ast_nodes(get_ast(source)):
-        for name, operator in _operators().get(_kind(node), ()):
+        for name, operator in _operators(breaks).get(_kind(node), ()):
             for index, (begin, end) in enumerate(operator.mutation_positions(node)):
                 occurrence = counts[name]
                 counts[name] += 1
@@ -234,7 +239,8 @@ def mutated(root: Path, mutant: Mutant) -> str:
     """Return the source of the mutant's file with the change made; empty if it cannot be made."""
     source = (root / mutant.file).read_text()
     try:
-        changed = mutate_code(source, get_operator(f"core/{mutant.operator}")(), mutant.occurrence)
+        operator = BREAKS.get(mutant.operator) or get_operator(f"core/{mutant.operator}")
+        changed = mutate_code(source, operator(), mutant.occurrence)
     except AttributeError:  # the exception of a module, which the operator takes for a plain name
         return ""
     assert changed is not None, mutant

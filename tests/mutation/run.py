@@ -5,6 +5,7 @@
     python tests/mutation/run.py report               what was killed, and who survives
     python tests/mutation/run.py keep                 write the verdicts down, to be checked in
     python tests/mutation/run.py gate                 thirty known mutants that must be killed
+    python tests/mutation/run.py clauses              clauses that do not notice they are broken
     python tests/mutation/run.py show ID              one mutant as a diff
     python tests/mutation/run.py try ID               one mutant, with what pytest says
 
@@ -26,7 +27,7 @@ from typing import Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.mutation import cover, records, trial
+from tests.mutation import clauses, cover, records, trial
 from tests.mutation.choose import choose
 from tests.mutation.mutants import (
     SAMPLE,
@@ -67,7 +68,10 @@ FACTOR: Final = 4.0
 WANTED: Final = {"vbus/chips": 0.95}
 ELSEWHERE: Final = 0.9
 """Part of the mutants that has to be killed."""
+ELSE: Final = 3.0
+"""Seconds of tests of other clauses that are asked where the clause's own have noticed nothing."""
 GATE: Final = 30
+CLAUSE_GATE: Final = 24
 GATE_SECONDS: Final = 1.0
 """Longest test of the gate."""
 
@@ -85,6 +89,9 @@ class Bed:
         self.kept: Path = options.lists / "results.txt"
         self.survivors: Path = options.lists / "survivors.toml"
         self.gate: Path = options.lists / "gate.toml"
+        self.answers: Path = self.build / "clauses.jsonl"
+        self.unnoticed: Path = options.lists / "unnoticed.toml"
+        self.clause_gate: Path = options.lists / "clause_gate.toml"
 
     def sample(self) -> list[Mutant]:
         """Return the mutants that were asked for."""
@@ -103,7 +110,7 @@ class Bed:
     def find(self, name: str) -> Mutant:
         """Return the mutant of an id."""
         for file in files(self.root, self.package):
-            for mutant in mutants(self.root, file):
+            for mutant in mutants(self.root, file, breaks=True):
                 if mutant.id == name:
                     return mutant
         sys.exit(f"no mutant {name}: its line or its function has changed")
@@ -334,14 +341,15 @@ def do_keep(bed: Bed) -> int:
 
 
 def do_gate(bed: Bed) -> int:
-    """Try the mutants of the gate; with ``--renew`` fill it up from the results."""
+    """Try the mutants of both gates; with ``--renew`` fill the first up from the results."""
     if bed.options.renew:
         return _renew(bed)
-    entries = records.read_entries(bed.gate)
+    entries = [*records.read_entries(bed.gate), *records.read_entries(bed.clause_gate)]
     if not entries:
         sys.exit(f"{bed.gate} is empty; fill it with --renew")
     by_id = {mutant.id: mutant for file in sorted({entry.file for entry in entries})
-             if (bed.root / file).exists() for mutant in mutants(bed.root, file)}  # fmt: skip
+             if (bed.root / file).exists()
+             for mutant in mutants(bed.root, file, breaks=True)}  # fmt: skip
     gone = [entry for entry in entries if entry.id not in by_id]
     for entry in gone:
         print(f"no longer applies: {entry.id} {entry.file}: {entry.before}")
@@ -401,6 +409,144 @@ def _renew(bed: Bed) -> int:
     return 0
 
 
+# -- clauses --------------------------------------------------------------------------------------
+
+
+def do_clauses(bed: Bed) -> int:
+    """Break what each clause asks for, and ask the clause's own tests."""
+    options = bed.options
+    tests = clauses.own_tests()
+    found = [it for it in clauses.breaks(bed.root, options.each)
+             if not options.only or set(options.only) & set(it.clauses)]  # fmt: skip
+    number, count = (int(part) for part in options.shard.split("/"))
+    found = found[number - 1 :: count]
+    digests = {it.mutant.id: clauses.digest_of(bed.root, it, tests) for it in found}
+    known = clauses.read_answers(bed.answers)
+    todo = [it for it in found
+            if (answer := known.get(it.mutant.id)) is None
+            or answer.digest != digests[it.mutant.id]
+            or (options.again and not answer.noticed)]  # fmt: skip
+    print(f"{len(found)} mutants of {len({c for it in found for c in it.clauses})} clauses,"
+          f" {len(todo)} to try", flush=True)  # fmt: skip
+    if todo:
+        trial.warm(bed.root)
+        asked = sorted({name for it in todo for clause in it.clauses for name in tests[clause]})
+        plain = trial.attempt(bed.root, trial.Task(asked, 900.0, examples=0))
+        if plain.verdict not in ("survived", "missing"):  # of a test with cases the cases are there
+            sys.exit(f"tests of clauses without a mutant: {plain.verdict} {plain.by}")
+    lines = cover.Map.load(bed.map)
+
+    def work(part: int) -> None:
+        for it in todo[part :: options.jobs]:
+            answer = _ask(bed, it, tests, digests[it.mutant.id], lines)
+            clauses.append(bed.answers, answer)
+            print(f"{answer.verdict:8} {it.mutant.id} {it.mutant.file}:{it.mutant.line}"
+                  f" {' '.join(it.clauses)}: {' '.join(answer.noticed) or '-'} {answer.by}",
+                  flush=True)  # fmt: skip
+
+    _share(options.jobs, work)
+    answers = clauses.read_answers(bed.answers)
+    if options.renew:
+        _renew_clauses(bed, found, answers)
+    return _tell(bed, found, answers)
+
+
+def _renew_clauses(
+    bed: Bed, found: Sequence[clauses.Break], answers: dict[str, clauses.Answer]
+) -> None:
+    """Keep the mutants of the gate that still apply; fill it up with others that were noticed.
+
+    Operators of our own are preferred, in a block of clauses that has few.
+    """
+    by_id = {it.mutant.id: it for it in found}
+    old = {entry.id: entry for entry in records.read_entries(bed.clause_gate)}
+    kept = [it for name, it in by_id.items() if name in old]
+    good = [it for name, it in by_id.items()
+            if name not in old and answers[name].noticed and "::" in answers[name].by
+            and answers[name].verdict == "killed"]  # fmt: skip
+
+    def order(it: clauses.Break) -> tuple[int, bool, str]:
+        block = clauses.block(it)
+        return sum(clauses.block(one) == block for one in kept), not it.own, it.mutant.rank
+
+    for _ in range(min(CLAUSE_GATE - len(kept), len(good))):
+        best = min(good, key=order)
+        good.remove(best)
+        kept.append(best)
+    kept.sort(key=lambda it: (it.mutant.file, it.mutant.line))
+    rows = [old.get(it.mutant.id) or bed.entry(it.mutant, [answers[it.mutant.id].by])
+            for it in kept]  # fmt: skip
+    text = "# Made by `run.py clauses --renew`: broken clauses, and a test that notices each.\n\n"
+    bed.clause_gate.write_text(text + "\n".join(map(records.entry_text, rows)))
+
+
+def _ask(
+    bed: Bed,
+    it: clauses.Break,
+    tests: dict[str, tuple[str, ...]],
+    digest: str,
+    lines: cover.Map,
+) -> clauses.Answer:
+    """Ask the tests of a mutant's clauses; if none fails, those of other clauses."""
+    asked = list(dict.fromkeys(name for clause in it.clauses for name in tests[clause]))
+    mutant = it.mutant
+    source = mutated(bed.root, mutant)
+    task = trial.Task(asked, LEAST, mutant.file, source, 0, whole=True)
+    outcome = trial.attempt(bed.root, task)
+    noticed = [
+        clause for clause in it.clauses
+        if any(clauses.proves(proof, failed)
+               for proof in tests[clause] for failed in outcome.failed)
+    ]  # fmt: skip
+    if outcome.verdict != "survived" and (not outcome.failed or "collection" in outcome.failed):
+        noticed = list(it.clauses)
+    by = outcome.by
+    if not noticed:
+        own = {name for names in tests.values() for name in names}
+        others = [name for name in choose(bed.root, lines, mutant, ELSE)
+                  if name.partition("[")[0] in own]  # fmt: skip
+        if others:
+            by = trial.attempt(bed.root, trial.Task(others, LEAST, mutant.file, source)).by
+    return clauses.Answer(mutant.id, digest, outcome.verdict, noticed, by)
+
+
+def _tell(bed: Bed, found: Sequence[clauses.Break], answers: dict[str, clauses.Answer]) -> int:
+    """Say which clauses do not notice that they are broken."""
+    options = bed.options
+    entries = {entry.id: entry for entry in records.read_entries(bed.unnoticed)}
+    listed = entries.keys() | {entry.id for entry in records.read_entries(bed.survivors)}
+    problems = []
+    for name, those in clauses.silent(found, answers).items():
+        if not all(it.mutant.id in listed for it in those):
+            problems.append(f"{name} notices none of {len(those)} mutants of its code")
+    elsewhere = 0
+    for it in found:
+        answer = answers[it.mutant.id]
+        if answer.noticed or it.mutant.id in listed:
+            continue
+        elsewhere += bool(answer.by)
+        what = "noticed by" if answer.by else "noticed by no clause: "
+        before, after = difference(bed.root, it.mutant)
+        print(f"{it.mutant.file}:{it.mutant.line}: {it.mutant.scope}: {it.mutant.operator}"
+              f" [{it.mutant.id}] {' '.join(it.clauses)}: {what} {answer.by}\n"
+              f"  - {before}\n  + {after}")  # fmt: skip
+        if not answer.by:
+            problems.append(f"{it.mutant.file}: no test of any clause notices {it.mutant.id}")
+            if options.entries:
+                print(records.entry_text(bed.entry(it.mutant)))
+    ids = {it.mutant.id for it in found}
+    for entry in entries.values():
+        if entry.id in ids and answers[entry.id].noticed:
+            problems.append(f"{entry.file}: {entry.id} is listed, but noticed")
+        elif entry.id not in ids and options.shard == "1/1" and not options.only:
+            problems.append(f"{entry.file}: {entry.id} is listed, but is not among the mutants")
+    noticed = sum(bool(answers[it.mutant.id].noticed) for it in found)
+    print(f"{noticed} of {len(found)} are noticed by tests of their clauses, {elsewhere} by tests"
+          " of other clauses only")  # fmt: skip
+    print("\n".join(problems))
+    return bool(problems)
+
+
 # -- one mutant -----------------------------------------------------------------------------------
 
 
@@ -439,7 +585,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--results", type=Path, help="build/mutation/results.jsonl")
     orders = parser.add_subparsers(required=True)
     made = {}
-    for do in (do_map, do_run, do_report, do_keep, do_gate, do_show, do_try):
+    for do in (do_map, do_run, do_report, do_keep, do_gate, do_clauses, do_show, do_try):
         name = do.__name__.removeprefix("do_")
         made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
         made[name].set_defaults(do=do)
@@ -452,19 +598,25 @@ def _parser() -> argparse.ArgumentParser:
             metavar="PATH",
             help="of the sample what is here; with --sample the first N here",
         )
-    for name in ("run", "gate"):
+    for name in ("gate", "clauses"):
+        made[name].add_argument("--renew", action="store_true", help="fill it up from the results")
+    for name in ("run", "gate", "clauses"):
         made[name].add_argument("--jobs", type=int, default=2)
+    for name in ("run", "clauses"):
+        made[name].add_argument("--shard", default="1/1", metavar="I/N")
+        made[name].add_argument("--again", action="store_true", help="survivors once more")
+    for name in ("report", "clauses"):
+        made[name].add_argument("--entries", action="store_true", help="survivors as TOML rows")
+    made["clauses"].add_argument("--each", type=int, default=clauses.EACH, metavar="N",
+                                 help=f"mutants of a clause ({clauses.EACH})")  # fmt: skip
+    made["clauses"].add_argument("--only", action="append", metavar="CLAUSE")
     for name in ("show", "try"):
         made[name].add_argument("id")
     made["map"].add_argument("tests", nargs="*", help="paths; what is known of others stays")
-    made["run"].add_argument("--shard", default="1/1", metavar="I/N")
-    made["run"].add_argument("--again", action="store_true", help="survivors once more")
     made["run"].add_argument("--seconds", type=float, default=CHOSEN, metavar="S",
                              help=f"tests to choose for each ({CHOSEN:.0f})")  # fmt: skip
     made["run"].add_argument("--least", type=float, default=LEAST, metavar="S",
                              help="seconds of processor time each mutant may use")  # fmt: skip
-    made["report"].add_argument("--entries", action="store_true", help="survivors as TOML rows")
-    made["gate"].add_argument("--renew", action="store_true", help="fill it up from the results")
     made["try"].add_argument("tests", nargs="*", help="node ids, instead of those of the map")
     return parser
 

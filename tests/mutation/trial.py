@@ -58,6 +58,7 @@ class Task:
         source: its text.
         examples: how many at most Hypothesis draws for a test; 0: as many as the test says.
         log: where what pytest prints goes.
+        whole: the run goes on after a test has failed.
     """
 
     tests: Sequence[str]
@@ -66,6 +67,7 @@ class Task:
     source: str = ""
     examples: int = FEW
     log: Path | None = None
+    whole: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +79,14 @@ class Outcome:
         by: the failed test, "collection", or the signal that ended the process.
         cpu: seconds of processor time.
         wall: seconds.
+        failed: of a whole run, all that failed, in the words of ``by``.
     """
 
     verdict: str
     by: str
     cpu: float
     wall: float
+    failed: Sequence[str] = ()
 
 
 def warm(root: Path) -> None:
@@ -186,7 +190,8 @@ class _Chosen:
 
 def _options(task: Task, folder: str) -> list[str]:
     files = dict.fromkeys(name.partition("::")[0] for name in task.tests)
-    return ["-x", *OPTIONS, f"--basetemp={folder}/pytest", *files]
+    end = "--tb=no" if task.whole else "-x"
+    return [end, *OPTIONS, f"--basetemp={folder}/pytest", *files]
 
 
 def _child(root: Path, task: Task, folder: str, answer: int) -> None:
@@ -208,22 +213,21 @@ def _child(root: Path, task: Task, folder: str, answer: int) -> None:
         sys.meta_path.insert(0, _Finder(root, task.file, task.source))
     chosen = _Chosen(task.tests, task.examples)
     code = pytest.main(_options(task, folder), plugins=[chosen])
-    os.write(answer, json.dumps([int(code), chosen.failed[:1], chosen.missing[:1]]).encode())
+    failed = list(dict.fromkeys(chosen.failed)) if task.whole else chosen.failed[:1]
+    os.write(answer, json.dumps([int(code), failed, chosen.missing[:1]]).encode())
 
 
 def attempt(root: Path, task: Task) -> Outcome:
     """Run a task in a fork of this process, and wait for it."""
     folder = tempfile.mkdtemp(prefix="mutant-")
-    read, write = os.pipe()
+    place = os.memfd_create("answer")  # which has no end that a reader must wait at
     started = time.monotonic()
     pid = os.fork()
     if pid == 0:
         try:
-            os.close(read)
-            _child(root, task, folder, write)
+            _child(root, task, folder, place)
         finally:
             os._exit(0)
-    os.close(write)
     try:
         late = not _ends(pid, WALL * task.limit)
     finally:
@@ -231,12 +235,12 @@ def attempt(root: Path, task: Task) -> Outcome:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(pid, signal.SIGKILL)
         _, status, usage = os.wait4(pid, 0)
-        answer = os.read(read, 65536)
-        os.close(read)
+        answer = os.pread(place, os.fstat(place).st_size, 0)
+        os.close(place)
         shutil.rmtree(folder, ignore_errors=True)
-    verdict, by = _verdict(task, status, answer, late)
+    verdict, by, failed = _verdict(task, status, answer, late)
     cpu = usage.ru_utime + usage.ru_stime
-    return Outcome(verdict, by, round(cpu, 2), round(time.monotonic() - started, 2))
+    return Outcome(verdict, by, round(cpu, 2), round(time.monotonic() - started, 2), failed)
 
 
 def _ends(pid: int, seconds: float) -> bool:
@@ -250,16 +254,19 @@ def _ends(pid: int, seconds: float) -> bool:
         os.close(ended)
 
 
-def _verdict(task: Task, status: int, answer: bytes, late: bool) -> tuple[str, str]:
+def _verdict(task: Task, status: int, answer: bytes, late: bool) -> tuple[str, str, Sequence[str]]:
     number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
     if late or (number == signal.SIGXCPU and not answer):
-        return "timeout", ""
+        return "timeout", "", ()
     if not answer:
-        return "killed", signal.Signals(number).name if number else "the process ended"
+        return "killed", signal.Signals(number).name if number else "the process ended", ()
     code, failed, missing = json.loads(answer)
     if code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
-        return ("missing", missing[0]) if missing and not task.file else ("survived", "")
-    return "killed", failed[0] if failed else f"pytest ended with {pytest.ExitCode(code).name}"
+        if missing and not task.file:
+            return "missing", missing[0], ()
+        return "survived", "", ()
+    by = failed[0] if failed else f"pytest ended with {pytest.ExitCode(code).name}"
+    return "killed", by, failed
 
 
 def collected(root: Path, paths: Sequence[str]) -> set[str]:

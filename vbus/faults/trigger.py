@@ -104,7 +104,8 @@ def read_when(value: object) -> When:
         except ConditionError as error:
             if "." in text:
                 raise ValueError(str(error)) from None
-    hint = suggestion(kind, (NOW, AT, CYCLE, POSITION, COMMAND, EDGE, RATE))
+    kinds = (NOW, AT, CYCLE, POSITION, COMMAND, EDGE, RATE)
+    hint = "" if kind in kinds else suggestion(kind, kinds)
     raise ValueError(f"when = {quoted(text)}: {hint}write {WHEN_FORMS}")
 
 

@@ -14,7 +14,7 @@ ONE = 1 << 16
 """One count per sample, or per sample squared."""
 
 
-@pytest.mark.spec("LM-CMD-2", "LM-STA-9", "LM-TRJ-17")
+@pytest.mark.spec("LM-CMD-2", "LM-STA-9", "LM-TRJ-17", "LM-STA-2")
 def test_stt_is_taken_exactly_at_the_next_sample(bench):
     bench.next_sample()
     bench.load(0x1800, accel=ONE, velocity=ONE)
@@ -194,7 +194,17 @@ def test_lpes_and_lpei_load_the_threshold_and_choose_whether_to_stop(bench):
     assert bench.violations == []
 
 
-@pytest.mark.spec("LM-CMD-25")
+@pytest.mark.spec("LM-CMD-15", "LM-CMD-16")
+@pytest.mark.parametrize("name", ["LPEI", "LPES"])
+@pytest.mark.parametrize("bit", range(15))
+def test_each_bit_of_a_threshold_counts(bench, name, bit):
+    for threshold in (1 << bit, 0x7FFF ^ 1 << bit):
+        bench.command(name, threshold)
+        assert bench.axis.threshold == threshold
+    assert bench.violations == []
+
+
+@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16")
 @pytest.mark.parametrize("name", ["LPEI", "LPES"])
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
     bench.command(name, 0x8123)
@@ -430,17 +440,16 @@ def test_every_row_of_the_command_table_has_its_hook_or_its_parameter(bench):
     assert len(COMMANDS) == 22, "Table 2 without RDSTAT, which needs no code"
 
 
-@pytest.mark.spec("LM-CMD-3", "LM-CMD-4", "LM-CMD-19", "LM-CMD-20", "LM-CMD-21", "LM-CMD-22")
 @pytest.mark.parametrize(
     ("name", "code", "words"),
-    [
+    [pytest.param(*row, marks=pytest.mark.spec(COMMANDS[row[0]].clause), id=row[0]) for row in (
         ("RESET", 0x00, 0), ("PORT8", 0x05, 0), ("PORT12", 0x06, 0), ("DFH", 0x02, 0),
         ("SIP", 0x03, 0), ("LPEI", 0x1B, 1), ("LPES", 0x1A, 1), ("SBPA", 0x20, 2),
         ("SBPR", 0x21, 2), ("MSKI", 0x1C, 1), ("RSTI", 0x1D, 1), ("LFIL", 0x1E, 1),
         ("UDF", 0x04, 0), ("LTRJ", 0x1F, 1), ("STT", 0x01, 0), ("RDSIGS", 0x0C, -1),
         ("RDIP", 0x09, -2), ("RDDP", 0x08, -2), ("RDRP", 0x0A, -2), ("RDDV", 0x07, -2),
         ("RDRV", 0x0B, -1), ("RDSUM", 0x0D, -1),
-    ],
+    )],
 )  # fmt: skip
 def test_each_code_takes_or_gives_its_number_of_words(bench, name, code, words):
     bench.write(0, code)

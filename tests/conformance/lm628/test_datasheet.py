@@ -41,12 +41,17 @@ def test_settings_that_cannot_be_are_refused(settings, message):
         Bench(**settings)
 
 
-@pytest.mark.spec("LM-STA-1", "LM-STA-2", "LM-TRJ-1")
+@pytest.mark.spec("LM-STA-1", "LM-STA-2", "LM-TRJ-1", "LM-CMD-23")
 def test_the_bit_tables_are_complete():
     assert [bit.number for bit in ds.STATUS] == list(range(7, -1, -1))
     assert [bit.number for bit in ds.SIGNALS] == list(range(15, -1, -1))
     assert sum(bit.mask for bit in ds.TRAJECTORY) == 0x1F3F
     assert sum(bit.mask for bit in ds.FILTER) == 0x000F
+
+
+@pytest.mark.spec("LM-TIM-4", "LM-TIM-5")
+def test_limits_of_the_clock_are_those_of_the_faster_grade():
+    assert (ds.AC["T4"].min_ps, ds.AC["T5"].min_ps, ds.AC["T5"].max_ps) == (57_000, 125_000, 10**6)
 
 
 def test_every_rule_has_its_own_name_and_a_clause_of_this_chip():

@@ -51,6 +51,18 @@ def test_lfil_loads_the_coefficients_its_bits_name_in_the_order_kp_ki_kd_il(benc
 
 
 @pytest.mark.spec("LM-PID-1")
+@pytest.mark.parametrize("name", ["kp", "ki", "kd", "il"])
+@pytest.mark.parametrize("bit", range(15))
+def test_each_bit_of_a_coefficient_counts(bench, name, bit):
+    for value in (1 << bit, 0x7FFF ^ 1 << bit):
+        bench.command("LFIL", {"kp": 8, "ki": 4, "kd": 2, "il": 1}[name], value)
+        bench.command("UDF")
+        bench.next_sample()
+        assert getattr(bench.axis.pid, name) == value
+    assert bench.rules() == []
+
+
+@pytest.mark.spec("LM-PID-1")
 def test_every_lfil_stores_the_derivative_interval_and_udf_uses_it(bench):
     bench.command("LFIL", 0x0300)
     assert (bench.axis.pid.loaded[0], bench.axis.pid.ds) == (3, 0)

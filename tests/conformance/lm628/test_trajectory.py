@@ -819,7 +819,7 @@ def test_a_position_that_velocity_mode_never_started_is_reached_after_the_stop(b
     assert desired(bench, 1000)[-1] == 7000
 
 
-@pytest.mark.spec("LM-TRJ-6", "LM-TRJ-3")
+@pytest.mark.spec("LM-TRJ-6", "LM-TRJ-3", "LM-TRJ-1")
 def test_a_stop_takes_relative_rates_and_its_direction_but_no_position(bench):
     bench.move(0x1800, accel=ONE, velocity=6 * ONE, position=1000)
     velocities(bench, 8)

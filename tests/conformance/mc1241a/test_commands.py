@@ -48,6 +48,18 @@ def test_the_table_has_the_80_rows_of_the_manual() -> None:
     assert len(COMMANDS) == 80
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(row, marks=spec(f"PMD-CMD-{n}"), id=row[0])
+        for n, row in enumerate(_summary(), 1)
+    ],
+)
+def test_a_row_of_the_table_is_the_manual_s(row: tuple[str, int, int, int]) -> None:
+    made = COMMANDS[row[0]]
+    assert (made.name, made.code, made.write, made.read) == row
+
+
 @spec("PMD-AMB-14")
 def test_each_row_has_its_hook_or_its_parameter(chip: Bench) -> None:
     for row in COMMANDS:
@@ -418,7 +430,7 @@ def test_the_target_position_is_the_floor(chip: Bench) -> None:
     assert chip.trace("target", 3) == [-1, -3, -5]  # -0.75, -2.25, -4.5
 
 
-@spec("PMD-CMD-69")
+@spec("PMD-CMD-69", "PMD-CMD-49")
 def test_set_actl_pos_gives_both_positions_a_number(chip: Bench) -> None:
     chip.send("SET_ACTL_POS", -123456)
     assert chip.send("GET_ACTL_POS") == -123456

@@ -5,6 +5,7 @@ import pytest
 from tests.reference.mc1241a import COMMANDS as MANUAL
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chip import MC1241A
+from vbus.chips.tables import Command
 
 spec = pytest.mark.spec
 
@@ -14,23 +15,34 @@ def test_codes_and_words_of_all_commands() -> None:
     assert {row.code: (row.name, row.write, row.read) for row in ds.COMMANDS} == MANUAL
 
 
-@spec("PMD-CMD-8", "PMD-CMD-11", "PMD-CMD-12", "PMD-CMD-13", "PMD-CMD-53")
-def test_fraction_bits_of_what_commands_carry() -> None:
-    fractions = {
-        "VEL": 16, "ACC": 16, "MAX_ACC": 16, "JERK": 32, "RATIO": 16, "START_VEL": 16,
-        "TRGT_VEL": 16, "STEP_RATIO": 8,
-    }  # fmt: skip
-    for row in ds.COMMANDS:
-        assert row.fraction == fractions.get(row.name[4:], 0), row.name
+FRACTIONS = {
+    "VEL": 16, "ACC": 16, "MAX_ACC": 16, "JERK": 32, "RATIO": 16, "START_VEL": 16, "TRGT_VEL": 16,
+    "STEP_RATIO": 8,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "row",
+    [pytest.param(row, marks=spec(row.clause), id=row.name)
+     for row in ds.COMMANDS if row.write or row.read],
+)  # fmt: skip
+def test_fraction_bits_of_what_commands_carry(row: Command) -> None:
+    assert row.fraction == FRACTIONS.get(row.name[4:], 0)
+
+
+BUFFERED = {
+    *(f"{verb}_{name}" for verb in ("SET", "GET")
+      for name in ("POS", "VEL", "ACC", "MAX_ACC", "JERK", "RATIO", "BUF_MTR_CMD")),
+    "STOP", "SMOOTH_STOP", "SYNCH_PRFL",
+}  # fmt: skip
 
 
 @spec("PMD-UPD-1")
-def test_which_commands_are_double_buffered() -> None:
-    registers = ("POS", "VEL", "ACC", "MAX_ACC", "JERK", "RATIO", "BUF_MTR_CMD")
-    assert {row.name for row in ds.COMMANDS if row.buffered} == {
-        *(f"{verb}_{name}" for verb in ("SET", "GET") for name in registers),
-        "STOP", "SMOOTH_STOP", "SYNCH_PRFL",
-    }  # fmt: skip
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, marks=spec(row.clause), id=row.name) for row in ds.COMMANDS]
+)
+def test_which_commands_are_double_buffered(row: Command) -> None:
+    assert row.buffered == (row.name in BUFFERED)
 
 
 @spec("PMD-STA-1", "PMD-STA-5")

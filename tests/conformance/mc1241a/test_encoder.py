@@ -179,6 +179,17 @@ def test_only_the_chosen_source_captures(chip: Bench) -> None:
     assert chip.status() == 0x0300
 
 
+@spec("PMD-CMD-52")
+def test_a_position_is_read_in_the_cycle_in_which_it_is_captured(chip: Bench) -> None:
+    chip.send("SET_CAPT_HOME")
+    chip.next_cycle()
+    turn(chip, *UP)
+    chip.drive("~Home1", 0)
+    begun = chip.now // CYCLE
+    assert chip.send("GET_CAPT") == 4
+    assert chip.now // CYCLE == begun
+
+
 @spec("PMD-CAP-1", "PMD-CMD-52")
 def test_a_second_trigger_is_lost_until_the_capture_is_read(chip: Bench) -> None:
     chip.send("SET_CAPT_HOME")

@@ -168,6 +168,20 @@ def test_sensing_off_sets_no_bits_and_leaves_those_that_are_set(chip: Bench) -> 
     assert chip.status() == 0x0300
 
 
+@spec("PMD-CMD-72", "PMD-CMD-73")
+@pytest.mark.parametrize("axis", [1, 2])
+def test_sensing_is_switched_for_all_axes_whichever_is_selected(chip: Bench, axis: int) -> None:
+    chip.send(f"SET_{axis}")
+    chip.send("LMTS_OFF")
+    for switch in ("PosLimit1", "NegLimit2"):
+        chip.drive(switch, 1)
+    chip.next_cycle(2)
+    assert (chip.seen("status", 1), chip.seen("status", 2)) == (0x0300, 0x1300)
+    chip.send("LMTS_ON")
+    chip.next_cycle()
+    assert (chip.seen("status", 1), chip.seen("status", 2)) == (0x0321, 0x1341)
+
+
 @spec("PMD-LIM-4", "PMD-CMD-72")
 def test_lmts_on_with_an_active_switch_is_a_hit(chip: Bench) -> None:
     chip.send("LMTS_OFF")

@@ -80,6 +80,17 @@ def test_reserved_49h_does_nothing_and_has_a_checksum(bench: Bench) -> None:
     assert bench.rules() == ["reserved-command", "unexpected-write"]
 
 
+@spec("PMD-PKT-5")
+def test_reserved_49h_ends_a_packet_that_is_open(bench: Bench) -> None:
+    bench.command(0x10)  # SET_POS
+    bench.write_word(0x0001)
+    bench.command(0x49)
+    bench.write_word(0x0002)
+    assert bench.checksum() == 0x0049
+    assert bench.chip.axes[0].buffer.position == 0
+    assert "unexpected-write" in bench.rules()
+
+
 @spec("PMD-AMB-1", "PMD-CMD-16")
 def test_4eh_is_smooth_stop(chip: Bench) -> None:
     chip.command(0x4E)

@@ -282,7 +282,7 @@ def test_an_s_curve_that_was_left_is_forgotten(chip: Bench) -> None:
     assert chip.status() == 0x0301
 
 
-@spec("PMD-TRJ-13")
+@spec("PMD-TRJ-13", "PMD-CMD-4")
 def test_s_curve_selected_in_motion_stops_the_axis_and_is_reported(chip: Bench) -> None:
     chip.move(pos=10_000, vel=4 << 16, acc=1 << 16)
     chip.next_cycle(10)

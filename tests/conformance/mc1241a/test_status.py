@@ -174,6 +174,42 @@ def test_a_mask_let_in_later_interrupts_for_an_event_of_long_ago(chip: Bench) ->
     assert chip.level("~HostIntrpt") == 0
 
 
+@spec("PMD-INT-2")
+@pytest.mark.parametrize(("axis", "other"), [(1, 1), (1, 2), (2, 1), (2, 2)])
+def test_an_old_event_interrupts_as_soon_as_none_stands(chip: Bench, axis: int, other: int) -> None:
+    """Another event came first and is dealt with: the old one was set and enabled all along."""
+    for one, mask in {axis: 0x0020, other: 0x0001 | (axis == other) << 5}.items():
+        chip.send(f"SET_{one}")
+        chip.send("SET_INTRPT_MASK", mask)
+    chip.drive(f"PosLimit{axis}", 1)
+    chip.next_cycle()
+    chip.send("SET_I")
+    stop(chip, other)
+    chip.next_cycle(10)
+    chip.send("SET_I")
+    chip.send("RST_INTRPT", 0x00DF)
+    chip.run_for(2 * CLK)
+    assert chip.level("~HostIntrpt") == 0
+    assert chip.send("SET_I") & 0x3021 == (other - 1) << 12 | 0x0001
+    chip.send("RST_INTRPT", 0x00FE)
+    chip.next_cycle(3)
+    assert chip.level("~HostIntrpt") == 1
+
+
+@spec("PMD-INT-2")
+def test_an_event_that_is_enabled_again_interrupts_again(chip: Bench) -> None:
+    stop(chip)
+    chip.send("SET_INTRPT_MASK", 0x0001)
+    chip.next_cycle()
+    assert chip.level("~HostIntrpt") == 0
+    chip.send("SET_INTRPT_MASK", 0x0020)
+    chip.send("RST_INTRPT", 0x00FF)  # nothing is cleared, nothing else is enabled
+    chip.next_cycle(3)
+    assert (chip.level("~HostIntrpt"), chip.status() & 0x00FF) == (1, 0x0001)
+    chip.send("SET_INTRPT_MASK", 0x0021)
+    assert chip.level("~HostIntrpt") == 0
+
+
 @spec("PMD-INT-3", "PMD-CMD-43", "PMD-T-8", "PMD-AMB-18")
 def test_the_manual_s_interrupt_example(bench: Bench) -> None:
     bench.send("SET_2")

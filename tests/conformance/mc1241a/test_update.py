@@ -349,6 +349,41 @@ def test_a_new_acceleration_in_a_trapezoidal_move_is_refused_with_the_velocity(
 
 
 @spec("PMD-ERR-1")
+@pytest.mark.parametrize("by", [-1, 1, -(4 << 16), 4 << 16])
+@pytest.mark.parametrize("vel", [4, 9])
+def test_any_other_acceleration_is_refused_as_often_as_it_is_asked_for(
+    chip: Bench, by: int, vel: int
+) -> None:
+    cruise(chip)
+    chip.move(vel=vel << 16, acc=(4 << 16) + by)
+    chip.next_cycle()
+    active = chip.chip.axes[0].active
+    assert (active.velocity, active.acceleration) == (4 << 16, 4 << 16)
+    assert chip.status() == 0x0780
+    chip.send("CLR_STATUS")
+    chip.move(pos=-7)  # the buffer still has the other acceleration
+    chip.next_cycle()
+    assert (active.velocity, active.acceleration, active.position) == (4 << 16, 4 << 16, -7)
+    assert chip.status() == 0x0780
+    assert chip.rules() == ["command-error"] * 2
+    chip.send("CLR_STATUS")
+    chip.move(acc=4 << 16)
+    chip.next_cycle()
+    assert (active.velocity, chip.status()) == (vel << 16, 0x0700)
+
+
+@spec("PMD-ERR-1")
+def test_at_constant_velocity_another_acceleration_is_no_error(chip: Bench) -> None:
+    chip.send("SET_PRFL_VEL")
+    cruise(chip)
+    chip.move(vel=9 << 16, acc=1 << 16)
+    chip.next_cycle()
+    assert chip.status() == 0x0700
+    assert speed(chip) == 5
+    assert chip.rules() == []
+
+
+@spec("PMD-ERR-1")
 def test_the_same_acceleration_again_is_no_error_and_at_rest_any_is_taken(chip: Bench) -> None:
     cruise(chip, pos=40)
     chip.move(vel=9 << 16, acc=4 << 16)

@@ -89,7 +89,7 @@ def test_while_reversing_the_axis_rests_for_one_cycle_between_start_velocities(
     assert speeds(chip, 5) == [4, 0, -3, -5, -6]
 
 
-@spec("PMD-TRJ-12", "PMD-TRJ-8")
+@spec("PMD-TRJ-12", "PMD-TRJ-8", "PMD-TRJ-6")
 def test_motion_is_complete_when_velocity_0_is_reached(chip: Bench) -> None:
     contour(chip, 4, 2)
     chip.next_cycle(3)

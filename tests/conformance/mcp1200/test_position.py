@@ -71,7 +71,7 @@ def test_an_increment_waits_while_an_exception_stops_the_axis(bench: Bench, acti
     assert (bench.seen("COMMAND_POSITION"), bench.read(0x0B)) == (5, 0)
 
 
-@pytest.mark.spec("MCP-POS-1")
+@pytest.mark.spec("MCP-POS-1", "MCP-REG-12")
 def test_an_increment_written_while_busy_is_kept_for_the_next_sample(bench: Bench) -> None:
     bench.control()
     bench.samples(1)

@@ -88,6 +88,19 @@ def test_the_register_table_is_the_manual_s() -> None:
     assert {row.name: (row.addresses, row.reset) for row in REGISTERS} == REGISTER_LIST
 
 
+FRACTIONS = {"ENCODER_RATIO": 8, "VELOCITY": 8, "ACCELERATION": 8, "JERK": 16, "FEED_FORWARD": 8}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(row.name, marks=pytest.mark.spec(row.clause), id=row.name) for row in REGISTERS],
+)
+def test_a_row_of_the_register_table_is_the_manual_s(name: str) -> None:
+    row = REGISTERS[name]
+    assert (row.addresses, row.reset) == REGISTER_LIST[name]
+    assert (row.signed, row.fraction) == (name in SIGNED, FRACTIONS.get(name, 0))
+
+
 @pytest.mark.spec("MCP-REG-48", "MCP-AMB-23", "MCP-AMB-28")
 @pytest.mark.parametrize("name", REGISTER_LIST)
 @pytest.mark.parametrize("value", [0x5AB637, -0x5AB637])

@@ -54,6 +54,17 @@ def test_outputs_while_reset_is_low_and_after(bench: Bench) -> None:
 
 
 @pytest.mark.spec("MCP-RST-1")
+def test_a_byte_on_its_way_to_a_register_is_lost_in_a_reset(chip: Bench) -> None:
+    chip.chip.write(0x10, 0x55)
+    assert chip.seen("PRESCALER") == 0x3F, "a byte takes four clocks"
+    chip.drive("/RESET", LOW)
+    chip.wait(10)
+    chip.drive("/RESET", HIGH)
+    chip.wait(320)
+    assert chip.seen("PRESCALER") == 0x3F
+
+
+@pytest.mark.spec("MCP-RST-1")
 def test_pulse_is_high_for_exactly_one_clock_after_reset(chip: Bench) -> None:
     edges = chip.watch("PULSE")
     chip.until(50)

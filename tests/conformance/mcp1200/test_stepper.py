@@ -115,6 +115,22 @@ def test_the_position_counts_each_step_when_it_starts() -> None:
         assert bench.position == j + 1
 
 
+@pytest.mark.spec("MCP-STP-1", "MCP-REG-3")
+def test_the_position_stays_when_its_source_changes() -> None:
+    rail = Rail()
+    rail.speed = 50_000.0
+    bench = Bench(plant=rail)
+    bench.samples(20)
+    rail.speed = 0.0
+    bench.samples(2)
+    here = bench.position
+    assert here > 10
+    for config in (0x03, 0x01, 0x03):
+        bench.write(0x02, config)
+        bench.samples(2)
+        assert bench.position == here
+
+
 @pytest.mark.spec("MCP-STP-1")
 def test_the_encoder_does_not_count_and_the_filter_does_not_drive() -> None:
     rail = Rail()

@@ -27,6 +27,15 @@ def test_velocity_ramps_to_a_goal_that_may_change_at_any_time(bench: Bench) -> N
 
 
 @pytest.mark.spec("MCP-VEL-1")
+@pytest.mark.parametrize("bit", [0, 1, 2, 3, 4, 6, 7])
+def test_only_high_resolution_makes_the_velocity_register_the_goal(bench: Bench, bit: int) -> None:
+    bench.write(0x01, 1 << bit)
+    bench.put("VELOCITY", 0x000900)
+    velocity_mode(bench, accel=0x7FFF, goal=3)
+    assert bench.trace("COMMAND_POSITION", 3) == [3, 6, 9]
+
+
+@pytest.mark.spec("MCP-VEL-1")
 def test_velocity_with_a_fraction(bench: Bench) -> None:
     bench.write(0x01, 0x20)
     bench.put("VELOCITY", 0xFFFEC0)
@@ -43,6 +52,19 @@ def test_acceleration_may_change_under_way(bench: Bench) -> None:
     assert bench.trace("COMMAND_POSITION", 3) == [1, 3, 6]
     bench.put("ACCELERATION", 0x0A00)
     assert bench.trace("COMMAND_POSITION", 2) == [19, 42]
+
+
+@pytest.mark.spec("MCP-VEL-1", "MCP-REG-25")
+@pytest.mark.parametrize("bit", range(16))
+def test_each_bit_of_the_acceleration_counts_but_the_sixteenth(bench: Bench, bit: int) -> None:
+    for accel in (1 << bit, 0x7FFF ^ 1 << bit):
+        bench.write(0x00, 0x05)
+        bench.samples(1)
+        velocity_mode(bench, accel=accel & 0xFFFF, goal=127)
+        command = bench.chip.axis.loop.command
+        before = command.velocity
+        bench.samples(1)
+        assert command.velocity - before == min(accel & 0x7FFF, (127 << 8) - before)
 
 
 @pytest.mark.spec("MCP-VEL-2")
@@ -89,12 +111,31 @@ def test_clearing_the_flag_under_way_holds_the_present_command(bench: Bench) -> 
 
 
 @pytest.mark.spec("MCP-VEL-4")
-def test_without_acceleration_the_velocity_stays(bench: Bench) -> None:
-    velocity_mode(bench, accel=0x0500, goal=5)
+@pytest.mark.parametrize("fraction", [False, True])
+@pytest.mark.parametrize("goal", [20, 5, 2, 0, -2, -5, -20])
+@pytest.mark.parametrize("speed", [5, 0, -5])
+def test_without_acceleration_the_velocity_stays(
+    bench: Bench, speed: int, goal: int, fraction: bool
+) -> None:
+    def ask(velocity: int) -> None:
+        if fraction:
+            bench.put("VELOCITY", velocity << 8 & 0xFFFFFF)
+        else:
+            bench.put("VELOCITY_COMMAND", velocity & 0xFF)
+
+    bench.write(0x01, 0x20 if fraction else 0)
+    ask(speed)
+    bench.put("ACCELERATION", 0x0500)
+    bench.write(0x00, 0x0D)
+    bench.control()
     bench.samples(1)
     bench.put("ACCELERATION", 0)
-    bench.put("VELOCITY_COMMAND", 20)
-    assert bench.trace("COMMAND_POSITION", 3) == [10, 15, 20]
+    ask(goal)
+    assert bench.trace("COMMAND_POSITION", 6) == [speed * n for n in range(2, 8)]
+    bench.put("ACCELERATION", 0x0100)
+    step = (goal > speed) - (goal < speed)
+    assert bench.trace("COMMAND_POSITION", 1) == [speed * 8 + step]
+    assert bench.rules() == []
 
 
 @settings(max_examples=40, deadline=None)
@@ -255,7 +296,7 @@ def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_lat
     assert bench.trace("COMMAND_POSITION", 4) == [6, 12, 20, 28]
 
 
-@pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
+@pytest.mark.spec("MCP-INT-2", "MCP-INT-4", "MCP-INT-5")
 def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_velocity(
     bench: Bench,
 ) -> None:

@@ -10,7 +10,7 @@ from tests.unit.glue.test_cycles import DECODED
 from tests.unit.trace.conftest import read
 from tests.unit.trace.test_replay import played
 from vbus.board.build import load_board_text
-from vbus.board.snapshot import fork
+from vbus.board.snapshot import fork, restore, take
 from vbus.errors import ConfigError
 from vbus.kernel import MS, NS, US
 from vbus.trace.journal.journal import Journal
@@ -99,6 +99,29 @@ def test_a_slow_part_without_a_delay_of_its_own_is_judged_behind_it_in_a_journal
         "fault",
     ]
     assert played(file.getvalue()).divergence is None
+
+
+def test_what_a_fault_has_slowed_is_on_its_way_in_a_restored_board_too() -> None:
+    """A part without a delay of its own has no timer until a fault makes it slow."""
+    board = load_board_text(DECODED.replace('delay = "15 ns"\n', ""))
+    port = board.open_port("host")
+    for name in ("u1.1A", "u1.1/G"):
+        port.pin(port.pin_number(name), 0)
+    fault = board.faults.arm("part_slow", "u1", by=40_000)
+    port.pin(port.pin_number("u1.1/G"), 1)
+    board.run_for(10 * NS)
+    board.faults.clear(fault)
+    kept, twin = take(board), fork(board)
+    seen = []
+    for one in (board, twin, board):
+        if len(seen) == 2:
+            restore(one, kept)
+        select, now, levels = one.find_pin("x./CS").net, one.now, []
+        for ahead in (30 * NS - 1, 30 * NS):
+            one.run_until(now + ahead)
+            levels.append(select.value)
+        seen.append(levels)
+    assert seen == [[0, 1]] * 3
 
 
 @pytest.mark.parametrize(

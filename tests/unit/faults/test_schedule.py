@@ -237,6 +237,8 @@ def test_evidence_goes_to_observers_and_into_the_trace_hash() -> None:
         (("jam", "x", "cycle 0"), "1 or more"),
         (("jam", "x", "command LTRI"), 'has no command "LTRI"; did you mean "LTRJ"?'),
         (("jam", "x", "edge x./RTS low"), "LM629N-8 has no pin '/RTS'"),
+        (("jam", "x", "edge x.HI up"), 'when = "edge x.HI up": write "now", "at 5 ms"'),
+        (("jam", "x", "edge low"), 'when = "edge low": write "now", "at 5 ms"'),
         (("jam", "x", "now", "once"), 'jam lasts; write "for 5 ms", or "cleared"'),
         (("jam", "x", "now", "for 0 s"), "lasts longer than that"),
         (("jam", "x", "rate 5 Hz"), "say how long each time"),

@@ -174,6 +174,8 @@ def test_a_fault_bends_the_output_of_glue() -> None:
     ("text", "message"),
     [
         ('[glue.u]\npart = "74HC13"\n[glue.u.pins]\n', 'found "74HC13"; did you mean "74HC163"?'),
+        ('[glue.u]\npart = "74HC08"\nlow = ["1A"]\n[glue.u.pins]\n1B = "x.HI"\n1Y = "x./CS"\n'
+         '5A = "y.HI"\n', 'there is no pin "5A"; it has 1A, 1B, 2A, 2B, 3A, 3B, 4A, 4B, 1Y, '),
         ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "x.HI"\n',
          "no output is wired: it does nothing; it has 1Y, 2Y, 3Y, 4Y, 5Y, 6Y"),
         ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1Y = "x./CS"\n',

@@ -23,11 +23,14 @@ def require(program: str) -> str:
     return found
 
 
-def compile_c(compiler: list[str], source: Path, output: Path) -> None:
+CLIENT = Path(include_dir(), "vbus.c")
+
+
+def compile_c(compiler: list[str], source: Path, output: Path, client: Path = CLIENT) -> None:
     """Compile a C host together with the C client."""
     command = [require(compiler[0]), *compiler[1:], *WARNINGS, f"-I{include_dir()}"]
     done = subprocess.run(
-        [*command, "-o", str(output), str(source), f"{include_dir()}/vbus.c"],
+        [*command, "-o", str(output), str(source), str(client)],
         capture_output=True,
         text=True,
     )

@@ -123,6 +123,13 @@ static void run(const char *call)
     } else if (strcmp(call, "sync") == 0) {
         print(call, vbus_sync(&bus, &outputs, &instant));
         printf(" %" PRIx32 " until %" PRIu64, outputs, instant);
+    } else if (strcmp(call, "nulls") == 0) {
+        print("wait", vbus_wait(&bus, VBUS_US, NULL));
+        print(" sample", vbus_sample(&bus, NULL));
+        print(" sync", vbus_sync(&bus, &outputs, NULL));
+        print(" sync", vbus_sync(&bus, NULL, &instant));
+        print(" pass", vbus_pass(&bus, VBUS_US, NULL, NULL));
+        printf(" %" PRIx32 " until %" PRIu64, outputs, instant);
     } else if (strcmp(call, "echo") == 0)
         print(call, vbus_echo(&bus, number()));
     else if (strcmp(call, "events") == 0)

@@ -37,13 +37,14 @@ def host(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 Answer = Callable[[socket.socket], None]
 
 
-def play(host: Path, calls: str, answer: Answer) -> list[str]:
+def play(host: Path, calls: str | list[str], answer: Answer) -> list[str]:
     """Let the host make its calls while ``answer`` plays the board."""
+    words = calls.split() if isinstance(calls, str) else calls
     ours, theirs = socket.socketpair()
     with ours, theirs:
         ours.settimeout(20)
         process = subprocess.Popen(
-            [str(host), f"fd:{theirs.fileno()}", *calls.split()],
+            [str(host), f"fd:{theirs.fileno()}", *words],
             pass_fds=[theirs.fileno()], stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         theirs.close()
@@ -222,3 +223,58 @@ def test_signals_that_interrupt_every_call_lose_nothing(host: Path) -> None:
     calls = "signals reads 1 ff reads 1 ff reads 1 ff interrupted"
     reads = "reads 0 " + " ".join(f"{value:02x}" for value in data)
     assert play(host, calls, answer) == ["signals 0", reads, reads, reads, "interrupted 1"]
+
+
+def test_the_greatest_arguments_are_sent(host: Path) -> None:
+    def answer(link: socket.socket) -> None:
+        expect(link, "44 ff 01 45 ff")
+        link.sendall(b"D\x01")
+        expect(link, "31 ff ff 30 ff")
+        link.sendall(b"D\xff")
+        expect(link, "03 ffff 40 ffff ffff 41 ff 02 ff")
+        link.sendall(b"E\xff")
+
+    calls = "pin ff 1 getpin ff write ff ff read ff select ffff lines ffff ffff drive ff echo ff"
+    assert play(host, calls, answer) == [
+        "pin 0", "getpin 1", "write 0", "read ff", "select 0", "lines 0", "drive 0", "echo ff",
+    ]  # fmt: skip
+
+
+def test_what_a_caller_does_not_want_need_not_have_a_place(host: Path) -> None:
+    def answer(link: socket.socket) -> None:
+        expect(link, f"34 {10**6:016x}")
+        link.sendall(b"R\x01" + struct.pack(">Q", 7))
+        expect(link, "43")
+        link.sendall(b"P\x05" + struct.pack(">I", 9))
+        for _ in range(2):
+            expect(link, "53")
+            link.sendall(b"S" + struct.pack(">IQ", 0xA, 11))
+        expect(link, f"56 {10**6:016x}")
+        link.sendall(b"W" + struct.pack(">IQ", 12, 13))
+
+    said = play(host, "nulls", answer)
+    assert said == ["wait 1 sample 5 sync 0 sync 0 pass 0 a until 11"]
+
+
+@pytest.mark.parametrize("reply", [b"B\x02ab", b"B\x04abcd", b"B\x00"])
+def test_a_reply_of_another_length_than_asked_for_ends_the_session(
+    host: Path, reply: bytes
+) -> None:
+    def answer(link: socket.socket) -> None:
+        expect(link, "32 00 03")
+        link.sendall(reply)
+
+    no = "what came is no reply of the byte protocol; is it this link's protocol?"
+    assert play(host, "reads 0 3 read 0", answer) == [f"reads: {no}", f"read: {no}"]
+
+
+def test_what_the_system_takes_in_small_pieces_arrives_whole(tmp_path: Path) -> None:
+    compile_c(["gcc", "-std=c99"], HERE / "exercise.c", tmp_path / "host", HERE / "short.c")
+    words = b"the quick brown fox".hex()
+
+    def answer(link: socket.socket) -> None:
+        expect(link, f"33 01 13 {words} 20 01 10")
+        link.sendall(b"D\x84")
+
+    calls = ["buffer", "writes", "1", "the quick brown fox", "write", "0", "1", "read", "0"]
+    assert play(tmp_path / "host", calls, answer) == ["buffer 0", "writes 0", "write 0", "read 84"]

@@ -278,6 +278,31 @@ def test_a_violation_that_is_not_in_the_journal_is_missing(moved: bytes) -> None
     assert (found.what, found.clause, found.recorded) == ("missing", "LM-BUS-10", "nothing")
 
 
+def test_a_violation_missed_before_a_byte_that_differs_is_the_first_difference(
+    moved: bytes,
+) -> None:
+    violation = find(moved, op="violation")
+    read_later = next(
+        entry for entry in read(moved)[1] if entry.op == "read" and entry.number > violation.number
+    )
+    changed = {read_later.number: {"reply": read_later.reply ^ 0x01}}
+    assert difference(played(moved, changed=changed)).entry == read_later.number
+    text = LM629 + '[violations]\n"lm628.busy-write" = "off"\n'
+    found = difference(played(moved, changed=changed, text=text))
+    assert (found.entry, found.what) == (violation.number, "unconsumed")
+
+
+def test_a_violation_missed_after_a_byte_that_differs_is_not_the_first_difference(
+    moved: bytes,
+) -> None:
+    violation = find(moved, op="violation")
+    before = next(entry for entry in read(moved)[1] if entry.op == "read")
+    assert before.number < violation.number
+    text = LM629 + '[violations]\n"lm628.busy-write" = "off"\n'
+    changed = {before.number: {"reply": before.reply ^ 0x01}}
+    assert difference(played(moved, changed=changed, text=text)).entry == before.number
+
+
 def _renumbered(data: bytes, gone: Entry) -> dict[int, dict[str, Any]]:
     """Make the rest of a journal look as if an entry had never been there."""
     changes: dict[int, dict[str, Any]] = {}
