@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
@@ -22,8 +23,10 @@ from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
+from vbus.tools.at_rest import LOOK, AtRest
 from vbus.tools.outcome import Outcome
 from vbus.tools.output import complain
+from vbus.tools.proc import what_hangs
 from vbus.tools.scope import place_of
 from vbus.tools.scope_process import show_board
 from vbus.tools.transcript import Transcript
@@ -242,8 +245,10 @@ def run_beside(
             until = min(board.now + limit, UNBOUNDED)
             watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, POLLING))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch, scope, control
-        )
+            server, recording, command(link), environment, note, stdout, watch,
+            limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
+            scope, control,
+        )  # fmt: skip
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
         if watched:
@@ -275,6 +280,7 @@ async def _run_beside(
     note: Path,
     stdout: BinaryIO | None,
     watch: Watch | None,
+    limit: int,
     scope: ScopeSection,
     control: bool,
 ) -> int:
@@ -290,13 +296,27 @@ async def _run_beside(
     try:
         if scope.listen:
             await show_board(server.board.name, scope, control)
-        code = await run_program(command, environment, note, True, stdout, watch)
+        code = await run_program(command, environment, note, True, stdout, watch, limit)
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
         server.board.catch_up()
     finally:
         server.stop()
     return code
+
+
+def _slay(offspring: ending.Offspring, watch: Watch, _: str) -> None:
+    """End a program that has passed a bound; say what it was doing."""
+    threads = what_hangs(offspring.there())
+    watch.details += [line for line in threads if line not in watch.details]
+    offspring.slay()
+
+
+async def _look_on(look: Callable[[], None]) -> None:
+    """Look at a program again and again."""
+    while True:
+        await asyncio.sleep(LOOK)
+        look()
 
 
 async def run_program(
@@ -306,6 +326,7 @@ async def run_program(
     alone: bool = False,
     stdout: BinaryIO | None = None,
     watch: Watch | None = None,
+    limit: int = 0,
 ) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
@@ -319,6 +340,8 @@ async def run_program(
         alone: whether the board ends with the program, and so what the program leaves behind.
         stdout: takes what the program says.
         watch: kills it when it passes a bound.
+        limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
+            what cannot come, or computes for as long; 0: it is not.
 
     Raises:
         VbusError: it cannot be started.
@@ -352,7 +375,10 @@ async def run_program(
             raise VbusError(f"{command[0]}: {error.strerror}") from error
         running.append(process.pid)
         if watch is not None:
-            watch.over = lambda _: offspring.slay()
+            watch.over = partial(_slay, offspring, watch)
+            if limit:
+                look = AtRest(offspring.there, watch, note, limit).look
+                at_end.callback(asyncio.ensure_future(_look_on(look)).cancel)
         loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
         # A loop that closes has no pipe for a child that dies then, and its handler still.
         at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)

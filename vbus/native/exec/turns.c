@@ -216,6 +216,19 @@ static void await(struct guest *self)
     }
 }
 
+static unsigned rested; /* by entries, what vbus exec has been told; 0: nothing */
+
+void turns_stir(void)
+{
+    int error = errno;
+
+    if (!rested)
+        return;
+    card_say_rest(NULL, 0);
+    rested = 0;
+    errno = error;
+}
+
 static void take(struct guest *self)
 {
     if (holder == self)
@@ -239,6 +252,7 @@ void turns_leave(void)
 {
     struct guest *self = mine;
 
+    turns_stir();
     if (--self->inside == 0 && self->kept > 0)
         signals_run(self);
 }
@@ -398,6 +412,42 @@ static int glance(nfds_t count, int ms)
     return found != 0;
 }
 
+/* --- when nothing can come -------------------------------------------------------------------- */
+
+/* Whether timers are ours, and a line for each thread: what it waits for, by a letter and its
+ * descriptors. It holds until one goes on with the program; whoever asks again and again does not. */
+static void say_rest(void)
+{
+    static char text[MOST_GUESTS * 24 + 4096];
+    size_t size;
+    struct guest *guest;
+
+    if (rested == entries || !card_wants_rest())
+        return;
+    size = (size_t)snprintf(text, sizeof text, "%u %d\n", entries, clock_follows());
+    for (guest = turns_next(NULL); guest != NULL; guest = turns_next(guest)) {
+        const struct wait *wait = guest->wait;
+        char kind = guest->state != WAITS || wait == NULL ? 'k' : wait->shared == BY_SIGNAL ? 'w'
+                    : wait->shared ? 's' : 'w';
+        nfds_t turn;
+
+        size += (size_t)snprintf(text + size, 24, "%d %c", (int)guest->tid, kind);
+        for (turn = 0; kind != 'k' && turn < wait->count; turn++)
+            if (wait->set[turn].fd >= 0) {
+                if (size > sizeof text - 64)
+                    return;
+                size += (size_t)snprintf(text + size, 24, " %d/%d", wait->set[turn].fd,
+                                         wait->set[turn].events);
+            }
+        if (size > sizeof text - 64)
+            return;
+        text[size++] = '\n';
+    }
+    memcpy(text + size, "end\n", 4);
+    card_say_rest(text, size + 4);
+    rested = entries;
+}
+
 static void idle(struct guest *self)
 {
     int64_t left = least_left();
@@ -411,6 +461,8 @@ static void idle(struct guest *self)
     }
     if (!clock_follows()) {
         rounds++;
+        if (left == FOR_EVER && !heeds && !spinning)
+            say_rest();
         glance(count, left > DOZE_MS * 1000000 ? DOZE_MS : (int)(left / 1000000));
         return;
     }
@@ -423,6 +475,8 @@ static void idle(struct guest *self)
         timers_fire();
     } else {
         card_check();
+        if (!spinning)
+            say_rest();
         glance(count, DOZE_MS);
         tell_spinning();
     }
@@ -508,6 +562,7 @@ enum after turns_interrupt(void)
     int inside = self->inside;
     enum after after;
 
+    turns_stir();
     self->inside = 0;
     after = signals_run(self);
     if (self->cancelled) {
@@ -584,6 +639,7 @@ void turns_come_back(void)
 {
     if (on)
         take(me());
+    turns_stir();
 }
 
 /* --- beginning and end of threads ------------------------------------------------------------- */
@@ -639,6 +695,7 @@ void turns_alone(void)
     for (place = 0; place < places; place++)
         if (&guests[place] != self)
             guests[place].number = 0;
+    rested = 0;
     self->tid = (pid_t)syscall(SYS_gettid);
     living = 1;
     holder = self;

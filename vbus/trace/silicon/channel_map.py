@@ -35,8 +35,10 @@ class Wiring:
 
     def unknown(self, pin: str, levels: int) -> bool:
         """Tell whether the level of a pin is unknown (x or z) where the channels stand so."""
-        return bool(levels >> UNKNOWN) and pin in self.bits and bool(
-            levels >> UNKNOWN + self.bits[pin] & 1
+        return (
+            bool(levels >> UNKNOWN)
+            and pin in self.bits
+            and bool(levels >> UNKNOWN + self.bits[pin] & 1)
         )
 
     def byte(self, levels: int) -> int:

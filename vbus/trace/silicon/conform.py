@@ -86,8 +86,8 @@ class Conform(Observer):
         """Rules broken at the instant of the latest violation."""
         board.listen(self)
         self._inputs: list[tuple[str, Pin]] = []
-        """Inputs of the chip; those of the bus come first. One whose level has not been known yet is
-        not driven; one that becomes unknown later stays where it is."""
+        """Inputs of the chip; those of the bus come first. One whose level is not known yet is not
+        driven; one that becomes unknown later stays where it is."""
         self._outputs: list[OutputWatch] = []
         self._attach()
         self._data: Pin = chip.bus_net.solder("capture")

@@ -104,7 +104,12 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
         held = level
         found = watch.change(when, levels, wiring.byte(value))
         for cycle in found:
-            if resets and cycle.write and not floating and (cycle.address, cycle.data) == family.reset_write:
+            if (
+                resets
+                and cycle.write
+                and not floating
+                and (cycle.address, cycle.data) == family.reset_write
+            ):
                 why = f"from the {family.reset_name} at {format_instant(cycle.when)}"
                 return Start(after_last, cycles, why, True)
             cycles += 1
