@@ -391,7 +391,7 @@ async def run_program(
         if watch is not None:
             watch.close()
         left = offspring.there()
-        if left and alone and not came:
+        if left and alone and not came and not (watch is not None and watch.ended):
             ending.say_left(left)
         if left and (alone or came):
             await offspring.end(until)

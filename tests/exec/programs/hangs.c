@@ -100,6 +100,7 @@ int main(int argc, char **argv)
         }
         if (read(ends[0], &byte, 1) != 1)
             return 4;
+        wait(NULL);
     }
     if (strcmp(how, "alarm") == 0) {
         signal(SIGALRM, on_alarm);

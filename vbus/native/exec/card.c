@@ -134,7 +134,8 @@ void card_say_rest(const char *text, size_t size)
 
     snprintf(path, sizeof path, "%s.%d", note, (int)getpid());
     if (text == NULL) {
-        syscall(SYS_unlinkat, AT_FDCWD, path, 0);
+        if (card_wants_rest())
+            syscall(SYS_unlinkat, AT_FDCWD, path, 0);
         return;
     }
     fd = (int)syscall(SYS_openat, AT_FDCWD, path, O_CREAT | O_WRONLY | O_TRUNC | O_CLOEXEC, 0600);
@@ -466,7 +467,6 @@ void card_send(void)
 void card_share(void)
 {
     shared = 1;
-    turns_stir();
     card_send();
 }
 
@@ -626,6 +626,7 @@ void card_begin_time(void)
     card_set_clocks();
     begun = 1;
     timers_begin();
+    turns_say_begun();
 }
 
 int card_time_begun(void)

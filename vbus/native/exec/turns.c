@@ -216,7 +216,14 @@ static void await(struct guest *self)
     }
 }
 
-static unsigned rested; /* by entries, what vbus exec has been told; 0: nothing */
+static unsigned rested; /* by entries, what vbus exec has been told; 0: no thread's waits */
+
+void turns_say_begun(void)
+{
+    if (card_wants_rest())
+        card_say_rest(clock_follows() ? "0 1\nend\n" : "0 0\nend\n", 8);
+    rested = 0;
+}
 
 void turns_stir(void)
 {
@@ -224,8 +231,7 @@ void turns_stir(void)
 
     if (!rested)
         return;
-    card_say_rest(NULL, 0);
-    rested = 0;
+    turns_say_begun();
     errno = error;
 }
 
@@ -695,7 +701,7 @@ void turns_alone(void)
     for (place = 0; place < places; place++)
         if (&guests[place] != self)
             guests[place].number = 0;
-    rested = 0;
+    turns_say_begun();
     self->tid = (pid_t)syscall(SYS_gettid);
     living = 1;
     holder = self;

@@ -101,8 +101,10 @@ void turns_await_start(const struct guest *guest);
 void turns_drop(struct guest *guest);
 void *turns_run(void *guest);
 
-/* Other processes may know no more what this one has said of its waits (see card_say_rest). */
+/* What this process has said of its waits (see card_say_rest) holds no more; and whether timers are its
+ * own, which it says when that begins. */
 void turns_stir(void);
+void turns_say_begun(void);
 
 /* Only the caller is left: the child of a fork. */
 void turns_alone(void);
