@@ -133,3 +133,14 @@ def test_vbus_exec_leaves_alone_what_waits_for_what_comes(
         options=("--limit", "20 s", "--no-summary"),
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_program_that_its_interrupt_kills_is_told_of_it(
+    programs: Programs, tmp_path: Path
+) -> None:
+    board = SERVO.format(time="lockstep", card='signal = "SIGIO"')
+    done = execute(tmp_path, board, programs("killed", 64), options=("--no-summary",))
+    assert done.returncode == 128 + 29
+    assert "the program died of SIGIO, which an interrupt sends (x.HI, which moved" in done.stderr
+    assert "last at " in done.stderr
+    assert "Install the handler before the chip can interrupt" in done.stderr

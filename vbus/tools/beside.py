@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import signal
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
@@ -15,6 +16,7 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection, ScopeSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
@@ -247,6 +249,7 @@ def run_beside(
         running = _run_beside(
             server, recording, command(link), environment, note, stdout, watch,
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
+            mine.card.interrupt if mine.card is not None else "",
             scope, control,
         )  # fmt: skip
         with asyncio.Runner(loop_factory=HostLoop) as runner:
@@ -281,6 +284,7 @@ async def _run_beside(
     stdout: BinaryIO | None,
     watch: Watch | None,
     limit: int,
+    interrupt: str,
     scope: ScopeSection,
     control: bool,
 ) -> int:
@@ -296,13 +300,25 @@ async def _run_beside(
     try:
         if scope.listen:
             await show_board(server.board.name, scope, control)
-        code = await run_program(command, environment, note, True, stdout, watch, limit)
+        code = await run_program(
+            command, environment, note, True, stdout, watch, limit,
+            partial(_interrupts, server.board, interrupt),
+        )  # fmt: skip
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
         server.board.catch_up()
     finally:
         server.stop()
     return code
+
+
+def _interrupts(board: Board, outputs: str) -> str:
+    """Name the outputs that interrupt a program, and when one of them moved last."""
+    nets = [board.find_pin(output).net for output in outputs.split()]
+    when = max((net.changed_at for net in nets), default=0)
+    return (
+        f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
+    )
 
 
 def _slay(offspring: ending.Offspring, watch: Watch, _: str) -> None:
@@ -327,6 +343,7 @@ async def run_program(
     stdout: BinaryIO | None = None,
     watch: Watch | None = None,
     limit: int = 0,
+    interrupts: Callable[[], str] = lambda: "see interrupt of the card",
 ) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
@@ -342,6 +359,7 @@ async def run_program(
         watch: kills it when it passes a bound.
         limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
             what cannot come, or computes for as long; 0: it is not.
+        interrupts: names the card's interrupt, and when it last came.
 
     Raises:
         VbusError: it cannot be started.
@@ -396,5 +414,6 @@ async def run_program(
         if left and (alone or came):
             await offspring.end(until)
     if "VBUS_EXEC" in environment:
-        ending.explain(code, note)
+        found = re.search(r";signal=(\d+);", environment["VBUS_EXEC"])
+        ending.explain(code, note, int(found[1]) if found else 0, interrupts())
     return code if code >= 0 else 128 - code

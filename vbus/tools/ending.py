@@ -121,13 +121,23 @@ def say_left(pids: list[int]) -> None:
     )
 
 
-def explain(code: int, note: Path) -> None:
-    """Say why a program died of SIGSEGV that the library was not asked about.
+def explain(code: int, note: Path, interrupt: int = 0, line: str = "the card's") -> None:
+    """Say why a program died of a signal that the library has to do with.
 
     Args:
         code: what the process ended with, negative for a signal.
         note: the file the library makes when the fault is the program's own.
+        interrupt: the signal that the card's interrupt sends; 0: none.
+        line: which line that is, and when it last interrupted, as far as it is known.
     """
+    if interrupt and code == -interrupt:
+        name = signal.Signals(interrupt).name
+        _say(
+            f"the program died of {name}, which an interrupt sends ({line}): it had no handler for"
+            " it then, and what the system does without one is to end the program. Install the"
+            " handler before the chip can interrupt (some do so after a reset), block the signal"
+            " until then, or take signal out of the card in the board file"
+        )
     if code == -signal.SIGSEGV and not note.exists():
         _say(
             "the program died of SIGSEGV and the library was not asked: by a system call"

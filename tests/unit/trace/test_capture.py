@@ -242,7 +242,8 @@ def test_a_session_whose_samples_are_damaged_says_how_far_it_was_good() -> None:
         "; Samplerate: 10 MHz\nTime,a,b\n0,1,0\n1000,1,1\n2000,0,0\n",
         "Time,a,b\n0,1,0\n1e-6,1,1\n2e-6,0,0\n",
         "META samplerate: 1000000\na,b\n1,0\n1,1\n0,0\n",
-        "META samplerate: 1000000\nFRAME-BEGIN\na,b\n1,0\nMETA samplerate: 1 MHz\n1,1\n0,0\nFRAME-END\n",
+        "META samplerate: 1000000\nFRAME-BEGIN\na,b\n1,0\nMETA samplerate: 1 MHz\n1,1\n0,0\n"
+        "FRAME-END\n",
     ],
 )  # fmt: skip
 def test_tables_as_they_are_exported(text: str) -> None:

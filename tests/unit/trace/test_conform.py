@@ -14,7 +14,6 @@ from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net
 from vbus.trace.packets import Cycle, Decoder, Packet
-
 from vbus.trace.silicon.outputs import OutputWatch
 from vbus.trace.silicon.verdict import Mismatch, Verdict
 

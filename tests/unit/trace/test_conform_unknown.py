@@ -1,4 +1,4 @@
-"""Captures in which a level is unknown (x or z): nothing drives the wire, or it is not known yet."""
+"""Captures in which a level is unknown (x or z): not driven, or not known yet."""
 
 from functools import cache
 

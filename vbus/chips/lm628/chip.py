@@ -433,6 +433,16 @@ class LM628(HostInterface):
             "interrupt": self._hi.level,
         }  # fmt: skip
 
+    def undriven(self, axis: int) -> str:
+        """Return that no filter is in use: until UDF, LFIL changes nothing (LM-CMD-5)."""
+        self.advance()
+        pid = self.axis.pid
+        if pid.kp or pid.ki or pid.kd:
+            return ""
+        if pid.loaded[1] or pid.loaded[2] or pid.loaded[3]:
+            return "its filter has not taken effect: UDF has not followed LFIL"
+        return "it has no filter: all coefficients are 0 until LFIL and UDF"
+
     def lane_steps(self) -> list[int]:
         """Return what the lanes have of that."""
         self.advance()
