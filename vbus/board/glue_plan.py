@@ -62,8 +62,8 @@ class _Planner:
         self._glue |= {name for card in file.cards if card.bus for _, name in names_of(card)}
         self._elsewhere: set[str] = {
             target
-            for part in (*file.glue, *file.cards)
-            for targets in part.pins.values()
+            for pins in (*(part.pins for part in file.glue), *(card.pins for card in file.cards))
+            for targets in pins.values()
             for target in targets
         } | {pin for net in file.nets for pin in net.pins}
         """Pins that are wired where something else is."""
