@@ -9,7 +9,9 @@ import pytest
 from tests.exec.test_programs import SERVO, execute
 from tests.waiting import until
 from vbus.board.build import load_board_text
+from vbus.board.config import read_board_file
 from vbus.server.host_limits import UNBOUNDED, Limits, Watch
+from vbus.testing.programs import run_program
 from vbus.tools import at_rest
 from vbus.tools.at_rest import AtRest
 from vbus.tools.proc import call_of, offspring, tasks
@@ -144,3 +146,14 @@ def test_a_program_that_its_interrupt_kills_is_told_of_it(
     assert "the program died of SIGIO, which an interrupt sends (x.HI, which moved" in done.stderr
     assert "last at " in done.stderr
     assert "Install the handler before the chip can interrupt" in done.stderr
+
+
+def test_a_program_of_a_test_that_waits_in_vain_ends_at_once(
+    programs: Programs, tmp_path: Path
+) -> None:
+    (tmp_path / "board.toml").write_text(CARD)
+    file, source = read_board_file(str(tmp_path / "board.toml"))
+    command = [str(programs("hangs", 64)), "join", "card"]
+    outcome = run_program(file, source, command, Limits(wall=600.0))
+    assert (outcome.stuck, outcome.code, outcome.output) == (at_rest.IN_VAIN, 137, "begun\n")
+    assert len([line for line in outcome.details if " waits in " in line]) == 2
