@@ -60,8 +60,17 @@ class _Planner:
         self._fail: Fail = fail
         self._glue: set[str] = {section.name for section in file.glue}
         self._glue |= {name for card in file.cards if card.bus for _, name in names_of(card)}
+        self._elsewhere: set[str] = {
+            target
+            for pins in (*(part.pins for part in file.glue), *(card.pins for card in file.cards))
+            for targets in pins.values()
+            for target in targets
+        } | {pin for net in file.nets for pin in net.pins}
+        """Pins that are wired where something else is."""
         self._cards: set[str] = {card.name for card in file.cards if card.bus}
         self._plan: GluePlan = GluePlan()
+        self._inputs: set[str] = set()
+        """Inputs of parts, used or not."""
         self._inner: set[str] = set()
         """Outputs of equations that other equations of the same part look at."""
         self._joined: dict[str, str] = {}
@@ -149,11 +158,15 @@ class _Planner:
         """Plan a part; return what its own pins are wired to."""
         path: Path = ("glue", section.name)
         tied = dict.fromkeys(section.low, LOW) | dict.fromkeys(section.high, HIGH)
-        wired = dict.fromkeys(section.hosts, ()) | section.pins
+        others = [
+            pin for pin in row.inputs
+            if f"{section.name}.{pin}" in self._elsewhere and pin not in row.outputs
+        ]  # fmt: skip
+        wired = dict.fromkeys((*section.hosts, *others), ()) | section.pins
         if row.part == PLD:
             wired = {pin: (pin,) for pin in row.pins if pin not in tied} | wired
         for place, name in enumerate(section.hosts):
-            if name in section.pins or name in tied:
+            if name in section.pins or name in tied or name in others:
                 self._fail(
                     (*path, "hosts", place),
                     f'"{name}" is wired or tied already; a host needs it open',
@@ -186,6 +199,7 @@ class _Planner:
                     )
                 taps[name] = tap
                 del wired[name]
+        self._inputs |= {f"{section.name}.{pin}" for pin in row.inputs}
         have = {*wired, *taps, *tied, *(pin for name in wide for pin in bundled(name))}
         blocks = [block for block in row.blocks if set(block.outputs) & have]
         if not blocks:
@@ -303,7 +317,9 @@ class _Planner:
     def _unknown(self, path: Path, target: str) -> None:
         owner = target.partition(".")[0]
         mine = [name for name in (*self._rows, *self._buses) if name.startswith(f"{owner}.")]
-        if mine:
+        if target in self._inputs:
+            self._fail(path, f'"{target}" is an input of which no output is wired: it does nothing')
+        elif mine:
             hint = suggestion(target, mine)
             self._fail(path, f'there is no pin "{target}"; {hint}there are {listed(mine)}')
         else:

@@ -173,6 +173,17 @@ class Chip:
         """
         return False
 
+    def undriven(self, axis: int) -> str:
+        """Return why the chip cannot move an axis as it is set up now; "" if it can.
+
+        Args:
+            axis: its number, from 0.
+
+        Returns:
+            a clause for people, which names the command that is missing.
+        """
+        return ""
+
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
 

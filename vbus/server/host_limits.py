@@ -1,6 +1,6 @@
 """How long a host may go on before it is said to hang, counted in chip time and bus cycles."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -252,14 +252,19 @@ class Watch(BoardPackets):
             )
         self.pass_bound(sentence)
 
-    def pass_bound(self, sentence: str) -> None:
-        """Say that the host hangs, and let it end."""
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Bus cycles, and the instant (ps): what stands still while a host does nothing."""
+        return self.cycles, self._board.now
+
+    def pass_bound(self, sentence: str, threads: Sequence[str] = ()) -> None:
+        """Say that the host hangs, and what its threads do, and let it end."""
         self.ended = True
         self._most = min(self._most, self.cycles)
         if not self.stuck:
             self._read_kept()
             self.stuck = sentence
-            self.details = list(self._detailed())
+            self.details = [*threads, *self._detailed()]
         if self.over is not None:
             self.over(self.stuck)
 

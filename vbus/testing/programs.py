@@ -17,9 +17,11 @@ from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.serving import links_of
 from vbus.signals import Violation
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.limits import UNBOUNDED, Limits, Watch
 from vbus.testing.serving import ServedBoard
+from vbus.tools.at_rest import LOOK, AtRest
 from vbus.tools.beside import host_of, link_of_program
+from vbus.tools.proc import offspring, what_hangs
 
 
 @dataclass(slots=True)
@@ -28,6 +30,7 @@ class Outcome:
 
     Attributes:
         stuck: which bound it passed, as a sentence; "" if it came to an end by itself.
+        details: what chips and threads were doing then, and what was commanded before.
         code: exit code of a program, 0 or 1 of a function; 128 + N for one that died of signal N.
         output: what it wrote to standard output, or what the function returned as text.
         errors: what it wrote to standard error, or the exception the function raised.
@@ -45,6 +48,7 @@ class Outcome:
     now: int = 0
     violations: list[Violation] = field(default_factory=list)
     transcript: list[str] = field(default_factory=list)
+    details: list[str] = field(default_factory=list)
 
     @property
     def ok(self) -> bool:
@@ -54,6 +58,7 @@ class Outcome:
     def take(self, watch: Watch) -> None:
         """Take over what was watched."""
         self.stuck = watch.stuck
+        self.details = watch.details
         self.cycles = watch.cycles
         self.violations = watch.violations
         self.transcript = watch.lines
@@ -79,7 +84,9 @@ class _Run(ServedBoard):
             of_test.over = self.kill
         host = host_of(file)
         left = min(watch.left for watch in (self.watch, of_test) if watch is not None)
-        mine, variables = link_of_program(board, file, host, self.link, limit=max(left, 1))
+        self.note: Path = folder / "fault"
+        self.virtual: bool = host.pinmap == "" and file.board.time != "realtime"
+        mine, variables = link_of_program(board, file, host, self.link, self.note, max(left, 1))
         self.environment: dict[str, str] = {**variables, "VBUS_RUNTIME": str(folder)}
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host or not section.card]
@@ -91,6 +98,10 @@ class _Run(ServedBoard):
         """End the program, which has passed a bound."""
         self.killed = True
         if self.process is not None:
+            threads = what_hangs(offspring([self.process.pid]))
+            for watch in (self.watch, self._of_test):
+                if watch is not None and watch.ended:
+                    watch.details += [line for line in threads if line not in watch.details]
             self.process.kill()
 
     def ended(self, board_ends: ExitStack) -> None:
@@ -186,12 +197,25 @@ def _communicate(
             lambda: run.watch.pass_wall(f"it was not done after {limits.wall:g} s of wall time")
         )
 
+    rest = AtRest(lambda: offspring([process.pid]), run.watch, run.note, UNBOUNDED)
+    done = threading.Event()
+
+    def look_on() -> None:
+        while not done.wait(LOOK):
+            run.call(rest.look)
+
     # No time-out of subprocess: it would follow a clock that the test may have stopped.
     alarm = threading.Timer(min(limits.wall, threading.TIMEOUT_MAX), late)
+    looker = threading.Thread(target=look_on)
     alarm.start()
+    if run.virtual:
+        looker.start()
     try:
         output, errors = process.communicate()
     finally:
         alarm.cancel()
+        done.set()
+        if run.virtual:
+            looker.join()
     code = process.returncode
     return Outcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)

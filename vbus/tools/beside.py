@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import signal
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack, closing, suppress
@@ -16,6 +17,7 @@ from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import ProgramError, VbusError
 from vbus.file_kinds import HEAD, looks_like
+from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.loop import HostLoop
@@ -26,8 +28,10 @@ from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, exit_codes, preload
+from vbus.tools.at_rest import LOOK, AtRest
 from vbus.tools.outcome import Outcome
 from vbus.tools.output import complain, scope_address
+from vbus.tools.proc import what_hangs
 from vbus.tools.scope import place_of
 from vbus.tools.scope_process import show_board
 from vbus.tools.transcript import Transcript
@@ -249,8 +253,11 @@ def run_beside(
             polling = POLLING if board.policy == "realtime" else PATIENCE
             watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch, show
-        )
+            server, recording, command(link), environment, note, stdout, watch,
+            limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
+            mine.card.interrupt if mine.card is not None else "",
+            show,
+        )  # fmt: skip
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
         if watched:
@@ -286,6 +293,8 @@ async def _run_beside(
     note: Path,
     stdout: BinaryIO | None,
     watch: Watch | None,
+    limit: int,
+    interrupt: str,
     show: Show | None,
 ) -> int:
     """Serve while ``command`` runs."""
@@ -300,7 +309,10 @@ async def _run_beside(
     try:
         if show is not None:
             await show(server.board.name)
-        code = await run_program(command, environment, note, True, stdout, watch)
+        code = await run_program(
+            command, environment, note, True, stdout, watch, limit,
+            partial(_interrupts, server.board, interrupt),
+        )  # fmt: skip
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
         server.board.catch_up()
@@ -334,6 +346,29 @@ def not_started(program: str, error: OSError) -> ProgramError:
     return ProgramError(f"{program}: cannot be started: {error.strerror}", False)
 
 
+def _interrupts(board: Board, outputs: str) -> str:
+    """Name the outputs that interrupt a program, and when one of them moved last."""
+    nets = [board.find_pin(output).net for output in outputs.split()]
+    when = max((net.changed_at for net in nets), default=0)
+    return (
+        f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
+    )
+
+
+def _slay(offspring: ending.Offspring, watch: Watch, _: str) -> None:
+    """End a program that has passed a bound; say what it was doing."""
+    threads = what_hangs(offspring.there())
+    watch.details += [line for line in threads if line not in watch.details]
+    offspring.slay()
+
+
+async def _look_on(look: Callable[[], None]) -> None:
+    """Look at a program again and again."""
+    while True:
+        await asyncio.sleep(LOOK)
+        look()
+
+
 async def run_program(
     command: list[str],
     environment: dict[str, str],
@@ -341,6 +376,8 @@ async def run_program(
     alone: bool = False,
     stdout: BinaryIO | None = None,
     watch: Watch | None = None,
+    limit: int = 0,
+    interrupts: Callable[[], str] = lambda: "see interrupt of the card",
 ) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
@@ -354,6 +391,9 @@ async def run_program(
         alone: whether the board ends with the program, and so what the program leaves behind.
         stdout: takes what the program says.
         watch: kills it when it passes a bound.
+        limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
+            what cannot come, or computes for as long; 0: it is not.
+        interrupts: names the card's interrupt, and when it last came.
 
     Raises:
         VbusError: it cannot be started.
@@ -387,7 +427,10 @@ async def run_program(
             raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
-            watch.over = lambda _: offspring.slay()
+            watch.over = partial(_slay, offspring, watch)
+            if limit:
+                look = AtRest(offspring.there, watch, note, limit).look
+                at_end.callback(asyncio.ensure_future(_look_on(look)).cancel)
         loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
         # A loop that closes has no pipe for a child that dies then, and its handler still.
         at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
@@ -400,10 +443,11 @@ async def run_program(
         if watch is not None:
             watch.close()
         left = offspring.there()
-        if left and alone and not came:
+        if left and alone and not came and not (watch is not None and watch.ended):
             ending.say_left(left)
         if left and (alone or came):
             await offspring.end(until)
     if "VBUS_EXEC" in environment:
-        ending.explain(code, note)
+        found = re.search(r";signal=(\d+);", environment["VBUS_EXEC"])
+        ending.explain(code, note, int(found[1]) if found else 0, interrupts())
     return code if code >= 0 else 128 - code

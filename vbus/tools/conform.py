@@ -65,8 +65,9 @@ def command(
     from vbus.board.card_bus import CardBus
     from vbus.trace.silicon.card_watch import tie_others
     from vbus.trace.silicon.channel_map import wiring_of
-    from vbus.trace.silicon.conform import Conform, Tolerance
+    from vbus.trace.silicon.conform import Conform
     from vbus.trace.silicon.start import find_start, watch_of
+    from vbus.trace.silicon.verdict import Tolerance
 
     made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)

@@ -12,6 +12,8 @@ from typing import Final
 
 import click
 
+from vbus.tools.proc import children, name_of, offspring, what_hangs
+
 PATIENCE: Final = 0.7
 """Seconds a program has, after SIGTERM or SIGINT, to end by itself."""
 
@@ -22,11 +24,6 @@ _DEATH_SIGNAL: Final = 1
 _SUBREAPER: Final = 36
 """What the system call prctl is asked for: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER."""
 
-_STATES: Final = {
-    "R": "is running", "S": "sleeps in the kernel", "D": "waits for a device", "T": "is stopped",
-    "t": "is stopped by a debugger",
-}  # fmt: skip
-
 
 class Offspring:
     """The program and the processes that come from it, also where their parents have ended.
@@ -35,7 +32,7 @@ class Offspring:
     """
 
     def __init__(self) -> None:
-        self._others = set(_children(os.getpid()))
+        self._others = set(children(os.getpid()))
         self._parent = os.getpid()
         _ask(_SUBREAPER, 1)
 
@@ -51,14 +48,11 @@ class Offspring:
 
     def there(self) -> list[int]:
         """Return those that run, the youngest last."""
-        found = [child for child in _children(os.getpid()) if child not in self._others]
-        for one in found:
-            found += _children(one)
-        return [pid for pid in found if _state(pid) not in ("", "Z", "X")]
+        return offspring(child for child in children(os.getpid()) if child not in self._others)
 
     def bury(self, program: int = 0) -> None:
         """Take notice of the ends of orphans; of the program's somebody else does."""
-        for child in _children(os.getpid()):
+        for child in children(os.getpid()):
             if child not in self._others and child != program:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
@@ -112,17 +106,6 @@ def _ask(what: int, value: int) -> None:
         ctypes.CDLL(None).prctl(what, value, 0, 0, 0)
 
 
-def _children(pid: int) -> list[int]:
-    texts = [_read(f"/proc/{pid}/task/{task}/children") for task in _tasks(pid)]
-    return [int(child) for text in texts for child in text.split()]
-
-
-def _state(pid: int, task: int | str = "") -> str:
-    """Return the letter that the kernel has for what a process, or a thread, does; "" for none."""
-    where = f"/proc/{pid}/task/{task}/stat" if task else f"/proc/{pid}/stat"
-    return next(iter(_read(where).rpartition(")")[2].split()), "")
-
-
 def _say(*sentences: str) -> None:
     with suppress(OSError):  # nobody may be there who reads it
         for sentence in sentences:
@@ -131,51 +114,30 @@ def _say(*sentences: str) -> None:
 
 def say_left(pids: list[int]) -> None:
     """Name the processes that a program has left behind on a board that ends with it."""
-    names = ", ".join(f"{_read(f'/proc/{pid}/comm').strip()} (process {pid})" for pid in pids)
+    names = ", ".join(f"{name_of(pid)} (process {pid})" for pid in pids)
     _say(
         f"the program has ended and left behind: {names}; that ends too, with the board; what shall"
         " go on needs a board that runs already (--join)"
     )
 
 
-def _tasks(pid: int) -> list[str]:
-    try:
-        return sorted(os.listdir(f"/proc/{pid}/task"), key=int)
-    except OSError:
-        return []
-
-
-def _read(path: str) -> str:
-    try:
-        return Path(path).read_text()
-    except OSError:
-        return ""
-
-
-def what_hangs(pids: list[int]) -> list[str]:
-    """Return a sentence for each thread of these processes."""
-    lines = []
-    for one in pids:
-        for task in _tasks(one):
-            name = _read(f"/proc/{one}/task/{task}/comm").strip()
-            state = _state(one, task)
-            if state in ("", "Z", "X"):
-                continue
-            where = _read(f"/proc/{one}/task/{task}/wchan").strip("0")
-            does = _STATES.get(state, f"is in state {state}")
-            lines.append(
-                f"{name} (process {one}, thread {task}) {does}" + (f" in {where}" if where else "")
-            )
-    return lines
-
-
-def explain(code: int, note: Path) -> None:
-    """Say why a program died of SIGSEGV that the library was not asked about.
+def explain(code: int, note: Path, interrupt: int = 0, line: str = "the card's") -> None:
+    """Say why a program died of a signal that the library has to do with.
 
     Args:
         code: what the process ended with, negative for a signal.
         note: the file the library makes when the fault is the program's own.
+        interrupt: the signal that the card's interrupt sends; 0: none.
+        line: which line that is, and when it last interrupted, as far as it is known.
     """
+    if interrupt and code == -interrupt:
+        name = signal.Signals(interrupt).name
+        _say(
+            f"the program died of {name}, which an interrupt sends ({line}): it had no handler for"
+            " it then, and what the system does without one is to end the program. Install the"
+            " handler before the chip can interrupt (some do so after a reset), block the signal"
+            " until then, or take signal out of the card in the board file"
+        )
     if code == -signal.SIGSEGV and not note.exists():
         _say(
             "the program died of SIGSEGV and the library was not asked: by a system call"

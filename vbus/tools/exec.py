@@ -42,7 +42,7 @@ _WITHOUT: Final = {
     "--limit",
     metavar="TIME",
     callback=duration,
-    help="End a program that hangs: after so much chip time, or when it polls in vain.",
+    help="End a program that hangs: after so much chip time, or when it polls or waits in vain.",
 )
 @click.option(
     "--summary/--no-summary",

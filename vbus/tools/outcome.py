@@ -32,6 +32,8 @@ class _Course:
         desired: the profile's position at the last look.
         idle: looks in a row that found the profile running and no drive.
         idled: whether they were enough to be told.
+        undriven: why the chip could not move it at the last look; "" if it could.
+        in_vain: the same at looks between which its profile ran.
     """
 
     first: float
@@ -44,8 +46,12 @@ class _Course:
     desired: float | None = None
     idle: int = 0
     idled: bool = False
+    undriven: str = ""
+    in_vain: str = ""
 
-    def look(self, position: float, desired: float | None, drive: float | None) -> None:
+    def look(
+        self, position: float, desired: float | None, drive: float | None, undriven: str
+    ) -> None:
         """Take the axis as it is now."""
         self.last = position
         self.least = min(self.least, position)
@@ -59,6 +65,9 @@ class _Course:
             self.rising, self.turn = not self.rising, position
             self.reversals += 1
         runs = None not in (desired, self.desired) and desired != self.desired
+        if runs and undriven and self.undriven:
+            self.in_vain = undriven
+        self.undriven = undriven
         self.idle = self.idle + 1 if runs and drive == 0 else 0
         self.idled |= self.idle >= _IDLE
         self.desired = desired
@@ -70,7 +79,11 @@ class _Course:
             parts.append("did not move")
         else:
             parts.append(f"moved between {self.least:g} and {self.most:g}")
-        if self.idled:
+        if self.in_vain:
+            parts.append(f"its profile ran in vain: {self.in_vain}")
+        elif self.undriven and self.least == self.most:
+            parts.append(self.undriven)
+        elif self.idled:
             parts.append("its profile ran while the motor command was 0")
         if self.reversals >= _REVERSALS:
             parts.append(f"oscillated ({self.reversals} reversals)")
@@ -109,9 +122,13 @@ class Outcome(Observer):
                 axis = f"{chip.name}.{number}" if number else chip.name
                 drives = (values.get(drive + suffix) for drive in _DRIVES)
                 drive = next((one for one in drives if isinstance(one, int | float)), None)
-                desired = values.get(f"desired{suffix}")
+                # The target of a chip with several axes is where its profile is.
+                desired = values.get(f"desired{suffix}", values.get(f"target{suffix}"))
                 course = self._courses.setdefault(axis, _Course(value, value, value, value, value))
-                course.look(value, desired if isinstance(desired, int | float) else None, drive)
+                undriven = chip.undriven(int(number) - 1 if number else 0)
+                course.look(
+                    value, desired if isinstance(desired, int | float) else None, drive, undriven
+                )
 
     def lines(self) -> list[str]:
         """Return a sentence for each axis."""

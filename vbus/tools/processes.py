@@ -12,7 +12,8 @@ from contextlib import ExitStack
 from typing import IO, Final
 
 from vbus.errors import VbusError
-from vbus.tools.ending import end_with_parent, what_hangs
+from vbus.tools.ending import end_with_parent
+from vbus.tools.proc import what_hangs
 
 LAST_LINES: Final = 10
 """How many lines of a process that has died are repeated."""

@@ -170,6 +170,39 @@ def test_a_fault_bends_the_output_of_glue() -> None:
     assert (board.find_pin("u1.Y0").level, net.value) == (0, 1)
 
 
+@pytest.mark.parametrize("wired", ["1Y", "1A", "both"])
+def test_an_output_and_the_input_it_drives_are_wired_at_either_part(wired: str) -> None:
+    there = '"u2.1A"' if wired != "1A" else '"W"'
+    here = {"1Y": "", "1A": '1A = "W"', "both": '1A = "u1.1Y"'}[wired]
+    board = load_board_text(
+        BOARD
+        + f"""
+[glue.u1]
+part = "74HC04"
+hosts = ["1A"]
+[glue.u1.pins]
+1Y = {there}
+[glue.u2]
+part = "74HC04"
+[glue.u2.pins]
+{here}
+1Y = "x./CS"
+"""
+    )
+    port = board.open_port("host")
+    for level in (0, 1, 0):
+        pin(port, "u1.1A", level)
+        assert board.find_pin("x./CS").net.value == level
+
+
+def test_an_input_of_an_open_gate_is_named_as_such() -> None:
+    told = mistakes(
+        '[glue.u1]\npart = "74HC04"\nhosts = ["1A"]\n[glue.u1.pins]\n1Y = ["u2.2A", "x./CS"]\n'
+        '[glue.u2]\npart = "74HC04"\n[glue.u2.pins]\n1A = "x.HI"\n1Y = "y./CS"\n'
+    )
+    assert "is an input of which no output is wired: it does nothing" in told[0]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -8,11 +8,12 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, NS, US
-from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.capture import UNKNOWN, Sample
 from vbus.trace.silicon.capture_vcd import read_vcd
 from vbus.trace.silicon.channel_map import Wiring, wiring_of
-from vbus.trace.silicon.conform import Conform, Tolerance, Verdict
+from vbus.trace.silicon.conform import Conform
 from vbus.trace.silicon.start import find_start, watch_of
+from vbus.trace.silicon.verdict import Tolerance, Verdict
 from vbus.trace.wave.wave import Wave
 
 BOARDS = {
@@ -171,7 +172,9 @@ class Shot:
         lines = [f"$timescale 100 ps $end\n{head}$enddefinitions $end"]
         for when, levels in self.samples:
             lines.append(f"#{when // 100}")
-            lines.extend(f"{levels >> n & 1}{chr(33 + n)}" for n in range(len(self.channels)))
+            for n in range(len(self.channels)):
+                level = "x" if levels >> UNKNOWN + n & 1 else levels >> n & 1
+                lines.append(f"{level}{chr(33 + n)}")
         return "\n".join(lines) + "\n"
 
     def table(self) -> str:
@@ -181,6 +184,9 @@ class Shot:
         writer.writerow(["Time [s]", *self.channels])
         for when, levels in self.samples:
             time = f"{when // 10**12}.{when % 10**12:012d}"
-            bits = [levels >> bit & 1 for bit in range(len(self.channels))]
+            bits = [
+                "X" if levels >> UNKNOWN + bit & 1 else levels >> bit & 1
+                for bit in range(len(self.channels))
+            ]
             writer.writerow([time, *bits])
         return out.getvalue()

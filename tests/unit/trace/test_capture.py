@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, SECOND, US
-from vbus.trace.silicon.capture import Capture, frequency, unit_of
+from vbus.trace.silicon.capture import UNKNOWN, Capture, frequency, unit_of
 from vbus.trace.silicon.capture_csv import read_csv
 from vbus.trace.silicon.capture_sr import read_sr
 from vbus.trace.silicon.capture_vcd import read_vcd
@@ -67,7 +67,39 @@ def test_a_vcd_file_gives_its_wires_and_levels() -> None:
     )
     assert capture.channels == ["clk", "D0", "D1", "D2"]
     assert capture.period == 1000
-    assert samples(capture) == [(0, 0b1010), (10_000, 0b1011), (20_000, 0b0111)]
+    assert samples(capture) == [
+        (0, 0b1010), (10_000, 0b1011), (12_000, 0b1011 | 0b1111 << UNKNOWN),
+        (20_000, 0b0111 | 1 << UNKNOWN),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "high", "unknown"),
+    [
+        ("b1", 0b0001, 0), ("bx01", 0b0001, 0b1100), ("b1x0z", 0b1000, 0b0101),
+        ("bz", 0, 0b1111), ("bHL1-", 0b1010, 0b0001), ("bH0x", 0b0100, 0b0001),
+        ("b111110101", 0b0101, 0), ("bzzzzz0101", 0b0101, 0), ("bU", 0, 0b1111),
+    ],
+)  # fmt: skip
+def test_a_vector_may_be_known_in_part(value: str, high: int, unknown: int) -> None:
+    capture = from_vcd("$var wire 4 % D [3:0] $end\n", f"#0\n{value} %\n")
+    assert samples(capture) == [(0, high | unknown << UNKNOWN)]
+
+
+@pytest.mark.parametrize(
+    ("scale", "when"),
+    [("0.1ns", 2000), ("0.5 ps", 10), ("2.5 us", 50 * US), ("0.001 ps", 0)],
+)
+def test_a_timescale_may_be_a_fraction(scale: str, when: int) -> None:
+    text = HEAD.replace("1 ns", scale).format("$var wire 1 ! a $end\n") + "#20\n1!\n"
+    assert samples(read_vcd(io.BytesIO(text.encode()), "a.vcd")) == [(when, 1)]
+
+
+@pytest.mark.parametrize("scale", ["0.0001 ps", "0.5 fs", "0.0 ns"])
+def test_a_timescale_that_is_too_fine_is_refused(scale: str) -> None:
+    text = HEAD.replace("1 ns", scale).format("$var wire 1 ! a $end\n")
+    with pytest.raises(CaptureError, match=rf"its \$timescale, {scale}, is no whole femto"):
+        read_vcd(io.BytesIO(text.encode()), "a.vcd")
 
 
 def test_names_of_bits_of_one_vector_and_of_equal_wires_in_two_scopes() -> None:
@@ -111,6 +143,15 @@ def test_the_sample_rate_libsigrok_leaves_in_a_comment_is_the_period() -> None:
             "damaged after 5000",
         ),
         (HEAD.format("$var wire 1 ! a $end\n").encode()[21:] + b"#5\n1!\n", "no $timescale"),
+        (
+            HEAD.format("$var wire 1 ! a $end\n").encode() + b"#92300000000000000\n1!\n",
+            "92300000000000000000 ps is beyond the end of time, 9151314 s after",
+        ),
+        (b"$comment " + b"x" * 2_000_000, "a comment or word in it is longer than 1048576 bytes"),
+        (
+            HEAD.format("$var wire 1 ! a $end\n").encode() + b"#5\n1" + b"!" * 2_000_000,
+            "a comment or word in it is longer than 1048576 bytes",
+        ),
         (b"$timescale 1 zs $end\n", "this is no VCD file: 'zs'"),
     ],
 )
@@ -204,12 +245,29 @@ def test_a_session_whose_samples_are_damaged_says_how_far_it_was_good() -> None:
         "0,1,0\n1,1,1\n2,0,0\n",
         "; Samplerate: 10 MHz\nTime,a,b\n0,1,0\n1000,1,1\n2000,0,0\n",
         "Time,a,b\n0,1,0\n1e-6,1,1\n2e-6,0,0\n",
+        "META samplerate: 1000000\na,b\n1,0\n1,1\n0,0\n",
+        "META samplerate: 1000000\nFRAME-BEGIN\na,b\n1,0\nMETA samplerate: 1 MHz\n1,1\n0,0\n"
+        "FRAME-END\n",
     ],
 )  # fmt: skip
 def test_tables_as_they_are_exported(text: str) -> None:
     capture = from_csv(text)
     assert capture.channels == ["a", "b"]
     assert samples(capture) == [(0, 1), (1_000_000, 3), (2_000_000, 0)]
+
+
+def test_x_and_z_in_a_table_are_unknown() -> None:
+    capture = from_csv("Time [s],a,b,spare\n0,1,0,X\n1e-6,z,1,X\n2e-6,0,1,X\n")
+    assert samples(capture) == [
+        (0, 1 | 4 << UNKNOWN), (1_000_000, 3 | 5 << UNKNOWN), (2_000_000, 2 | 4 << UNKNOWN),
+    ]  # fmt: skip
+
+
+def test_a_capture_has_only_so_many_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vbus.trace.silicon.capture.MOST_LINES", 2)
+    assert len(samples(from_csv("Time [s],a\n0,1\n1,0\n"))) == 2
+    with pytest.raises(CaptureError, match="more than 2 samples; cut the capture"):
+        samples(from_csv("Time [s],a\n0,1\n1,0\n2,1\n"))
 
 
 def test_a_table_without_time_needs_a_rate() -> None:
@@ -226,8 +284,14 @@ def test_a_table_without_time_needs_a_rate() -> None:
         ("", "there are no samples in it"),
         ("; nothing but a comment\n", "there are no samples in it"),
         ("Time [s],a\n", "there are no samples in it"),
-        ("Time [s],a\n0,1\n1,2\n", 'line 3: "2" is neither 0 nor 1'),
-        ("Time [s],a\n0,3.31\n", 'line 2: "3.31" is neither 0 nor 1; export logic levels'),
+        ("Time [s],a\n0,1\n1,2\n", 'line 3: "2" in column "a" is none of 0, 1, X and Z'),
+        ("Time [s],a,b\n0,0,3.31\n", '"3.31" in column "b" is none of 0, 1, X and Z; export logic'),
+        ("Time [s],a\n9e6,1\n9.3e6,0\n", "9300000000000000000 ps is beyond the end of time"),
+        ("Time [s],a\n0,1\n1e200,0\n", "an instant is beyond the end of time"),
+        ("\n" * 2000, "no table begins in the first 1000 lines"),
+        ("a" * 1_100_000, "line 1 is longer than 1048576 bytes"),
+        (",".join("a" * 5000), "line 1: 5000 columns; a capture has at most 4096"),
+        ("META samplerate: 1000000\na\n1\nMETA samplerate: 5\n0\n", "line 4: the sample rate ch"),
         ("Time [s],a\n0,1,1\n", "line 2: 2 values for 1 channels"),
         ("Time [s],a\nsoon,1\n", 'line 2: "soon" is no time'),
         ("Time [s],a\ninf,1\n", 'line 2: "inf" is no time'),
@@ -290,6 +354,8 @@ def test_frequencies_and_the_units_of_sigrok() -> None:
     assert frequency("1.5 kHz", "here") == 1500
     assert frequency("2 GHz", "here") == 2_000_000_000
     assert frequency("fast", "here") == 0
+    with pytest.raises(CaptureError, match="above 1 THz"):
+        frequency("1" + "0" * 400, "here")
     assert [unit_of(rate) for rate in (1000, 1001, 10**6, 10**9, 10**10)] == [
         10**9, 10**6, 10**6, 1000, 1,
     ]  # fmt: skip

@@ -14,8 +14,8 @@ from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net
-from vbus.trace.silicon.conform import Mismatch, Verdict
 from vbus.trace.silicon.outputs import OutputWatch
+from vbus.trace.silicon.verdict import Mismatch, Verdict
 
 FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
 

@@ -11,8 +11,9 @@ from vbus.signals import Net, Observer
 from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.card_watch import CardWatch, tie_others
 from vbus.trace.silicon.channel_map import Wiring, wiring_of
-from vbus.trace.silicon.conform import Conform, Tolerance, Verdict
+from vbus.trace.silicon.conform import Conform
 from vbus.trace.silicon.start import find_start, watch_of
+from vbus.trace.silicon.verdict import Tolerance, Verdict
 
 LOW = [f"A{number}" for number in range(4)]
 CHANNELS = [*LOW, "A9", "/IOR", "/IOW", *(f"D{bit}" for bit in range(8))]

@@ -399,8 +399,7 @@ class LM628(HostInterface):
         self._outputs.show(self.kernel.now)
         if self._front.driving:
             self._front.show()
-        due = min(self._next_inside(), self._sample_at)
-        due = min(due, self._outputs.due)
+        due = min(min(self._next_inside(), self._sample_at), self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 
     def next_edge(self) -> i64:
@@ -416,14 +415,11 @@ class LM628(HostInterface):
 
     def next_event(self) -> i64:
         """Return the next sample too, unless samples repeat themselves."""
-        due = self.next_edge()
-        return due if self._still else min(due, self._sample_at)
+        return self.next_edge() if self._still else min(self.next_edge(), self._sample_at)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due."""
         return self._still and self._next_inside() == NEVER
-
-    # -- looking in, and state ----------------------------------------------------------------
 
     def telemetry(self) -> dict[str, int | float | str]:
         """Return desired and real motion, filter and output, status and signals by name."""
@@ -432,6 +428,10 @@ class LM628(HostInterface):
             "output": self.output.command, "code": self.output.code(), "status": self.status(),
             "interrupt": self._hi.level,
         }  # fmt: skip
+
+    def undriven(self, axis: int) -> str:
+        """Return that no filter was in use at the last :meth:`advance`."""
+        return self.axis.pid.lacking()
 
     def lane_steps(self) -> list[int]:
         """Return what the lanes have of that."""

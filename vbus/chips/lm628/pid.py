@@ -84,6 +84,14 @@ class Pid:
         self.ds, self.kp, self.ki, self.kd, self.il = self.sent
         self.phase = 0
 
+    def lacking(self) -> str:
+        """Return why all terms are 0: until UDF, LFIL changes nothing (LM-CMD-5). "" if none is."""
+        if self.kp or self.ki or self.kd:
+            return ""
+        if self.loaded[1] or self.loaded[2] or self.loaded[3]:
+            return "its filter has not taken effect: UDF has not followed LFIL"
+        return "it has no filter: all coefficients are 0 until LFIL and UDF"
+
     def clear(self) -> None:
         """Forget integral and derivative history (LM-TRJ-7, LM-TRJ-10)."""
         self.sum = 0

@@ -393,6 +393,13 @@ class MC1241A(ChipSet):
             }
         return values
 
+    def undriven(self, axis: int) -> str:
+        """Return that the amplitude of the windings is 0, as after a reset (PMD-CMD-66)."""
+        self.advance()
+        if axis >= len(self.axes) or self.axes[axis].active.motor_command:
+            return ""
+        return "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
+
     def lane_steps(self) -> list[int]:
         """Return what the lanes have of that."""
         self.advance()

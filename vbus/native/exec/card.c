@@ -111,7 +111,7 @@ _Noreturn void card_end(int code)
         syscall(SYS_exit_group, code);
 }
 
-static char note[128]; /* the file that takes the word */
+static char note[512]; /* the file that takes the word */
 
 void card_note(void)
 {
@@ -120,6 +120,29 @@ void card_note(void)
 
     if (fd >= 0)
         sys_close(fd);
+}
+
+int card_wants_rest(void)
+{
+    return note[0] != '\0' && limit != UINT64_MAX;
+}
+
+void card_say_rest(const char *text, size_t size)
+{
+    char path[sizeof note + 24];
+    int fd;
+
+    snprintf(path, sizeof path, "%s.%d", note, (int)getpid());
+    if (text == NULL) {
+        if (card_wants_rest())
+            syscall(SYS_unlinkat, AT_FDCWD, path, 0);
+        return;
+    }
+    fd = (int)syscall(SYS_openat, AT_FDCWD, path, O_CREAT | O_WRONLY | O_TRUNC | O_CLOEXEC, 0600);
+    if (fd >= 0) {
+        sys_write(fd, text, size);
+        sys_close(fd);
+    }
 }
 
 void card_say_place(const char *before, uintptr_t ip, const char *after)
@@ -603,6 +626,7 @@ void card_begin_time(void)
     card_set_clocks();
     begun = 1;
     timers_begin();
+    turns_say_begun();
 }
 
 int card_time_begun(void)

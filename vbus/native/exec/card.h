@@ -121,6 +121,11 @@ _Noreturn void card_end(int code);
 /* Leave word to vbus exec that the program's end by a fault is its own. */
 void card_note(void);
 
+/* Leave word to vbus exec, which ends programs that hang: what this process's threads wait for, while
+ * nothing that the process has in hand can end a wait. NULL: take it back. Whether anybody wants it. */
+int card_wants_rest(void);
+void card_say_rest(const char *text, size_t size);
+
 /* Say where an instruction stands: "0x401136 (program+0x1136)". */
 void card_say_place(const char *before, uintptr_t ip, const char *after);
 

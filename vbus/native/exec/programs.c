@@ -22,45 +22,52 @@ static void send_first(void)
     card_leave();
 }
 
+/* Before another program takes this one's place: what was said of its timers holds no more. */
+static void leave(void)
+{
+    send_first();
+    card_say_rest(NULL, 0);
+}
+
 PUBLIC int execve(const char *path, char *const arguments[], char *const variables[])
 {
     REAL(execve);
-    send_first();
+    leave();
     return real(path, arguments, variables);
 }
 
 PUBLIC int execv(const char *path, char *const arguments[])
 {
     REAL(execv);
-    send_first();
+    leave();
     return real(path, arguments);
 }
 
 PUBLIC int execvp(const char *file, char *const arguments[])
 {
     REAL(execvp);
-    send_first();
+    leave();
     return real(file, arguments);
 }
 
 PUBLIC int execvpe(const char *file, char *const arguments[], char *const variables[])
 {
     REAL(execvpe);
-    send_first();
+    leave();
     return real(file, arguments, variables);
 }
 
 PUBLIC int fexecve(int fd, char *const arguments[], char *const variables[])
 {
     REAL(fexecve);
-    send_first();
+    leave();
     return real(fd, arguments, variables);
 }
 
 PUBLIC int execveat(int folder, const char *path, char *const arguments[], char *const variables[],
                     int flags)
 {
-    send_first();
+    leave();
     return (int)syscall(SYS_execveat, folder, path, arguments, variables, flags);
 }
 

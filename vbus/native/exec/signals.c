@@ -469,7 +469,7 @@ PUBLIC int pause(void)
 static int wait_for(const sigset_t *set, siginfo_t *info, int64_t longest)
 {
     struct timespec now = {0, 0};
-    struct wait wait = {.object = &pending, .shared = 1};
+    struct wait wait = {.object = &pending, .shared = BY_SIGNAL};
     int number;
 
     pthread_testcancel();

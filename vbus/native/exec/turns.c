@@ -216,6 +216,25 @@ static void await(struct guest *self)
     }
 }
 
+static unsigned rested; /* by entries, what vbus exec has been told; 0: no thread's waits */
+
+void turns_say_begun(void)
+{
+    if (card_wants_rest())
+        card_say_rest(clock_follows() ? "0 1\nend\n" : "0 0\nend\n", 8);
+    rested = 0;
+}
+
+void turns_stir(void)
+{
+    int error = errno;
+
+    if (!rested)
+        return;
+    turns_say_begun();
+    errno = error;
+}
+
 static void take(struct guest *self)
 {
     if (holder == self)
@@ -239,6 +258,7 @@ void turns_leave(void)
 {
     struct guest *self = mine;
 
+    turns_stir();
     if (--self->inside == 0 && self->kept > 0)
         signals_run(self);
 }
@@ -398,6 +418,42 @@ static int glance(nfds_t count, int ms)
     return found != 0;
 }
 
+/* --- when nothing can come -------------------------------------------------------------------- */
+
+/* Whether timers are ours, and a line for each thread: what it waits for, by a letter and its
+ * descriptors. It holds until one goes on with the program; whoever asks again and again does not. */
+static void say_rest(void)
+{
+    static char text[MOST_GUESTS * 24 + 4096];
+    size_t size;
+    struct guest *guest;
+
+    if (rested == entries || !card_wants_rest())
+        return;
+    size = (size_t)snprintf(text, sizeof text, "%u %d\n", entries, clock_follows());
+    for (guest = turns_next(NULL); guest != NULL; guest = turns_next(guest)) {
+        const struct wait *wait = guest->wait;
+        char kind = guest->state != WAITS || wait == NULL ? 'k' : wait->shared == BY_SIGNAL ? 'w'
+                    : wait->shared ? 's' : 'w';
+        nfds_t turn;
+
+        size += (size_t)snprintf(text + size, 24, "%d %c", (int)guest->tid, kind);
+        for (turn = 0; kind != 'k' && turn < wait->count; turn++)
+            if (wait->set[turn].fd >= 0) {
+                if (size > sizeof text - 64)
+                    return;
+                size += (size_t)snprintf(text + size, 24, " %d/%d", wait->set[turn].fd,
+                                         wait->set[turn].events);
+            }
+        if (size > sizeof text - 64)
+            return;
+        text[size++] = '\n';
+    }
+    memcpy(text + size, "end\n", 4);
+    card_say_rest(text, size + 4);
+    rested = entries;
+}
+
 static void idle(struct guest *self)
 {
     int64_t left = least_left();
@@ -411,6 +467,8 @@ static void idle(struct guest *self)
     }
     if (!clock_follows()) {
         rounds++;
+        if (left == FOR_EVER && !heeds && !spinning)
+            say_rest();
         glance(count, left > DOZE_MS * 1000000 ? DOZE_MS : (int)(left / 1000000));
         return;
     }
@@ -423,6 +481,8 @@ static void idle(struct guest *self)
         timers_fire();
     } else {
         card_check();
+        if (!spinning)
+            say_rest();
         glance(count, DOZE_MS);
         tell_spinning();
     }
@@ -508,6 +568,7 @@ enum after turns_interrupt(void)
     int inside = self->inside;
     enum after after;
 
+    turns_stir();
     self->inside = 0;
     after = signals_run(self);
     if (self->cancelled) {
@@ -584,6 +645,7 @@ void turns_come_back(void)
 {
     if (on)
         take(me());
+    turns_stir();
 }
 
 /* --- beginning and end of threads ------------------------------------------------------------- */
@@ -639,6 +701,7 @@ void turns_alone(void)
     for (place = 0; place < places; place++)
         if (&guests[place] != self)
             guests[place].number = 0;
+    turns_say_begun();
     self->tid = (pid_t)syscall(SYS_gettid);
     living = 1;
     holder = self;

@@ -21,13 +21,15 @@ struct wait {
     struct pollfd *set;
     nfds_t count;
     int64_t until; /* by turns_now (ns), or FOR_EVER */
-    int shared;    /* another process may end it too: it is asked for again and again */
+    int shared;    /* another process may end it too: it is asked for again and again; BY_SIGNAL */
     int steady;    /* cancelling does not end it */
     int spins;     /* whatever another thread does may end it */
     unsigned asked, entries, looked;
     volatile int told;
     unsigned since;
 };
+
+#define BY_SIGNAL 2 /* by a signal alone */
 
 enum ending { TOLD, FOUND, LATE, INTERRUPTED };
 
@@ -98,6 +100,11 @@ struct guest *turns_add(void);
 void turns_await_start(const struct guest *guest);
 void turns_drop(struct guest *guest);
 void *turns_run(void *guest);
+
+/* What this process has said of its waits (see card_say_rest) holds no more; and whether timers are its
+ * own, which it says when that begins. */
+void turns_stir(void);
+void turns_say_begun(void);
 
 /* Only the caller is left: the child of a fork. */
 void turns_alone(void);

@@ -6,14 +6,24 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.errors import CaptureError
-from vbus.kernel import MS, NS, SECOND, US
+from vbus.kernel import END, MS, NS, SECOND, US
 
 Sample = tuple[int, int]
-"""An instant (ps), and the channels from then on: bit n is channel n."""
+"""An instant (ps), and the channels from then on: bit n is channel n. While a channel is unknown
+(x or z in the file) bit n + :data:`UNKNOWN` is set, and bit n is the last level that was known, 0
+before there is one."""
 
+MOST_CHANNELS: Final = 4096
+"""Channels of a capture, each bit of a vector counted."""
+UNKNOWN: Final = MOST_CHANNELS
+"""How far above a channel the bit stands that says it is unknown."""
+MOST_LINES: Final = 10**10
+"""Samples read of a capture."""
+LONGEST_TEXT: Final = 1 << 20
+"""Bytes of a line, a word or a comment."""
 FASTEST: Final = SECOND
 """Hertz at most: time has nothing finer than a picosecond."""
-_FREQUENCY: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?", re.IGNORECASE)
+_FREQUENCY: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?", re.IGNORECASE | re.ASCII)
 _PREFIXES: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
@@ -69,17 +79,25 @@ def ordered(samples: Iterable[Sample], name: str) -> Iterator[Sample]:
     """Pass samples on from instant 0 at the earliest; leave out what changes nothing.
 
     Raises:
-        CaptureError: time runs backwards, or there are no samples.
+        CaptureError: time runs backwards or does not end, or there are no samples.
     """
     shift = 0
     last = -1
     levels = -1
-    for when, value in samples:
+    for number, (when, value) in enumerate(samples):
+        if number >= MOST_LINES:
+            raise CaptureError(f"{name}: more than {MOST_LINES} samples; cut the capture")
         if levels < 0:
             shift = max(0, -when)
         elif when + shift < last:
             raise CaptureError(f"{name}: time runs backwards at {when} ps, after {last - shift} ps")
         last = when + shift
+        if last > END:
+            text = f"{when} ps" if when < 1 << 128 else "an instant"
+            raise CaptureError(
+                f"{name}: {text} is beyond the end of time, {END // SECOND} s after the capture's"
+                " beginning; cut the capture, or look at its unit of time"
+            )
         if value != levels:
             levels = value
             yield last, value

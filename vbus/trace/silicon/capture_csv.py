@@ -8,6 +8,9 @@ from typing import BinaryIO, Final
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, SECOND, US
 from vbus.trace.silicon.capture import (
+    LONGEST_TEXT,
+    MOST_CHANNELS,
+    UNKNOWN,
     Capture,
     Sample,
     frequency,
@@ -24,6 +27,10 @@ _UNITS: Final = {
 _CHANNELS: Final = re.compile(r"Channels(?:\s*\(\d+/\d+\))?:\s*(.+)")
 _RATE: Final = re.compile(r"Samplerate:\s*(.+)", re.IGNORECASE)
 _SEPARATORS: Final = ",;\t"
+_BESIDE: Final = (";", "#", "META ", "FRAME-BEGIN", "FRAME-END")
+"""How lines begin that sigrok-cli writes beside the table."""
+_HEAD: Final = 1000
+"""Lines before the table."""
 
 
 def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
@@ -46,9 +53,11 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
         first, line = next(lines, (0, ""))
         if not first:
             raise CaptureError(f"{name}: there are no samples in it")
+        if first > _HEAD:
+            raise CaptureError(f"{name}: no table begins in the first {_HEAD} lines")
         if not line:
             continue
-        if line[0] in ";#":
+        if line.startswith(_BESIDE):
             channels, rate = _CHANNELS.search(line), _RATE.search(line)
             if channels:
                 names = [cell.strip() for cell in channels[1].split(",")]
@@ -56,6 +65,10 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
             continue
         separator = max(_SEPARATORS, key=line.count)
         head = _cells(line, separator)
+    if len(head) > MOST_CHANNELS:
+        raise CaptureError(
+            f"{name}: line {first}: {len(head)} columns; a capture has at most {MOST_CHANNELS}"
+        )
     unit = _unit_of_time(head[0], hertz)
     if all(_is_number(cell) for cell in head):
         if not names or len(names) != len(head):
@@ -72,13 +85,17 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
         raise CaptureError(
             f"{name}: neither a column of time nor a sample rate; give it with --samplerate"
         )
-    samples = _samples(body, len(names), unit, hertz, separator, name)
+    samples = _samples(body, names, unit, hertz, separator, name)
     return Capture(names, period_of(hertz) if hertz else 0, ordered(samples, name))
 
 
 def _text(file: BinaryIO, name: str) -> Iterator[tuple[int, str]]:
     """Give the lines with their numbers."""
-    for number, line in enumerate(file, 1):
+    number = 0
+    while line := file.readline(LONGEST_TEXT + 1):
+        number += 1
+        if len(line) > LONGEST_TEXT:
+            raise CaptureError(f"{name}: line {number} is longer than {LONGEST_TEXT} bytes")
         try:
             yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
         except UnicodeDecodeError:
@@ -110,13 +127,22 @@ def _unit_of_time(title: str, hertz: int) -> int:
 
 
 def _samples(
-    lines: Iterable[tuple[int, str]], count: int, unit: int, hertz: int, separator: str, name: str
-) -> Iterator[Sample]:
+    lines: Iterable[tuple[int, str]], names: list[str], unit: int, hertz: int, separator: str,
+    name: str,
+) -> Iterator[Sample]:  # fmt: skip
     before = ""
     levels = 0
     place = 0
     for number, line in lines:
-        if not line or line[0] in ";#":
+        if not line:
+            continue
+        if line.startswith(_BESIDE):
+            rate = _RATE.search(line)
+            if rate and frequency(rate[1], f"{name}: line {number}") not in (0, hertz):
+                raise CaptureError(
+                    f"{name}: line {number}: the sample rate changes to {rate[1]}; export one"
+                    " acquisition at a time"
+                )
             continue
         if unit:
             time, _, values = line.partition(separator)
@@ -130,19 +156,25 @@ def _samples(
         place += 1
         if values != before:
             before = values
-            levels = _levels(values, count, separator, f"{name}: line {number}")
+            levels = _levels(values, names, separator, f"{name}: line {number}", levels)
         yield when, levels
 
 
-def _levels(values: str, count: int, separator: str, where: str) -> int:
+def _levels(values: str, names: list[str], separator: str, where: str, before: int) -> int:
+    """Return the levels of a line; X and Z, also of channels that nothing is at, are unknown."""
     cells = values.split(separator)
-    if len(cells) != count:
-        raise CaptureError(f"{where}: {len(cells)} values for {count} channels")
+    if len(cells) != len(names):
+        raise CaptureError(f"{where}: {len(cells)} values for {len(names)} channels")
     levels = 0
     for bit, cell in enumerate(cells):
         value = cell.strip('" ')
         if value == "1":
             levels |= 1 << bit
+        elif value in ("X", "x", "Z", "z"):
+            levels |= before & 1 << bit | 1 << bit + UNKNOWN
         elif value != "0":
-            raise CaptureError(f'{where}: "{value[:40]}" is neither 0 nor 1; export logic levels')
+            raise CaptureError(
+                f'{where}: "{value[:40]}" in column "{names[bit][:40]}" is none of 0, 1, X and Z;'
+                " export logic levels"
+            )
     return levels

@@ -1,23 +1,79 @@
 """Captures as VCD files, by the reader of pyvcd."""
 
+import io
 import re
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, BinaryIO, Final, cast
+from fractions import Fraction
+from typing import Any, BinaryIO, Final
 
 from vbus.errors import CaptureError, PluginError
 from vbus.trace.names import bit_names
-from vbus.trace.silicon.capture import Capture, Sample, frequency, ordered, period_of
+from vbus.trace.silicon.capture import (
+    LONGEST_TEXT,
+    MOST_CHANNELS,
+    UNKNOWN,
+    Capture,
+    Sample,
+    frequency,
+    ordered,
+    period_of,
+)
 
-MOST_WIRES: Final = 4096
-"""Wires of a capture, each bit of a vector counted."""
 _UNITS: Final = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _RATE: Final = re.compile(r"\bat (\d+(?:\.\d+)? ?[kMG]?Hz)")
 """What libsigrok says of the sample rate, in a comment."""
+_SCALE: Final = re.compile(rb"(\$timescale\s+)(\d{1,15}\.\d{1,15})\s*([munpf]?s)\b")
+"""A unit of time that is no whole number: other tools write 0.1ns."""
+_HEAD: Final = 1 << 16
+"""Bytes in which it is looked for."""
+_HIGH: Final = frozenset("1hH")
+_LOW: Final = frozenset("0lL")
+"""Weak levels of VHDL, from a pull, are levels; all others are unknown."""
+
+
+class _Text(io.RawIOBase):
+    """The bytes of a file, for pyvcd: with a whole unit of time, and no endless word.
+
+    Args:
+        file: the file.
+        name: what messages call it.
+    """
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file: BinaryIO = file
+        self._name: str = name
+        self._head: bytes = _SCALE.sub(self._whole, file.read(_HEAD))
+        self._since: int = 0
+        """Bytes read since the latest word was whole."""
+
+    def _whole(self, found: re.Match[bytes]) -> bytes:
+        """Return a unit of time in femtoseconds."""
+        scale = Fraction(found[2].decode()) * _UNITS[found[3].decode()]
+        if scale.denominator != 1 or not scale:
+            text = b" ".join(found.group(2, 3)).decode()
+            raise CaptureError(f"{self._name}: its $timescale, {text}, is no whole femtoseconds")
+        return found[1] + b"%d fs" % scale.numerator
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill a buffer; return how many bytes there were."""
+        if self._since > LONGEST_TEXT:
+            raise CaptureError(
+                f"{self._name}: a comment or word in it is longer than {LONGEST_TEXT} bytes"
+            )
+        data = self._head[: len(buffer)] or self._file.read(len(buffer))
+        self._head = self._head[len(data) :]
+        self._since += len(data)
+        buffer[: len(data)] = data
+        return len(data)
+
+    def word(self) -> None:
+        """A word is whole."""
+        self._since = 0
 
 
 def read_vcd(file: BinaryIO, name: str) -> Capture:
-    """Read a VCD file as it goes by. Reals and strings are passed over; x and z change nothing.
+    """Read a VCD file as it goes by. Reals and strings are passed over.
 
     Args:
         file: the file.
@@ -31,13 +87,15 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
         from vcd.reader import TokenKind, VCDParseError, tokenize
     except ImportError:
         raise PluginError("VCD captures need pyvcd; install it with: pip install pyvcd") from None
-    tokens = tokenize(cast(Any, file))
+    text = _Text(file, name)
+    tokens = tokenize(text)
     channels: list[tuple[str, str]] = []
     bits: dict[str, tuple[int, int]] = {}
     scopes: list[str] = []
     period = scale = 0
     try:
         for token in tokens:
+            text.word()
             if token.kind is TokenKind.TIMESCALE:
                 unit = token.timescale
                 scale = int(unit.magnitude) * _UNITS[unit.unit.value]
@@ -59,7 +117,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
         raise CaptureError(f"{name}: there are no wires in it")
     if not scale:
         raise CaptureError(f"{name}: it has no $timescale")
-    samples = _samples(tokens, bits, scale, name)
+    samples = _samples(tokens, text, bits, scale, name)
     return Capture(_unlike(channels), period or -(-scale // 1000), ordered(samples, name))
 
 
@@ -77,8 +135,8 @@ def _variable(
     if kind in ("real", "realtime", "string", "event", "time"):
         return
     width = var.size
-    if len(channels) + width > MOST_WIRES:
-        raise ValueError(f"more than {MOST_WIRES} wires")
+    if len(channels) + width > MOST_CHANNELS:
+        raise ValueError(f"more than {MOST_CHANNELS} wires")
     bits[var.id_code] = (len(channels), width)
     index = var.bit_index
     if width == 1:
@@ -91,7 +149,7 @@ def _variable(
 
 
 def _samples(
-    tokens: Iterator[Any], bits: dict[str, tuple[int, int]], scale: int, name: str
+    tokens: Iterator[Any], text: _Text, bits: dict[str, tuple[int, int]], scale: int, name: str
 ) -> Iterator[Sample]:
     """Give the levels after all changes of an instant."""
     from vcd.reader import TokenKind, VCDParseError
@@ -101,6 +159,7 @@ def _samples(
     begun = False
     try:
         for token in tokens:
+            text.word()
             kind = token.kind
             if kind is TokenKind.CHANGE_TIME:
                 if begun:
@@ -111,11 +170,27 @@ def _samples(
                 begun = True
                 bit, width = bits.get(token.data.id_code, (0, 0))
                 value = token.data.value
-                number = int(value) if value in ("0", "1") else value
-                if isinstance(number, int):
-                    mask = (1 << width) - 1
-                    levels = levels & ~(mask << bit) | (number & mask) << bit
+                known, unknown = _value(int(value) if value in ("0", "1") else value, width)
+                mask = (1 << width) - 1
+                change = (mask & ~unknown) << bit
+                levels = levels & ~(change | mask << bit + UNKNOWN)
+                levels |= known << bit | unknown << bit + UNKNOWN
     except (VCDParseError, ValueError, AttributeError, LookupError) as error:
         raise CaptureError(f"{name}: damaged after {when} ps: {error}") from None
     if begun:
         yield when, levels
+
+
+def _value(value: int | str, width: int) -> tuple[int, int]:
+    """Return which bits of a value are high, and which are unknown.
+
+    A value with fewer digits than its variable goes on to the left as it begins, with 0 after a 1.
+    """
+    if isinstance(value, int):
+        return value & (1 << width) - 1, 0
+    known = unknown = 0
+    first = "0" if value[0] in _HIGH else value[0]
+    for bit, digit in enumerate(reversed(value.rjust(width, first)[-width:] if width else "")):
+        known |= (digit in _HIGH) << bit
+        unknown |= (digit not in _HIGH and digit not in _LOW) << bit
+    return known, unknown

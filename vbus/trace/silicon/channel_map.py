@@ -8,6 +8,7 @@ from vbus.chips.bus_watch import BusWatch
 from vbus.chips.tables import PinRow
 from vbus.errors import CaptureError
 from vbus.trace.names import bit_names, plain
+from vbus.trace.silicon.capture import UNKNOWN
 
 LEVELS: Final = {"low": 0, "high": 1}
 """What a control line that was not captured may be said to be tied to."""
@@ -32,12 +33,24 @@ class Wiring:
         bit = self.bits.get(pin)
         return self.tied[pin] if bit is None else levels >> bit & 1
 
+    def unknown(self, pin: str, levels: int) -> bool:
+        """Tell whether the level of a pin is unknown (x or z) where the channels stand so."""
+        return (
+            bool(levels >> UNKNOWN)
+            and pin in self.bits
+            and bool(levels >> UNKNOWN + self.bits[pin] & 1)
+        )
+
     def byte(self, levels: int) -> int:
         """Return the data bus where the channels stand at ``levels``."""
         value = 0
         for place, bit in enumerate(self.data):
             value |= (levels >> bit & 1) << place
         return value
+
+    def unknown_bits(self, levels: int) -> int:
+        """Return which bits of the data bus are unknown where the channels stand at ``levels``."""
+        return self.byte(levels >> UNKNOWN) if levels >> UNKNOWN else 0
 
 
 def wiring_of(

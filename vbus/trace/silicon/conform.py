@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import Final
 
 from vbus import plugins
@@ -14,104 +13,18 @@ from vbus.errors import CaptureError
 from vbus.events.decode import decoder_of
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
+from vbus.state import load, save
+from vbus.trace.names import bit_names
 from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.channel_map import Wiring
-from vbus.trace.silicon.outputs import Difference, OutputWatch
+from vbus.trace.silicon.outputs import UNKNOWN, Difference, OutputWatch
 from vbus.trace.silicon.start import Start, watch_of
+from vbus.trace.silicon.verdict import Candidate, Mismatch, Tolerance, Verdict
 
 CONTEXT: Final = 20
 """Bus cycles answers on either side of a difference."""
 KEPT: Final = 1000
 """Violations kept; more are counted."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """What is not counted as a difference.
-
-    Attributes:
-        slack: how far apart the two may be in time (ps): a status the model has given up so long
-            ago still counts, and so does an edge that comes earlier or later.
-        names: packets, registers and outputs that are not compared.
-        masks: bits by address that are not compared.
-    """
-
-    slack: int
-    names: frozenset[str] = frozenset()
-    masks: dict[int, int] = field(default_factory=dict)
-
-
-@dataclass(slots=True)
-class Mismatch:
-    """Where silicon and model differ.
-
-    Attributes:
-        when: instant in the capture (ps).
-        where: the bus cycle, or the output.
-        silicon: what was captured, decoded.
-        model: what the model did, decoded.
-        clause: clause of the specification it falls under, or "".
-        before: the bus cycles before it.
-        after: its own, and those after it.
-    """
-
-    when: int
-    where: str
-    silicon: str
-    model: str
-    clause: str = ""
-    before: list[str] = field(default_factory=list)
-    after: list[str] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class Verdict:
-    """What came of a comparison.
-
-    Attributes:
-        cycles: bus cycles driven in before the difference, or in all.
-        reads: reads among them, whose bytes agree.
-        outputs: outputs that were compared.
-        ignored: differences that were not counted, as asked for.
-        begin: instant of the first sample driven in (ps).
-        end: instant of the last (ps).
-        mismatch: the first difference, or None.
-        violations: what the model's rules say of the host, and how many there were.
-        broken: number of violations.
-    """
-
-    cycles: int = 0
-    reads: int = 0
-    outputs: list[str] = field(default_factory=list)
-    ignored: int = 0
-    begin: int = 0
-    end: int = 0
-    mismatch: Mismatch | None = None
-    violations: list[Violation] = field(default_factory=list)
-    broken: int = 0
-
-
-@dataclass(slots=True)
-class _Candidate:
-    """A read or an edge that differs, until it is certain what of.
-
-    Attributes:
-        mismatch: what is known of it so far.
-        silicon: the cycle as it was captured; None for an edge.
-        model: the cycle as the model would have it.
-        cycles: bus cycles before it.
-        reads: reads among them.
-        settled: whether all of it is known.
-        ignored: whether it does not count.
-    """
-
-    mismatch: Mismatch
-    silicon: Cycle | None
-    model: Cycle | None
-    cycles: int
-    reads: int
-    settled: bool = False
-    ignored: bool = False
 
 
 class _Bus(Observer):
@@ -166,7 +79,7 @@ class Conform(Observer):
         self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._recent: deque[Packet] = deque(maxlen=CONTEXT)
-        self._candidates: deque[_Candidate] = deque()
+        self._candidates: deque[Candidate] = deque()
         self._open: list[list[str]] = []
         self._ring: deque[str] = deque(maxlen=CONTEXT)
         self._polls: deque[tuple[int, int, int]] = deque()
@@ -174,7 +87,8 @@ class Conform(Observer):
         """Rules broken at the instant of the latest violation."""
         board.listen(self)
         self._inputs: list[tuple[str, Pin]] = []
-        """Inputs of the chip; those of the bus come first."""
+        """Inputs of the chip; those of the bus come first. One whose level is not known yet is not
+        driven; one that becomes unknown later stays where it is."""
         self._outputs: list[OutputWatch] = []
         self._attach()
         self._data: Pin = chip.bus_net.solder("capture")
@@ -184,6 +98,8 @@ class Conform(Observer):
         """Since when the chip has been driving the data bus."""
         self._levels: tuple[int, ...] = ()
         self._byte: int = 0
+        self._floating: int = 0
+        """Bits of the data bus that are unknown."""
 
     def _attach(self) -> None:
         chip, wiring = self._chip, self._wiring
@@ -213,7 +129,7 @@ class Conform(Observer):
         """Compare from ``start`` to the end, or to some cycles after the first difference.
 
         Raises:
-            CaptureError: the capture ends before the start.
+            CaptureError: the capture ends before the start, or does not say what the host wrote.
         """
         first: Sample | None = None
         when = 0
@@ -224,6 +140,8 @@ class Conform(Observer):
                 continue
             when = sample[0]
             if number == start.sample:
+                if first is not None and self._unknown_lines(first[1]):
+                    first = None
                 self._begin(first or sample, start)
             self._take(*sample)
             if self._progress is not None and not number & 0xFFF:
@@ -242,8 +160,8 @@ class Conform(Observer):
         self.verdict.begin = when
         self._levels = tuple([self._wiring.level(name, value) for name in self._watch.PINS])
         self._byte = self._wiring.byte(value)
-        for name, pin in self._inputs:
-            pin.drive(self._wiring.level(name, value))
+        self._floating = self._wiring.unknown_bits(value)
+        self._drive(value)
         if not self._watch.reading(self._levels):
             self._data.drive(self._byte)
         self._board.kernel.settle()
@@ -251,53 +169,110 @@ class Conform(Observer):
         self._board.kernel.settle()
         self._watch.change(when, self._levels, self._byte)
         for output in self._outputs:
-            output.begin(when, self._wiring.level(output.name, value), start.reset)
+            output.begin(when, self._output(output, value), start.reset)
         for chip in self._board.chips if self._chip.CONNECTOR else (self._chip,):
             chip.judged = self._judged
+
+    def _unknown_lines(self, value: int) -> bool:
+        """Tell whether a control line is unknown."""
+        return any(self._wiring.unknown(name, value) for name in self._watch.PINS)
+
+    def _drive(self, value: int) -> None:
+        """Drive the inputs whose levels are known."""
+        wiring = self._wiring
+        for name, pin in self._inputs:
+            if not wiring.unknown(name, value):
+                pin.drive(wiring.level(name, value))
+
+    def _output(self, output: OutputWatch, value: int) -> int:
+        """Return what the silicon shows at an output."""
+        wiring = self._wiring
+        return UNKNOWN if wiring.unknown(output.name, value) else wiring.level(output.name, value)
 
     def _take(self, when: int, value: int) -> None:
         """Drive the inputs of one instant, and compare what has come of it."""
         board, watch, wiring = self._board, self._watch, self._wiring
-        before, old = self._levels, self._byte
+        before, old, floating = self._levels, self._byte, self._floating
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
         byte = wiring.byte(value)
         board.pass_until(when)
         self._chip.advance()
         board.kernel.settle()
+        driven = self._chip.bus_net.driven
         # Neither the edge's instant nor the model's is exact: all of these may have been read.
         answers = self._bus.since(max(self._reading, when - self._tolerance.slack))
         if watch.reading(levels):
             self._data.release()
             if not watch.reading(before):
                 self._reading = when
-        for name, pin in self._inputs:
-            pin.drive(wiring.level(name, value))
+        self._drive(value)
         board.kernel.settle()
         if not watch.reading(levels):
             self._data.drive(byte)
             board.kernel.settle()
         if levels != before:
+            if floating and self.verdict.mismatch is None:
+                self._check_taken(when, before, levels)
+            if not driven:  # by the model either: nothing is wrong where nothing drives
+                self._floating = 0
             for cycle in watch.edges(when, before, levels, old, byte):
                 self._cycle(cycle, answers, old, byte)
         self._levels, self._byte = levels, byte
+        self._floating = wiring.unknown_bits(value)
         for output in self._outputs:
-            self._edge(output, output.compare(when, wiring.level(output.name, value)))
+            self._edge(output, output.compare(when, self._output(output, value)))
+
+    def _check_taken(self, when: int, before: tuple[int, ...], levels: tuple[int, ...]) -> None:
+        """Refuse an edge at which the chip takes a byte or an address that is not known.
+
+        Raises:
+            CaptureError: it is one.
+        """
+        watch = self._watch
+        state = save(watch)
+        taken = []
+        for old in (0xFF, 0):
+            load(watch, state)
+            old = self._byte & ~self._floating | self._floating & old
+            taken.append((watch.edges(when, before, levels, old, 0), save(watch)))
+        load(watch, state)
+        if taken[0] != taken[1]:
+            raise CaptureError(
+                f"at {format_instant(when)} the chip takes a byte of which"
+                f" {self._named(self._floating)} unknown (x or z): what it took cannot be"
+                " compared. Begin after that with --from"
+            )
+
+    def _named(self, bits: int) -> str:
+        """Name bits of the data bus, with their verb."""
+        names = bit_names(self._watch.DATA, 8)
+        if bits == 0xFF:
+            return f"{self._watch.DATA} are"
+        chosen = [name for bit, name in enumerate(names) if bits >> bit & 1]
+        return f"{', '.join(chosen)} {'is' if len(chosen) == 1 else 'are'}"
 
     # -- bus cycles ---------------------------------------------------------------------------
 
     def _cycle(self, cycle: Cycle, answers: list[int], old: int, byte: int) -> None:
         """Compare a cycle. Of a read both the byte before its end and the one at it may count."""
         silicon = model = cycle
+        undriven = 0
         if not cycle.write:
+            undriven = self._undriven(cycle)
             # A card's bus is pulled: what stands there after the edge is nobody's.
             shown = (old,) if self._chip.CONNECTOR else (byte, old)
-            taken = next((value for value in shown if value in answers), old)
+            taken = next((value for value in shown if value in answers and not undriven), old)
             silicon = Cycle(cycle.when, False, cycle.address, taken)
-            answer = taken if self._agrees(silicon, answers) else answers[-1]
+            answer = taken if not undriven and self._agrees(silicon, answers) else answers[-1]
             self._remember(cycle, answers[-1])
             model = Cycle(cycle.when, False, cycle.address, answer)
         text = f"{format_instant(cycle.when)} {self._chip.name} {silicon}"
-        if silicon.data != model.data:
+        if undriven:
+            text += f"  <- {self._named(undriven)} not driven; the model gives {model.data:02X}"
+            bytes_ = f"{self._named(undriven)} not driven (x or z)", f"{model.data:02X}H"
+            found = Mismatch(cycle.when, f"read at address {cycle.address:X}H", *bytes_)
+            self._suspect(found, silicon, model, undriven)
+        elif silicon.data != model.data:
             text += f"  <- the model gives {model.data:02X}"
             where = f"read at address {cycle.address:X}H"
             bytes_ = f"{silicon.data:02X}H", f"{model.data:02X}H"
@@ -318,6 +293,13 @@ class Conform(Observer):
         for packet in packets:
             self._resolve(packet)
         self._decide()
+
+    def _undriven(self, cycle: Cycle) -> int:
+        """Return the bits of a read that nothing drove at its end, those left out aside."""
+        left = self._floating & ~self._tolerance.masks.get(cycle.address, 0)
+        if self._floating and not left:
+            self.verdict.ignored += 1
+        return left
 
     def _agrees(self, cycle: Cycle, answers: list[int]) -> bool:
         """Tell whether the model gives, or so long ago gave, what the silicon has given."""
@@ -343,12 +325,13 @@ class Conform(Observer):
             polls.popleft()
 
     def _suspect(
-        self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None
-    ) -> _Candidate:
+        self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None, undriven: int = 0
+    ) -> Candidate:
         """Note a candidate: what follows is noted with it."""
         mismatch.before.extend(self._ring)
         self._open.append(mismatch.after)
-        candidate = _Candidate(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
+        candidate = Candidate(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
+        candidate.undriven = undriven != 0
         self._candidates.append(candidate)
         return candidate
 
@@ -362,14 +345,14 @@ class Conform(Observer):
                 else:
                     self._settle(candidate, packet)
 
-    def _settle(self, candidate: _Candidate, packet: Packet | None = None) -> None:
+    def _settle(self, candidate: Candidate, packet: Packet | None = None) -> None:
         """All is known of a candidate: tell the packet it is in, on either side."""
         found = candidate.mismatch
         other = next((p for p in reversed(self._recent) if candidate.model in p.cycles), None)
         candidate.settled = True
         found.model += f" in {other.text}" if other else ""
         if packet is not None:
-            found.silicon += f" in {packet.text}"
+            found.silicon += f" in {packet.name if candidate.undriven else packet.text}"
             found.clause = packet.clause
 
     def _decide(self) -> None:

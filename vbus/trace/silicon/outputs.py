@@ -10,7 +10,10 @@ from vbus.signals import Net, Observer
 RESET_OVER: Final = 20 * MS
 """How long after a reset both may take to come to the same level."""
 
-_NAMES: Final = ("falls", "rises")
+UNKNOWN: Final = 2
+"""The level of an output that nothing drives (x or z in the capture)."""
+_NAMES: Final = ("falls", "rises", "is driven no more (x or z)")
+_LEVELS: Final = ("0", "1", "unknown (x or z)")
 
 Difference = tuple[int, str, str]
 """Instant (ps), what the silicon did, what the model did."""
@@ -37,12 +40,15 @@ class OutputWatch(Observer):
         self._ended: bool = False
 
     def begin(self, when: int, level: int, reset: bool) -> None:
-        """Compare from now on; ``reset``: once a reset has brought both to the same level."""
+        """Compare from now on; ``reset``: once a reset has brought both to the same level.
+
+        A level that is unknown is not yet one; the first one known must be the model's.
+        """
         self._net.observe(self)
         self._level = level
         self._begun = when
-        self._aligned = not reset
-        if not reset and level != self._net.value:
+        self._aligned = not reset and level != UNKNOWN
+        if self._aligned and level != self._net.value:
             # The silicon's edge to its present level is one the model has not made.
             self._silicon.append((when, level))
 
@@ -66,7 +72,7 @@ class OutputWatch(Observer):
 
     def _misaligned(self, now: int, level: int) -> Difference:
         self._aligned = self._ended = True
-        return (now, f"is {level} after the reset", f"is {self._net.value}")
+        return (now, f"is {_LEVELS[level]} after the reset", f"is {self._net.value}")
 
     def _match(self, before: int) -> Difference | None:
         """Pair the edges; those older than ``before`` must have found theirs."""
@@ -107,7 +113,7 @@ class OutputWatch(Observer):
     def finish(self, now: int) -> Difference | None:
         """The capture has ended: what is older than the slack must have found its partner."""
         if not self._aligned:
-            if now - self._begun > RESET_OVER:
+            if now - self._begun > RESET_OVER or self._level == UNKNOWN:
                 return self._misaligned(now, self._level)
             return None
         return self._match(now - self._slack)

@@ -79,28 +79,46 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
     after_last = 0
     idle = False
     resets = begin_at in (AUTO, RESET)
-    known = pin in wiring.bits or pin in wiring.tied
+    captured = pin in wiring.bits or pin in wiring.tied
+    unknown = [name for name in watch.PINS if name in wiring.bits]
+    """Control lines whose level has been unknown so far: the first one known is no edge."""
     number = -1
+    floating = 0
     for number, (when, value) in enumerate(samples):
+        if unknown:
+            unknown = [name for name in unknown if wiring.unknown(name, value)]
+            if unknown:
+                continue
+            after_last = number
+            idle = watch.idle(tuple([wiring.level(name, value) for name in watch.PINS]))
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
-        idle = idle or (number == 0 and watch.idle(levels))
         if begin < 0 and idle and (isinstance(begin_at, str) or when >= begin_at):
             begin, skipped = number, cycles
             if not resets:
                 break
-        level = wiring.level(pin, value) if known else 1
+        level = 1
+        if captured and not wiring.unknown(pin, value):
+            level = wiring.level(pin, value)
         if resets and held and not level:
             return Start(number, cycles, f"from the hardware reset at {format_instant(when)}", True)
         held = level
         found = watch.change(when, levels, wiring.byte(value))
         for cycle in found:
-            if resets and cycle.write and (cycle.address, cycle.data) == family.reset_write:
+            if (
+                resets
+                and cycle.write
+                and not floating
+                and (cycle.address, cycle.data) == family.reset_write
+            ):
                 why = f"from the {family.reset_name} at {format_instant(cycle.when)}"
                 return Start(after_last, cycles, why, True)
             cycles += 1
+        floating = wiring.unknown_bits(value)
         if found:
             after_last = number + 1
         idle = watch.idle(levels)
+    if unknown:
+        raise CaptureError(f"the level of {', '.join(unknown)} is unknown (x or z) all along")
     if begin_at == RESET:
         raise CaptureError(
             "there is no reset in the capture: neither its pin nor its command."

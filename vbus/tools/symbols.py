@@ -1,0 +1,135 @@
+"""Which functions a stack of a process leads through, as far as its programs name them."""
+
+import struct
+from bisect import bisect_right
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Final, NamedTuple
+
+_FUNCTION: Final = 2
+_SYMBOLS: Final = (2, 11)
+"""Types of sections: all symbols, and those that the dynamic loader needs."""
+_LARGEST: Final = 1 << 28
+"""Bytes of a program that is read for its symbols."""
+
+
+class Place(NamedTuple):
+    """Where a thread is.
+
+    Attributes:
+        inner: function of a library that it is in; "" if none is known.
+        outer: function of the program that called it, or a place in it; "" if none is known.
+    """
+
+    inner: str
+    outer: str
+
+
+class _Program(NamedTuple):
+    """What a file says of its functions.
+
+    Attributes:
+        segments: offset in the file, size and address of what is loaded.
+        begins: addresses of the functions, sorted.
+        functions: end and name of each.
+    """
+
+    segments: tuple[tuple[int, int, int], ...]
+    begins: tuple[int, ...]
+    functions: tuple[tuple[int, str], ...]
+
+    def at(self, offset: int) -> tuple[str, int]:
+        """Return the function at an offset in the file, or "", and the address there."""
+        for begin, size, address in self.segments:
+            if begin <= offset < begin + size:
+                where = offset - begin + address
+                place = bisect_right(self.begins, where) - 1
+                if place >= 0 and where < self.functions[place][0]:
+                    return self.functions[place][1], where
+                return "", where
+        return "", offset
+
+
+@lru_cache(maxsize=64)
+def _program(path: str) -> _Program:
+    """Read the functions of a program or library; none if it is no ELF file."""
+    with suppress(OSError, struct.error, IndexError):
+        if Path(path).stat().st_size <= _LARGEST:
+            return _parsed(Path(path).read_bytes())
+    return _Program((), (), ())
+
+
+def _parsed(data: bytes) -> _Program:
+    wide = data[4] == 2
+    if data[:4] != b"\x7fELF":
+        return _Program((), (), ())
+    head = struct.unpack_from("<16sHHIQQQIHHHHHH" if wide else "<16sHHIIIIIHHHHHH", data)
+    _, _, _, _, _, loads, sections, _, _, size, count, length, number, _ = head
+    segments = []
+    for place in range(loads, loads + size * count, size):
+        if wide:
+            kind, _, offset, address, _, held = struct.unpack_from("<IIQQQQ", data, place)
+        else:
+            kind, offset, address, _, held = struct.unpack_from("<IIIII", data, place)
+        if kind == 1:
+            segments.append((offset, held, address))
+    form = "<IIQQQQIIQQ" if wide else "<IIIIIIIIII"
+    rows = [struct.unpack_from(form, data, sections + length * n) for n in range(number)]
+    found: dict[int, tuple[int, str]] = {}
+    for row in rows:
+        if row[1] not in _SYMBOLS or not row[9]:
+            continue
+        names = rows[row[6]][4]
+        for place in range(row[4], row[4] + row[5], row[9]):
+            if wide:
+                name, info, _, _, value, extent = struct.unpack_from("<IBBHQQ", data, place)
+            else:
+                name, value, extent, info, _, _ = struct.unpack_from("<IIIBBH", data, place)
+            if info & 15 == _FUNCTION and value and extent:
+                end = data.index(0, names + name)
+                text = data[names + name : end].decode("ascii", "replace").lstrip("_")
+                if value not in found or len(text) < len(found[value][1]):
+                    found[value] = (value + extent, text)
+    begins = sorted(found)
+    return _Program(tuple(segments), tuple(begins), tuple(found[begin] for begin in begins))
+
+
+def _mappings(pid: int) -> list[tuple[int, int, int, str]]:
+    """Return begin, end, offset and file of what a process may execute."""
+    found = []
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/maps").read_text(errors="replace").splitlines():
+            fields = line.split(maxsplit=5)
+            if len(fields) == 6 and "x" in fields[1] and fields[5].startswith("/"):
+                begin, _, end = fields[0].partition("-")
+                found.append((int(begin, 16), int(end, 16), int(fields[2], 16), fields[5]))
+    return found
+
+
+def places(pid: int, stack: bytes, wide: bool) -> Place:
+    """Return where a thread is, by the return addresses on its stack.
+
+    Args:
+        pid: its process.
+        stack: what stands there, the innermost first.
+        wide: whether addresses have 64 bits.
+    """
+    mappings = _mappings(pid)
+    program = ""
+    with suppress(OSError):
+        program = str(Path(f"/proc/{pid}/exe").readlink())
+    size = 8 if wide else 4
+    whole = len(stack) // size * size
+    inner = ""
+    for (word,) in struct.iter_unpack("<Q" if wide else "<I", stack[:whole]):
+        for begin, end, offset, path in mappings:
+            if begin < word < end:
+                root = Path(f"/proc/{pid}/root{path}")
+                name, address = _program(str(root if root.exists() else path)).at(
+                    word - 1 - begin + offset
+                )
+                if path == program:
+                    return Place(inner, name or f"{Path(path).name}+0x{address:x}")
+                inner = name or inner
+    return Place(inner, "")
