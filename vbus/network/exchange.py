@@ -113,6 +113,14 @@ class Exchange:
         message.answer(reply)
         self._run()
 
+    def left(self) -> list[bytes]:
+        """Take what waits for its turn, up to the first message that has not come."""
+        left = []
+        while (message := self._arrived.pop(self.following, None)) is not None:
+            self.following += 1
+            left.append(message.data)
+        return left
+
     def end(self, code: str, reason: str) -> None:
         """Refuse whatever waits, and whatever comes."""
         if self._ended:

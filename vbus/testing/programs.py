@@ -4,10 +4,11 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import monotonic
 
 from vbus.board.board import Board
 from vbus.board.build import build
@@ -75,6 +76,7 @@ class _Run(ServedBoard):
         self.link: str = f"unix:{folder / 'host.sock'}"
         self.watch = Watch(board, limits, self.kill)
         self._of_test = of_test
+        self._wall = limits.wall
         if of_test is not None:
             of_test.over = self.kill
         host = host_of(file)
@@ -92,6 +94,20 @@ class _Run(ServedBoard):
         self.killed = True
         if self.process is not None:
             self.process.kill()
+
+    def over(self) -> Callable[[], bool]:
+        """Return what tells that the program's last requests have passed a bound, too."""
+        last = monotonic() + self._wall
+
+        def over() -> bool:
+            if monotonic() > last:
+                self.watch.pass_bound(
+                    f"what it sent last was not done after {self._wall:g} s of wall time: the"
+                    " machine was too slow"
+                )
+            return self.watch.ended or (self._of_test is not None and self._of_test.ended)
+
+        return over
 
     def ended(self, board_ends: ExitStack) -> None:
         """The program has ended: what time passes until the board is served no more is not its."""
@@ -146,6 +162,7 @@ def run_program(
         with run:
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
+                run.finish(run.over())
             finally:
                 run.call(lambda: run.ended(board_ends))
     if run.error is not None:

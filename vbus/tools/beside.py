@@ -291,12 +291,32 @@ async def _run_beside(
         if scope.listen:
             await show_board(server.board.name, scope, control)
         code = await run_program(command, environment, note, True, stdout, watch)
-        for _ in range(2):  # the first finds what processes have sent last, and it is carried out
-            await asyncio.sleep(0)
+        code = await _finish(server, watch, code)
         server.board.catch_up()
     finally:
         server.stop()
     return code
+
+
+async def _finish(server: Server, watch: Watch | None, code: int) -> int:
+    """Let the board carry out what the program has sent; return the exit code that remains.
+
+    SIGINT and SIGTERM end that, and so does the bound of a program that hangs: what it has asked
+    for last, and has not waited for, takes its time, too.
+    """
+    came: list[int] = []
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, came.append, number)
+    if watch is None:
+        await server.finish(lambda: bool(came))
+    else:
+        hung = watch.ended
+        await server.finish(lambda: bool(came) or watch.ended)
+        watch.close()
+        if watch.ended and not hung:
+            code = code or 128 + signal.SIGKILL
+    return 128 + came[0] if came else code
 
 
 async def run_program(
@@ -363,7 +383,7 @@ async def run_program(
         for handle in asked:
             handle.cancel()
         if watch is not None:
-            watch.close()
+            watch.over = None
         left = offspring.there()
         if left and alone and not came:
             ending.say_left(left)

@@ -83,6 +83,10 @@ class MessageLink(Link):
         """Send what the message gave; the next one may come before this returns."""
         raise NotImplementedError
 
+    def left(self) -> list[bytes]:
+        """Take the messages that have come and wait for the one before: the host has gone."""
+        return []
+
     def push(self, data: bytes) -> None:
         """Send what nobody asked for just now: events."""
         raise NotImplementedError
@@ -158,6 +162,10 @@ class Transport:
 
     def tell_pause(self, paused: bool) -> None:
         """Let clients know that what they ask is answered later, or at once again."""
+
+    def waiting(self) -> bool:
+        """Tell whether a host has come, or has sent something, that no session knows of yet."""
+        return False
 
     def close(self) -> None:
         """Stop waiting and remove every name made; may be called again."""

@@ -103,6 +103,10 @@ class ZenohLink(MessageLink):
         """Send the reply of the message being carried out."""
         self.exchange.done(data)
 
+    def left(self) -> list[bytes]:
+        """Take the messages that wait for the one that is being carried out."""
+        return self.exchange.left()
+
     def push(self, data: bytes) -> None:
         """Publish events where the host listens for them."""
         self._traffic.pass_on(EVENT, self.session, lambda times: self._event(data, times))
