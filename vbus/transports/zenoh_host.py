@@ -105,7 +105,7 @@ class ZenohLink(MessageLink):
 
     def left(self) -> list[bytes]:
         """Take the messages that wait for the one that is being carried out."""
-        return self.exchange.left()
+        return self.exchange.leave()
 
     def push(self, data: bytes) -> None:
         """Publish events where the host listens for them."""
