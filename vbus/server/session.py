@@ -91,7 +91,6 @@ class Session:
         self._round_trips: Histogram = serving.round_trips
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
-        self._changed: Callable[[], object] | None = link.changed
         self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
@@ -152,9 +151,6 @@ class Session:
                 return
             if not data:
                 self._finish()
-                return
-            if self._changed is not None and self._changed():
-                self.link.sort(data)
                 return
             self.received += len(data)
             ended = self._ended
@@ -400,6 +396,7 @@ class Session:
     def _host_gone(self, carry_out: bool) -> None:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
         reset = False
+        self._deaf = True
         while carry_out and self._open:
             try:
                 data = self._read(self._fd, READ_SIZE)
@@ -409,9 +406,6 @@ class Session:
                 reset = True  # what the host had sent before may stand behind that
                 continue
             if not data:
-                break
-            if self._changed is not None and self._changed():
-                self.link.sort(data)  # the next host may have sent it: it came before the look
                 break
             self._take(data)
         if self._open and self._pacer.halted:

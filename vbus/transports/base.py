@@ -39,11 +39,6 @@ class Link:
         """Reads the descriptor: at most so many bytes of it."""
         self.write: Callable[[int, bytearray], int] = os.write
         """Writes to the descriptor; returns how many bytes it took."""
-        self.changed: Callable[[], object] | None = None
-        """Tells whether hosts have come or gone: asked after each read, because the bytes may then
-        be another host's; :attr:`sort` gives them to the right session. None where a descriptor is
-        one host's."""
-        self.sort: Callable[[bytes], None] = _ignore
 
     def close(self) -> None:
         """End the link from this side."""
