@@ -470,8 +470,6 @@ class System:
         self.looks = random.choice((0, 24))
         self.shortage = random.choice((0.0, 0.0, 0.1))
         self._events: list[tuple[int, int, Callable[[], None]]] = []
-        self.idles = 0
-        """How often the server had nothing to do."""
         self._numbers = count()
         self._terminals = count()
         self._intruding = False
@@ -522,7 +520,6 @@ class System:
 
     def go_on(self, deadline: int) -> bool:
         """Nobody has anything to do: go on to what comes next; False if that is the deadline."""
-        self.idles += 1
         due = [event[0] for event in self._events[:1]]
         due += [timer.due for timer in self.timers if timer.due >= 0]
         following = min(due, default=-1)
