@@ -28,7 +28,8 @@ class Raw:
     def __init__(self, endpoint: str) -> None:
         self.session = open_session(connect=[endpoint], mode="client")
         self.name = envelope.new_session()
-        self.token = self.session.liveliness().declare_token(keys.host(BUS, self.name.hex()))
+        token = keys.host(BUS, envelope.public(self.name))
+        self.token = self.session.liveliness().declare_token(token)
 
     def ask(
         self, data: bytes, number: int, acknowledged: int = 0, cover: bytes | None = None

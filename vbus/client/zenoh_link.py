@@ -25,7 +25,7 @@ from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security
-from vbus.network.session import close_session, open_session
+from vbus.network.session import FORKED, close_session, open_session
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5
@@ -54,7 +54,15 @@ def _close_all() -> None:
         link.close()
 
 
+def _forked() -> None:
+    """A process has been forked: Zenoh's threads are not in it, so its copies of links are dead."""
+    for link in list(_open):
+        link.disown()
+    _open.clear()
+
+
 atexit.register(_close_all)
+os.register_at_fork(after_in_child=_forked)
 
 
 @dataclass(slots=True)
@@ -156,15 +164,17 @@ class ZenohLink(Link):
         self._posts: Any = None
         self._posting: bool = False
         self._post_answered: bool = False
+        self._hearing: bool = False
+        """Whether a query for events is open."""
+        self._heard: float = 0.0
+        """When it was asked last."""
         self._error: TransportError | None = None
         self._kept: list[Any] = []
 
     def open(self) -> None:
-        """Tell the board that this host is there, and listen for events."""
-        token = keys.host(self._bus_key, self._name.hex())
-        callback = zenoh.handlers.Callback(self._event, indirect=False)
+        """Tell the board that this host is there."""
+        token = keys.host(self._bus_key, envelope.public(self._name))
         self._kept.append(self._network.liveliness().declare_token(token))
-        self._kept.append(self._network.declare_subscriber(token, callback))
         replies = zenoh.handlers.Callback(self._reply, indirect=False)
         self._kept.append(self._network.declare_subscriber(keys.replies(token), replies))
         # Before the first message: until its reply comes, who listens there is known.
@@ -220,6 +230,8 @@ class ZenohLink(Link):
                 while self._given in self._early:
                     data += self._early.pop(self._given)
                     self._given += 1
+        if self._given and not self._hearing and self._error is None:
+            self._hear()
         if not data:
             if self._error is not None:
                 raise self._error
@@ -256,6 +268,12 @@ class ZenohLink(Link):
     def unanswered(self) -> bool:
         """Whether a message has no answer yet."""
         return self._given < self._number
+
+    def disown(self) -> None:
+        """Leave the link to the process that has opened it: this one was forked from that."""
+        self._lock = threading.Lock()  # some thread that is not here may have held it
+        self._closed = True
+        self._error = TransportError(f"{self.where}: {FORKED}")
 
     def look_for_board(self) -> None:
         """Send a message without requests, unless one waits for its answer anyway."""
@@ -370,8 +388,32 @@ class ZenohLink(Link):
         else:
             self.arrived(number, data)
 
-    def _event(self, sample: zenoh.Sample) -> None:
-        self.arrived(-1, sample.payload.to_bytes())
+    def _hear(self) -> None:
+        """Ask for events: they are replies to a query, so that nobody else hears them."""
+        now = monotonic()
+        if self._closed or now - self._heard < AGAIN_SECONDS:
+            return
+        self._hearing, self._heard = True, now
+        header = envelope.Envelope(envelope.EVENTS, self._name, 0, 0)
+        with contextlib.suppress(zenoh.ZError):
+            self._network.get(
+                self._bus_key,
+                zenoh.handlers.Callback(self._event, self._hears_no_more, indirect=False),
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.DROP,
+                timeout=LONGEST_SECONDS,
+                attachment=header.pack(),
+                express=True,
+            )
+
+    def _event(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self.arrived(-1, reply.ok.payload.to_bytes())
+
+    def _hears_no_more(self) -> None:
+        """The query for events has ended: it is asked again at the next look."""
+        self._hearing = False
 
     def _pause(self, sample: zenoh.Sample) -> None:
         self._paused = sample.kind == zenoh.SampleKind.PUT

@@ -349,7 +349,9 @@ class Session:
         except BlockingIOError:
             return 0
         except OSError:
-            self._deaf = True
+            if not self._deaf:
+                self._deaf = True
+                self._loop.call_soon(self.hung_up)
             return len(data)
         self.sent += sent
         return sent

@@ -241,10 +241,11 @@ class PtyTransport(Transport):
 
     def _unmake(self) -> None:
         terminals, self._terminals = self._terminals, []
-        for terminal in terminals:
-            if terminal.named:
-                self._remove_name(terminal)
-            terminal.close()
+        with ExitStack() as unmade:  # each, whatever the others say
+            for terminal in terminals:
+                unmade.callback(terminal.close)
+                if terminal.named:
+                    unmade.callback(self._remove_name, terminal)
 
     def _remove_name(self, terminal: _Terminal) -> None:
         """Remove the name, if it is not another's by now."""
