@@ -23,9 +23,9 @@ from vbus.kernel import MS
 from vbus.native import include_dir
 from vbus.protocols.frames import frame
 from vbus.server.server import LinkSpec
+from vbus.testing.in_process import InProcessLink
 from vbus.testing.limits import Limits
 from vbus.testing.programs import run_program
-from vbus.testing.in_process import InProcessLink
 from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -68,9 +68,7 @@ def as_bytes() -> bytes:
     def delay(duration: int) -> bytes:
         return b"\x50" + duration.to_bytes(8, "big")
 
-    moved = b"".join(
-        bytes((0x20 + at, byte)) + delay(GAP) for at, byte in requests()
-    )
+    moved = b"".join(bytes((0x20 + at, byte)) + delay(GAP) for at, byte in requests())
     return moved + delay(LASTS) + b"\x20\x01" + b"\x10" * 200 + delay(LASTS)
 
 
@@ -139,9 +137,7 @@ def over_zenoh(url: str, data: bytes) -> None:
         as_calls(bus)
 
 
-def hash_of(
-    link: str, protocol: str, talk: Callable[[str, bytes], None]
-) -> tuple[str, int, int]:
+def hash_of(link: str, protocol: str, talk: Callable[[str, bytes], None]) -> tuple[str, int, int]:
     """Serve a board to one host that leaves; return journal's hash, time and position."""
     board = load_board_text(BOARD, "bench")
     file = io.BytesIO()

@@ -12,7 +12,7 @@ from tests.ports import free_endpoint
 from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
-from tests.zenoh.test_security import Files, files, link, secured
+from tests.zenoh.test_security import files
 from vbus.client.zenoh_link import ZenohLink, _Query, open_zenoh
 from vbus.errors import TransportError
 from vbus.network import envelope, keys

@@ -37,12 +37,13 @@ def test_who_has_the_same_right_can_neither_read_nor_send_nor_end_it(
         other = open_session(connect=[endpoint], mode="client", security=mallory)
         heard: list[bytes] = []
         tokens: list[str] = []
-        kept = [other.declare_subscriber("vbus/**", lambda sample: heard.append(text(sample)))]
+        ears = open_session(connect=[endpoint], mode="client", security=mallory)
+        kept = [ears.declare_subscriber("vbus/**", lambda sample: heard.append(text(sample)))]
         seen = other.liveliness().declare_subscriber(
             f"{BUS}/hosts/*", lambda sample: tokens.append(str(sample.key_expr)), history=True
         )
         answered: list[object] = []
-        catching = other.declare_queryable(f"{BUS}", answered.append, complete=True)
+        catching = ears.declare_queryable(f"{BUS}", answered.append, complete=True)
         with connect(link("bench/x", endpoint, alice)) as bus:
             bus.events("x.HI")
             bus.posting()
@@ -59,7 +60,7 @@ def test_who_has_the_same_right_can_neither_read_nor_send_nor_end_it(
             writes = made.chips[0].writes
             for kind in (envelope.REQUESTS, envelope.END, envelope.EVENTS):
                 for name in (bytes.fromhex(public), bytes.fromhex(public)[:16], bytes(16)):
-                    for number in (0, 1, 30):
+                    for number in (0, 30):
                         cover = envelope.Envelope(kind, name, number, number).pack()
                         payload = b"\x02\x07" if kind == envelope.REQUESTS else b""
                         list(other.get(BUS, payload=payload, attachment=cover, timeout=1.0))
@@ -75,7 +76,8 @@ def test_who_has_the_same_right_can_neither_read_nor_send_nor_end_it(
         assert heard == answered == []
         for one in (*kept, seen, catching):
             one.undeclare()
-        close_session(other)
+        for session in (ears, other):
+            close_session(session)
 
 
 def _connects(url: str, result: "multiprocessing.SimpleQueue[str]") -> None:

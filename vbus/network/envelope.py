@@ -8,14 +8,17 @@ and that of its reply what they gave. Beside it, as Zenoh's attachment, stands t
 ``kind`` is 0 for requests, 1 for the end of the session, and 2 for the wish to hear events: that
 query stays open, and each of its replies is events. ``session`` is a secret the host has chosen at
 random. It stands in queries to the board alone, which nobody else is given; what everybody may see,
-in keys and in words, is its public name (:func:`public`), of which it cannot be told. So whoever
-has the same right can neither send into a session nor end it, and hears none of its answers. Messages are numbered from 0; the board carries them out in order, each one once, keeps
-the replies until they are acknowledged, and gives the stored reply to a message that is repeated.
+in keys and in words, is its public name (:func:`public`), which does not tell it. So whoever has
+the same right can neither send into a session nor end it, and hears none of its answers.
+
+Messages are numbered from 0; the board carries them out in order, each one once, keeps the replies
+until they are acknowledged, and gives the stored reply to a message that is repeated.
 ``acknowledged`` says how many replies, from the first, the host has got.
 
 The first message of a session, and every one that is repeated, is a query. A board without
 certificates, whose reply to it has the attachment :data:`POSTS`, takes the others as samples too,
-at a key of that session, which costs less and can be heard by all; their replies are samples as well, with the attachment::
+at a key of that session, which costs less and can be heard by all; their replies are samples as
+well, with the attachment::
 
     number:u64  code:ASCII        (code: empty, or why the message was refused)
 """
@@ -82,9 +85,7 @@ def unpack(data: bytes) -> Envelope:
     if version != VERSION:
         raise EnvelopeError(f"the envelope is of version {version}; spoken here is {VERSION}")
     if kind not in (REQUESTS, END, EVENTS):
-        raise EnvelopeError(
-            f"kind {kind} is unknown; there are 0, requests, 1, end, and 2, events"
-        )
+        raise EnvelopeError(f"kind {kind} is unknown; there are 0, requests, 1, end, and 2, events")
     return Envelope(kind, session, number, acknowledged)
 
 

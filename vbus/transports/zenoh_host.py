@@ -117,15 +117,17 @@ class ZenohLink(MessageLink):
 
     def _event(self, data: bytes, times: int) -> None:
         query = self._events
-        with suppress(zenoh.ZError):
-            for _ in range(times if query is not None else 0):
-                query.reply(query.key_expr, data)
+        if query is not None:
+            with suppress(zenoh.ZError):
+                for _ in range(times):
+                    query.reply(query.key_expr, data)
 
     def hear(self, query: zenoh.Query | None) -> None:
         """Send events as replies to this query from now on; the one before ends."""
         before, self._events = self._events, query
         if before is not None:
-            before.drop()
+            drop: Callable[[], None] = before.drop
+            drop()
 
     def host_ended(self, reason: str) -> None:
         """The host has said good-bye, or has vanished."""
