@@ -13,7 +13,8 @@ from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
-from vbus.client.zenoh_link import ZenohLink, _Query, open_zenoh
+from vbus.client.zenoh_link import ZenohLink, open_zenoh
+from vbus.client.zenoh_message import Sent
 from vbus.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
@@ -161,7 +162,7 @@ def test_a_posted_message_whose_reply_is_lost_is_repeated_and_carried_out_once()
 
 def test_only_the_end_of_the_last_sending_tells_that_nobody_answers() -> None:
     with fake(None) as (_, host):
-        query = _Query(host, 5, b"abc")
+        query = Sent(host, 5, b"abc")
         for sending in (1, 2):
             header = envelope.unpack(host._sending(query))
             assert (header.session, header.number) == (host._name, 5)

@@ -11,7 +11,6 @@ import contextlib
 import os
 import threading
 from collections import deque
-from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import Any, Final
 from urllib.parse import parse_qsl
@@ -20,6 +19,7 @@ from weakref import WeakSet
 import zenoh
 
 from vbus.client.link import Link
+from vbus.client.zenoh_message import Sent
 from vbus.client.zenoh_options import endpoints_of, seconds
 from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
@@ -65,58 +65,6 @@ atexit.register(_close_all)
 os.register_at_fork(after_in_child=_forked)
 
 
-@dataclass(slots=True)
-class _Query:
-    """A message under way: takes what Zenoh's threads bring.
-
-    Attributes:
-        link: its link.
-        number: its number.
-        data: its bytes.
-        sent: when it was sent the last time.
-        sendings: how often it was sent.
-        over: the last sending that has ended without an answer; 0: none.
-        silent_since: when it was first found that nobody answers; 0 if somebody may.
-    """
-
-    link: ZenohLink
-    number: int
-    data: bytes
-    sent: float = 0.0
-    sendings: int = 0
-    over: int = 0
-    silent_since: float = 0.0
-
-    def take(self, reply: zenoh.Reply) -> None:
-        """Take the reply; called in a thread of Zenoh's."""
-        ok = reply.ok
-        if ok is not None:
-            if self.number == 0:
-                said = ok.attachment
-                self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
-            self.link.arrived(self.number, ok.payload.to_bytes())
-            return
-        err = reply.err
-        text = err.payload.to_bytes().decode("utf-8", "replace") if err is not None else ""
-        code, _, reason = text.partition(" ")
-        if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
-            self.link.failed(f"refused by the board: {reason}", self.number)
-
-    def ended(self, sending: int) -> None:
-        """Whoever could answer has done so; called in a thread of Zenoh's.
-
-        A board that works on a message lets go of it when it is repeated, and holds the repetition.
-        """
-        if sending == self.sendings:
-            self.over = sending
-            self.silent_since = self.silent_since or monotonic()
-
-    @property
-    def held(self) -> bool:
-        """Whether somebody may yet answer what was sent last."""
-        return self.over != self.sendings
-
-
 class ZenohLink(Link):
     """An open link to the bus of a chip, or to all of a board.
 
@@ -156,7 +104,7 @@ class ZenohLink(Link):
         self._early: dict[int, bytes] = {}
         self._inbox: deque[tuple[int, bytes | TransportError]] = deque()
         self._lock: threading.Lock = threading.Lock()
-        self._under_way: dict[int, _Query] = {}
+        self._under_way: dict[int, Sent] = {}
         self._searching: bool = False
         self._closed: bool = False
         self._finished: bool = False
@@ -203,7 +151,7 @@ class ZenohLink(Link):
         if self._number - self._given >= (envelope.WINDOW if self._given else 1):
             return 0
         part = bytes(data[: envelope.LARGEST])
-        query = self._under_way[self._number] = _Query(self, self._number, part)
+        query = self._under_way[self._number] = Sent(self, self._number, part)
         self._number += 1
         if self._posting:
             self._post(query)
@@ -339,13 +287,13 @@ class ZenohLink(Link):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _sending(self, query: _Query) -> bytes:
+    def _sending(self, query: Sent) -> bytes:
         """Note that a message is sent now; return what goes with it."""
         query.sent = monotonic()
         query.sendings += 1
         return envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given).pack()
 
-    def _send(self, query: _Query, watched: bool) -> None:
+    def _send(self, query: Sent, watched: bool) -> None:
         header = self._sending(query)
         sending = query.sendings
         try:
@@ -368,7 +316,7 @@ class ZenohLink(Link):
         """Learn whether the board takes messages as samples; for Zenoh's threads."""
         self._posting = allowed
 
-    def _post(self, query: _Query) -> None:
+    def _post(self, query: Sent) -> None:
         """Send a message as a sample: its reply will be one, too."""
         header = self._sending(query)
         try:

@@ -77,7 +77,7 @@ class MessageSession(Session):
 
     def _depart(self) -> None:
         """What the host had sent is carried out, to the end of its last message."""
-        if not self._departures.closed:
+        if self._deaf and not self._departures.closed:  # the host has gone, and nothing is broken
             for data in (*self._rest, *self._messages.left()):
                 self.protocol.receive(data)
         self._rest.clear()

@@ -12,7 +12,7 @@ from mypy_extensions import mypyc_attr
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.departures import Departures
+from vbus.server.departures import Departures, by_claim
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.patience import LATE_NS, Patience
@@ -103,7 +103,6 @@ class Session:
         self._ended: int = 0
         self._finished: bool = False
         self._deaf: bool = False
-        """Whether the host reads nothing any more: it has closed its end, or is gone."""
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
 
@@ -239,10 +238,9 @@ class Session:
 
     def leaves(self) -> bool:
         """Whether the host has gone and the session goes on to carry out what it had sent."""
-        port = self.port
         if not self._open or self._finished or self._stopped_reading or self._fd < 0:
             return False
-        return not (port.held and port.hold_until == NEVER) and self._hang_ups.gone(self._fd)
+        return not by_claim(self.port) and self._hang_ups.gone(self._fd)
 
     def resume(self) -> None:
         """What the session waited for may have come."""
@@ -340,10 +338,7 @@ class Session:
             self._read_off()
 
     def _write(self, data: bytearray) -> int:
-        """Return how many bytes were sent, or have nobody to read them: then all.
-
-        What a host has sent before it went is still to be read, and carried out.
-        """
+        """Return how many bytes were sent; all, if the host has gone: it may have sent more."""
         try:
             sent = self._write_some(self._fd, data)
         except BlockingIOError:
