@@ -86,7 +86,7 @@ def test_a_client_that_comes_while_the_last_one_is_seen_to_have_gone_is_answered
     def leave() -> None:
         gone.append(fd)
         os.close(fd)
-        transport._notice()
+        transport._notice(transport._terminals[0])
         here.set()
 
     monkeypatch.setattr(_Terminal, "look", slow_look)

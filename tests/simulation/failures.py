@@ -25,9 +25,9 @@ from vbus.runtime import private_runtime
 CODES: Final = {
     "accept": (EMFILE, ECONNABORTED), "bind": (EACCES,), "close": (EIO,), "epoll": (EMFILE,),
     "eventfd": (EMFILE,), "fdatasync": (EIO,), "flock": (ENOMEM,), "ftruncate": (EIO,),
-    "inotify": (EMFILE,), "ioctl": (EIO,), "listen": (EACCES,), "open": (EMFILE, EACCES),
+    "inotify": (EMFILE,), "listen": (EACCES,), "open": (EMFILE, EACCES),
     "openpty": (EMFILE, ENOSPC), "read": (EIO, ECONNRESET), "replace": (ENOSPC,),
-    "setraw": (EIO,), "socket": (EMFILE,), "symlink_to": (ENOSPC,), "tcflush": (EIO,),
+    "setraw": (EIO,), "socket": (EMFILE,), "symlink_to": (ENOSPC,),
     "timerfd": (EMFILE,), "ttyname": (EIO,), "unlink": (EACCES,), "write": (EPIPE, EIO, ENOSPC),
 }  # fmt: skip
 """How each call may fail. EINTR is not among them: Python makes such a call again itself. What is
@@ -68,7 +68,7 @@ class Failing(Simulation):
         if len(self.calls) - 1 == self._failing:
             code = CODES[name][self._code % len(CODES[name])]
             self.failed = f"{name}, {errorcode[code]}"
-            kind = termios.error if name in ("setraw", "tcflush") else OSError
+            kind = termios.error if name == "setraw" else OSError
             raise kind(code, os.strerror(code))
 
     def _whoever_comes_is_served(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tests.simulation.system import End, Slave, System
+from tests.simulation.system import End, Slave, System, Terminal
 from tests.simulation.transcript import Transcript, Wrong
 
 GAPS_NS: Final = (0, 1_000, 30_000, 400_000, 6_000_000)
@@ -43,7 +43,8 @@ class Host:
         self._manners = manners
         self._end: End | Slave | None = None
         self._half_closed = False
-        self._left_at = -1
+        self._left: Terminal | None = None
+        """The terminal it has had last."""
         self.done = False
         """Whether it comes no more."""
         self.transcripts: list[Transcript] = []
@@ -92,9 +93,8 @@ class Host:
             self._end = end
             self.transcripts.append(Transcript(f"{self._name}.{len(self.transcripts)}"))
             end.transcript = self.transcript
-            if 0 <= self._left_at >= self._system.idles - 1:
-                # The server has not begun to look since, or was in the midst of a look: what the
-                # one before left unread may reach this one; see PtyTransport.
+            if isinstance(end, Slave) and end.terminal is self._left:
+                # The server has not looked since the one before came; see PtyTransport.
                 for transcript in self.transcripts[-2:]:
                     transcript.whole = False
 
@@ -159,8 +159,9 @@ class Host:
     def share(self) -> None:
         """Open the terminal a second time, and close one of both."""
         if isinstance(self._end, Slave):
-            second = self._system.open(self._path)
-            if second is not None:
+            terminal = self._end.terminal  # the name may lead elsewhere by now
+            if not terminal.exclusive and not terminal.gone:
+                second = Slave(self._system, terminal)
                 self._end.close()
                 second.transcript, self._end = self.transcript, second
 
@@ -173,7 +174,7 @@ class Host:
         """Close, or die: it is the same to the system."""
         end, self._end = self._end, None
         if end is not None:
-            self._left_at = self._system.idles if self._terminal else -1
+            self._left = end.terminal if isinstance(end, Slave) else None
             end.close()
 
     def leave_and_come(self) -> None:

@@ -159,15 +159,15 @@ class NetworkHost(Host):
 
     @property
     def _token(self) -> str:
-        return keys.host(self._bus, self._session.hex())
+        return keys.host(self._bus, envelope.public(self._session))
 
     def connect(self) -> None:
-        self._session = self._random.randbytes(8)
+        self._session = self._random.randbytes(16)
         self._under_way, self._replies, self._number, self._heard = {}, {}, 0, 0
         self._here = True
         self.transcripts.append(Transcript(f"{self._name}.{len(self.transcripts)}"))
         self.transcript.events = False
-        self.network.sessions[self._session.hex()] = self.transcript
+        self.network.sessions[envelope.public(self._session)] = self.transcript
         session = self._session
 
         def posted(number: int, reply: bytes | None) -> None:

@@ -10,7 +10,6 @@ import heapq
 import os
 import select
 import socket
-import termios
 import tty
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
@@ -24,6 +23,7 @@ from unittest import mock
 
 from vbus.server import hang_ups, local_socket, loop, pacer, recording, turns
 from vbus.transports import base, open_watch, pty, runtime, sockets, zenoh_inbox
+from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 
 FIRST: Final = 10_000
 """Lowest descriptor that is not one of the real system."""
@@ -241,7 +241,7 @@ class Slave(File):
         self.transcript: Any = None
         terminal.open_slaves += 1
         for inotify, number in terminal.watches:
-            inotify.tell(number, True)
+            inotify.tell(number, IN_OPEN)
 
     def read(self, size: int) -> bytes:
         terminal = self.terminal
@@ -263,13 +263,15 @@ class Slave(File):
             raise failure(errno.EAGAIN)
         terminal.to_master += taken
         terminal.wakes += 1
+        for inotify, number in terminal.watches:
+            inotify.tell(number, IN_MODIFY)
         return len(taken)
 
     def closed(self) -> None:
         terminal = self.terminal
         terminal.open_slaves -= 1
         for inotify, number in terminal.watches:
-            inotify.tell(number, False)
+            inotify.tell(number, IN_CLOSE)
         if not terminal.open_slaves:
             terminal.wakes += 1
 
@@ -282,7 +284,7 @@ class Inotify(File):
         if system.short_of_descriptors():
             raise failure(errno.EMFILE)
         super().__init__(system)
-        self.events: list[tuple[int, bool]] = []
+        self.events: list[tuple[int, int]] = []
         self.numbers = count(1)
 
     def add(self, name: str) -> int:
@@ -298,16 +300,12 @@ class Inotify(File):
     def ready(self) -> int:
         return select.EPOLLIN if self.events else 0
 
-    def tell(self, number: int, opened: bool) -> None:
-        if not self.events or self.events[-1] != (number, opened):
-            self.events.append((number, opened))
+    def tell(self, number: int, event: int) -> None:
+        if not self.events or self.events[-1] != (number, event):
+            self.events.append((number, event))
             self.wakes += 1
 
-    def happened(self) -> bool:
-        self.system.called()
-        return bool(self.events)
-
-    def read(self) -> list[tuple[int, bool]]:  # type: ignore[override]
+    def read(self) -> list[tuple[int, int]]:  # type: ignore[override]
         self.system.called()
         events, self.events = self.events, []
         return events
@@ -472,8 +470,6 @@ class System:
         self.looks = random.choice((0, 24))
         self.shortage = random.choice((0.0, 0.0, 0.1))
         self._events: list[tuple[int, int, Callable[[], None]]] = []
-        self.idles = 0
-        """How often the server had nothing to do."""
         self._numbers = count()
         self._terminals = count()
         self._intruding = False
@@ -524,7 +520,6 @@ class System:
 
     def go_on(self, deadline: int) -> bool:
         """Nobody has anything to do: go on to what comes next; False if that is the deadline."""
-        self.idles += 1
         due = [event[0] for event in self._events[:1]]
         due += [timer.due for timer in self.timers if timer.due >= 0]
         following = min(due, default=-1)
@@ -620,19 +615,6 @@ class System:
             raise failure(errno.EMFILE)
         return Slave(self, terminal).fd
 
-    def _ioctl(self, fd: int, request: int) -> None:
-        slave = self._file(fd)
-        assert isinstance(slave, Slave)
-        assert request == 0x540D
-        slave.terminal.exclusive = False
-
-    def _tcflush(self, fd: int, queue: int) -> None:
-        self.called()
-        file = self._file(fd)
-        terminal = file.terminal if isinstance(file, Slave) else file
-        assert isinstance(terminal, Terminal)
-        terminal.to_slave.clear()
-
     def _eventfd_write(self, fd: int, count: int) -> None:
         self._event(fd).count += count
 
@@ -685,9 +667,7 @@ class System:
         ]
         exchanged += [(module, "select", polls) for module in (hang_ups, pty)]
         exchanged += [
-            (pty, "termios", tried(termios, tcflush=self._tcflush)),
             (pty, "tty", tried(tty, setraw=lambda fd, when=0: None)),
-            (pty, "fcntl", tried(fcntl, ioctl=self._ioctl)),
             (open_watch, "Inotify", lambda: Inotify(system)),
             (pacer, "TimerFd", lambda: TimerFd(system)),
             (sockets, "socket", tried(socket, socket=lambda f, k: Listener(system, f, k))),

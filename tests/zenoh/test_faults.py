@@ -28,7 +28,8 @@ class Raw:
     def __init__(self, endpoint: str) -> None:
         self.session = open_session(connect=[endpoint], mode="client")
         self.name = envelope.new_session()
-        self.token = self.session.liveliness().declare_token(keys.host(BUS, self.name.hex()))
+        token = keys.host(BUS, envelope.public(self.name))
+        self.token = self.session.liveliness().declare_token(token)
 
     def ask(
         self, data: bytes, number: int, acknowledged: int = 0, cover: bytes | None = None
@@ -113,10 +114,10 @@ def test_malformed_and_oversized_messages_are_refused_and_the_board_goes_on() ->
         host = Raw(endpoint)
         good = envelope.Envelope(envelope.REQUESTS, host.name, 0, 0).pack()
         for cover, said in (
-            (b"", b"malformed the attachment has 0 bytes, an envelope 26"),
+            (b"", b"malformed the attachment has 0 bytes, an envelope 34"),
             (b"\x02" + good[1:], b"malformed the envelope is of version 2; spoken here is 1"),
             (b"\x01\x07" + good[2:], b"malformed kind 7 is unknown"),
-            (good[:-1], b"malformed the attachment has 25 bytes"),
+            (good[:-1], b"malformed the attachment has 33 bytes"),
         ):
             [refused] = host.ask(b"\x10", 0, cover=cover)
             assert refused.startswith(said)

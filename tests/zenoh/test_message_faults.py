@@ -173,9 +173,9 @@ def test_a_copy_that_comes_after_its_reply_was_acknowledged_ends_nothing() -> No
         for number in range(4):
             trip(host, bytes([2, number]))
         other = open_session(connect=[endpoint], mode="client")
-        session = bytes.fromhex(next(iter(server._hosts[0].sessions)).link.peer.rpartition(" ")[2])
+        session = host._name
         refused: list[bytes] = []
-        token = keys.host(BUS, session.hex())
+        token = keys.host(BUS, envelope.public(session))
         other.declare_subscriber(
             keys.replies(token), lambda sample: refused.append(sample.attachment.to_bytes())
         )

@@ -11,7 +11,6 @@ import contextlib
 import os
 import threading
 from collections import deque
-from dataclasses import dataclass
 from time import sleep
 from typing import Any, Final
 from urllib.parse import parse_qsl
@@ -20,12 +19,13 @@ from weakref import WeakSet
 import zenoh
 
 from vbus.client.link import Link
+from vbus.client.zenoh_message import Sent
 from vbus.client.zenoh_options import endpoints_of, seconds
 from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security
-from vbus.network.session import close_session, open_session
+from vbus.network.session import FORKED, close_session, open_session
 from vbus.wall_clock import monotonic
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
@@ -55,59 +55,15 @@ def _close_all() -> None:
         link.close()
 
 
+def _forked() -> None:
+    """A process has been forked: Zenoh's threads are not in it, so its copies of links are dead."""
+    for link in list(_open):
+        link.disown()
+    _open.clear()
+
+
 atexit.register(_close_all)
-
-
-@dataclass(slots=True)
-class _Query:
-    """A message under way: takes what Zenoh's threads bring.
-
-    Attributes:
-        link: its link.
-        number: its number.
-        data: its bytes.
-        sent: when it was sent the last time.
-        sendings: how often it was sent.
-        over: the last sending that has ended without an answer; 0: none.
-        silent_since: when it was first found that nobody answers; 0 if somebody may.
-    """
-
-    link: ZenohLink
-    number: int
-    data: bytes
-    sent: float = 0.0
-    sendings: int = 0
-    over: int = 0
-    silent_since: float = 0.0
-
-    def take(self, reply: zenoh.Reply) -> None:
-        """Take the reply; called in a thread of Zenoh's."""
-        ok = reply.ok
-        if ok is not None:
-            if self.number == 0:
-                said = ok.attachment
-                self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
-            self.link.arrived(self.number, ok.payload.to_bytes())
-            return
-        err = reply.err
-        text = err.payload.to_bytes().decode("utf-8", "replace") if err is not None else ""
-        code, _, reason = text.partition(" ")
-        if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
-            self.link.failed(f"refused by the board: {reason}", self.number)
-
-    def ended(self, sending: int) -> None:
-        """Whoever could answer has done so; called in a thread of Zenoh's.
-
-        A board that works on a message lets go of it when it is repeated, and holds the repetition.
-        """
-        if sending == self.sendings:
-            self.over = sending
-            self.silent_since = self.silent_since or monotonic()
-
-    @property
-    def held(self) -> bool:
-        """Whether somebody may yet answer what was sent last."""
-        return self.over != self.sendings
+os.register_at_fork(after_in_child=_forked)
 
 
 class ZenohLink(Link):
@@ -149,7 +105,7 @@ class ZenohLink(Link):
         self._early: dict[int, bytes] = {}
         self._inbox: deque[tuple[int, bytes | TransportError]] = deque()
         self._lock: threading.Lock = threading.Lock()
-        self._under_way: dict[int, _Query] = {}
+        self._under_way: dict[int, Sent] = {}
         self._searching: bool = False
         self._closed: bool = False
         self._finished: bool = False
@@ -157,15 +113,17 @@ class ZenohLink(Link):
         self._posts: Any = None
         self._posting: bool = False
         self._post_answered: bool = False
+        self._hearing: bool = False
+        """Whether a query for events is open."""
+        self._heard: float = 0.0
+        """When it was asked last."""
         self._error: TransportError | None = None
         self._kept: list[Any] = []
 
     def open(self) -> None:
-        """Tell the board that this host is there, and listen for events."""
-        token = keys.host(self._bus_key, self._name.hex())
-        callback = zenoh.handlers.Callback(self._event, indirect=False)
+        """Tell the board that this host is there."""
+        token = keys.host(self._bus_key, envelope.public(self._name))
         self._kept.append(self._network.liveliness().declare_token(token))
-        self._kept.append(self._network.declare_subscriber(token, callback))
         replies = zenoh.handlers.Callback(self._reply, indirect=False)
         self._kept.append(self._network.declare_subscriber(keys.replies(token), replies))
         # Before the first message: until its reply comes, who listens there is known.
@@ -194,7 +152,7 @@ class ZenohLink(Link):
         if self._number - self._given >= (envelope.WINDOW if self._given else 1):
             return 0
         part = bytes(data[: envelope.LARGEST])
-        query = self._under_way[self._number] = _Query(self, self._number, part)
+        query = self._under_way[self._number] = Sent(self, self._number, part)
         self._number += 1
         if self._posting:
             self._post(query)
@@ -221,6 +179,8 @@ class ZenohLink(Link):
                 while self._given in self._early:
                     data += self._early.pop(self._given)
                     self._given += 1
+        if self._given and not self._hearing and self._error is None:
+            self._hear()
         if not data:
             if self._error is not None:
                 raise self._error
@@ -257,6 +217,12 @@ class ZenohLink(Link):
     def unanswered(self) -> bool:
         """Whether a message has no answer yet."""
         return self._given < self._number
+
+    def disown(self) -> None:
+        """Leave the link to the process that has opened it: this one was forked from that."""
+        self._lock = threading.Lock()  # some thread that is not here may have held it
+        self._closed = True
+        self._error = TransportError(f"{self.where}: {FORKED}")
 
     def look_for_board(self) -> None:
         """Send a message without requests, unless one waits for its answer anyway."""
@@ -322,13 +288,13 @@ class ZenohLink(Link):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _sending(self, query: _Query) -> bytes:
+    def _sending(self, query: Sent) -> bytes:
         """Note that a message is sent now; return what goes with it."""
         query.sent = monotonic()
         query.sendings += 1
         return envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given).pack()
 
-    def _send(self, query: _Query, watched: bool) -> None:
+    def _send(self, query: Sent, watched: bool) -> None:
         header = self._sending(query)
         sending = query.sendings
         try:
@@ -351,7 +317,7 @@ class ZenohLink(Link):
         """Learn whether the board takes messages as samples; for Zenoh's threads."""
         self._posting = allowed
 
-    def _post(self, query: _Query) -> None:
+    def _post(self, query: Sent) -> None:
         """Send a message as a sample: its reply will be one, too."""
         header = self._sending(query)
         try:
@@ -371,8 +337,32 @@ class ZenohLink(Link):
         else:
             self.arrived(number, data)
 
-    def _event(self, sample: zenoh.Sample) -> None:
-        self.arrived(-1, sample.payload.to_bytes())
+    def _hear(self) -> None:
+        """Ask for events: they are replies to a query, so that nobody else hears them."""
+        now = monotonic()
+        if self._closed or now - self._heard < AGAIN_SECONDS:
+            return
+        self._hearing, self._heard = True, now
+        header = envelope.Envelope(envelope.EVENTS, self._name, 0, 0)
+        with contextlib.suppress(zenoh.ZError):
+            self._network.get(
+                self._bus_key,
+                zenoh.handlers.Callback(self._event, self._hears_no_more, indirect=False),
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.DROP,
+                timeout=LONGEST_SECONDS,
+                attachment=header.pack(),
+                express=True,
+            )
+
+    def _event(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self.arrived(-1, reply.ok.payload.to_bytes())
+
+    def _hears_no_more(self) -> None:
+        """The query for events has ended: it is asked again at the next look."""
+        self._hearing = False
 
     def _pause(self, sample: zenoh.Sample) -> None:
         self._paused = sample.kind == zenoh.SampleKind.PUT

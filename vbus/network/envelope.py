@@ -3,34 +3,42 @@
 The payload of a message holds requests of the byte protocol, as they would go over any other link,
 and that of its reply what they gave. Beside it, as Zenoh's attachment, stands the envelope::
 
-    version:u8  kind:u8  session:8 bytes  number:u64  acknowledged:u64        (big-endian)
+    version:u8  kind:u8  session:16 bytes  number:u64  acknowledged:u64       (big-endian)
 
-``kind`` is 0 for requests and 1 for the end of the session. ``session`` is a random name the host
-has chosen. Messages are numbered from 0; the board carries them out in order, each one once, keeps
-the replies until they are acknowledged, and gives the stored reply to a message that is repeated.
+``kind`` is 0 for requests, 1 for the end of the session, and 2 for the wish to hear events: that
+query stays open, and each of its replies is events. ``session`` is a secret the host has chosen at
+random. It stands in queries to the board alone, which nobody else is given; what everybody may see,
+in keys and in words, is its public name (:func:`public`), which does not tell it. So whoever has
+the same right can neither send into a session nor end it, and hears none of its answers.
+
+Messages are numbered from 0; the board carries them out in order, each one once, keeps the replies
+until they are acknowledged, and gives the stored reply to a message that is repeated.
 ``acknowledged`` says how many replies, from the first, the host has got.
 
-The first message of a session, and every one that is repeated, is a query. A board whose reply to
-it has the attachment :data:`POSTS` takes the others as samples too, at a key of that session, which
-costs less; their replies are samples as well, with the attachment::
+The first message of a session, and every one that is repeated, is a query. A board without
+certificates, whose reply to it has the attachment :data:`POSTS`, takes the others as samples too,
+at a key of that session, which costs less and can be heard by all; their replies are samples as
+well, with the attachment::
 
     number:u64  code:ASCII        (code: empty, or why the message was refused)
 """
 
 import os
 import struct
+from hashlib import sha256
 from typing import Final, NamedTuple
 
 VERSION: Final = 1
 REQUESTS: Final = 0
 END: Final = 1
+EVENTS: Final = 2
 
 LARGEST: Final = 1 << 16
 """Bytes of requests in one message."""
 WINDOW: Final = 256
 """Messages of one host that may be under way."""
 
-_LAYOUT: Final = struct.Struct(">BB8sQQ")
+_LAYOUT: Final = struct.Struct(">BB16sQQ")
 
 POSTS: Final = b"posts"
 """Goes with replies of a board that takes messages as samples, too."""
@@ -76,8 +84,8 @@ def unpack(data: bytes) -> Envelope:
     version, kind, session, number, acknowledged = _LAYOUT.unpack(data)
     if version != VERSION:
         raise EnvelopeError(f"the envelope is of version {version}; spoken here is {VERSION}")
-    if kind not in (REQUESTS, END):
-        raise EnvelopeError(f"kind {kind} is unknown; there are 0, requests, and 1, end")
+    if kind not in (REQUESTS, END, EVENTS):
+        raise EnvelopeError(f"kind {kind} is unknown; there are 0, requests, 1, end, and 2, events")
     return Envelope(kind, session, number, acknowledged)
 
 
@@ -99,5 +107,10 @@ def replied_to(attachment: bytes) -> tuple[int, str]:
 
 
 def new_session() -> bytes:
-    """Return a name for a session that nobody else has."""
-    return os.urandom(8)
+    """Return the secret of a new session."""
+    return os.urandom(16)
+
+
+def public(session: bytes) -> str:
+    """Return the name of a session that everybody may know."""
+    return sha256(session).hexdigest()[:32]

@@ -113,6 +113,23 @@ class Exchange:
         message.answer(reply)
         self._run()
 
+    def leave(self) -> list[bytes]:
+        """Take what waits for its turn, up to the first message that has not come.
+
+        The host has said good-bye: these messages, and the one being carried out, are answered
+        with nothing, which says that they are carried out.
+        """
+        current, self._current = self._current, None
+        messages = [] if current is None else [current]
+        left = []
+        while (message := self._arrived.pop(self.following, None)) is not None:
+            self.following += 1
+            left.append(message.data)
+            messages.append(message)
+        for message in messages:
+            message.answer(b"")
+        return left
+
     def end(self, code: str, reason: str) -> None:
         """Refuse whatever waits, and whatever comes."""
         if self._ended:

@@ -22,7 +22,7 @@ def bus(board: str, chip: str = "") -> str:
 
 
 def host(bus_key: str, session: str) -> str:
-    """Return the liveliness token of a host, under which events come to it as well."""
+    """Return the liveliness token of a host, by the public name of its session."""
     return f"{bus_key}/hosts/{session}"
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from msgspec import Struct
 
 from vbus.errors import TransportError
-from vbus.network.keys import ACCESS, ROOT, requests
+from vbus.network.keys import ACCESS, ROOT
 
 DIAGNOSE_SECONDS: Final = 2.0
 
@@ -181,7 +181,6 @@ def access_control(allow: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
         for what, keys, flows, messages in (
             ("hears", expand(used), ["egress"], everything),
             ("asks", expand(used), ["ingress"], list(_ASKED)),
-            ("posts", [requests(key) for key in tokens(used)], ["ingress"], ["put"]),
             ("is there", tokens(used), ["ingress"], ["liveliness_token"]),
             ("serves", expand(served), ["ingress", "egress"], everything),
         ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
@@ -59,6 +60,15 @@ def open_network(network: Network) -> zenoh.Session:
     )
 
 
+FORKED: Final = (
+    "this process was forked from one that has used Zenoh, whose threads a fork does not copy: a"
+    ' link would wait for ever; start it anew (multiprocessing: the start method "spawn"), or fork'
+    " before the first link over Zenoh is opened"
+)
+_opened: Final[list[int]] = []
+"""The process that has opened a session."""
+
+
 def open_session(
     listen: Sequence[str] = (),
     connect: Sequence[str] = (),
@@ -98,6 +108,9 @@ def open_session(
     for endpoint in listen:
         if refused := refused_endpoint(endpoint, remote):
             raise TransportError(refused)
+    if _opened and _opened[0] != os.getpid():
+        raise TransportError(FORKED)
+    _opened[:] = [os.getpid()]
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -48,6 +48,21 @@ class Protocol:
         """Forget half a request: a session has ended or begun."""
         raise NotImplementedError
 
+    def half(self) -> int:
+        """Return of how many bytes the request is that has begun and is not whole; 0: of none.
+
+        Asked where the host sends no more, while the port is not held.
+        """
+        return 0
+
+    def awaited(self) -> bool:
+        """Tell whether the host has sent anything behind the request that waits for time.
+
+        Asked while the port is held: where time runs of itself, nothing is lost with a wait that
+        nothing stands behind.
+        """
+        return True
+
     def take(self) -> bytes:
         """Return and forget the bytes that are to be sent."""
         data = bytes(self.out)

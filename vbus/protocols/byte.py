@@ -18,6 +18,8 @@ _READ4: Final = REQUESTS["READ4"].code
 _WRITE4: Final = REQUESTS["WRITE4"].code
 _AT: Final = REQUESTS["AT"].code
 _HELLO: Final = REQUESTS["HELLO"].code
+_WAITS: Final = bytes(REQUESTS[name].code for name in ("WAIT", "DELAY", "CLAIM"))
+"""Requests that do nothing but wait."""
 _L: Final = ord(LEASED)
 _M: Final = ord(FORESEEN)
 _U32: Final = (1 << 32) - 1
@@ -178,6 +180,15 @@ class ByteProtocol(Protocol):
             position += 1
         self.out += b"".join(replies)
         return position
+
+    def half(self) -> int:
+        """Return how many bytes of a request wait for the rest of it."""
+        return len(self._kept)
+
+    def awaited(self) -> bool:
+        """Tell whether anything is left but a request to wait."""
+        kept = self._kept
+        return bool(kept) and not (kept[0] in _WAITS and len(kept) <= SIZES[kept[0]])
 
     def finish(self) -> bool:
         """End a message that holds whole requests only; False while one of them has to wait.

@@ -54,6 +54,14 @@ class FramedProtocol(Protocol):
         self._busy = False
         self._answer = b""
 
+    def half(self) -> int:
+        """Return how many bytes of a frame wait for the rest of it."""
+        return len(self._reader)
+
+    def awaited(self) -> bool:
+        """Tell whether requests of its frame, or frames, have come behind the one that waits."""
+        return bool(len(self._reader)) or self._inner.awaited()
+
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out the requests of every frame now complete."""
         self._reader.feed(data)

@@ -53,6 +53,10 @@ class FrameReader:
         self.damaged: int = 0
         """Marks that turned out not to start a good frame."""
 
+    def __len__(self) -> int:
+        """How many bytes wait."""
+        return len(self._bytes)
+
     def feed(self, data: bytes) -> None:
         """Take bytes as they came."""
         self._bytes += data

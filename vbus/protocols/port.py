@@ -1,5 +1,6 @@
 """What a host can ask of a board, whatever the wire it comes over."""
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
@@ -64,6 +65,8 @@ class HostPort:
     held: bool = False
     hold_until: int = 0
     """Instant at which a held session may go on; NEVER while it waits for another's claim."""
+    on_resume: Callable[[], None] | None = None
+    """Called when a claim it has waited for has ended."""
 
     def go_on(self) -> bool:
         """Lift the hold if what it waited for has come; tell whether the session may go on."""

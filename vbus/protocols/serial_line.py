@@ -107,6 +107,14 @@ class SerialLine(Protocol):
         self._waits = False
         self._lines = 0
 
+    def half(self) -> int:
+        """Return how many bytes of a request have arrived and wait for the rest of it."""
+        return self._inner.half() + len(self._coming)
+
+    def awaited(self) -> bool:
+        """Tell whether anything of the host is on the line, or waits at its end."""
+        return bool(self._coming) or self._inner.awaited()
+
     def receive(self, data: bytes) -> None:
         """Take what the host sends, as it begins."""
         self._coming += data

@@ -60,6 +60,14 @@ class TerminalProtocol(Protocol):
             place += 1
         del self._typed[:place]
 
+    def half(self) -> int:
+        """Return how many characters of a line wait for Enter."""
+        return len(self._line)
+
+    def awaited(self) -> bool:
+        """Tell whether keys have come behind the line that waits."""
+        return bool(self._typed) or self._inner.awaited()
+
     def resume(self) -> None:
         """Go on after a wait; it need not have been for an answer."""
         if self._inner.kept:

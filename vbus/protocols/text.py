@@ -20,6 +20,8 @@ _HEX_DIGITS: Final = "0123456789abcdefABCDEF"
 _BYTES: Final = [f"{value:02x}" for value in range(256)]
 """Bytes as they are answered: quicker than to format each."""
 
+_WAITS: Final = (b"wait", b"step", b"clock_step", b"claim")
+"""Verbs that do nothing but wait."""
 _LF: Final = 0x0A
 _CR: Final = 0x0D
 
@@ -130,6 +132,17 @@ class TextProtocol(Protocol):
     def kept(self) -> int:
         """How many bytes wait: half a line, or lines that cannot be answered yet."""
         return len(self._kept)
+
+    def half(self) -> int:
+        """Return how many characters of a line wait for its end."""
+        return len(self._kept)
+
+    def awaited(self) -> bool:
+        """Tell whether anything is left but a line that asks to wait."""
+        lines = bytes(self._kept).split()
+        return bool(lines) and not (
+            lines[0].lower() in _WAITS and len(self._kept.splitlines()) == 1
+        )
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""

@@ -37,8 +37,14 @@ class HangUps:
         if self._callbacks.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
-    def gone(self, fds: Iterable[int]) -> set[int]:
-        """Return those whose hosts have gone, though that may not have been noticed yet."""
+    def gone(self, fd: int) -> bool:
+        """Tell whether a host sends no more, though that may not have been noticed yet."""
+        poll = select.poll()
+        poll.register(fd, select.POLLRDHUP)
+        return bool(poll.poll(0))
+
+    def gone_of(self, fds: Iterable[int]) -> set[int]:
+        """Return those whose hosts have gone altogether, and hear no more either."""
         poll = select.poll()
         for fd in fds:
             poll.register(fd, 0)

@@ -75,6 +75,14 @@ class MessageSession(Session):
         self.sent += len(reply)
         self._messages.answer(reply)
 
+    def _depart(self) -> None:
+        """What the host had sent is carried out, to the end of its last message."""
+        if self._deaf and not self._departures.closed:  # the host has gone, and nothing is broken
+            for data in (*self._rest, *self._messages.left()):
+                self.protocol.receive(data)
+        self._rest.clear()
+        super()._depart()
+
     def end(self, reason: str, hang_up: bool = False) -> None:
         """End the session, and let the link say why."""
         self._messages.reason = self._messages.reason or reason

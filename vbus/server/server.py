@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import ExitStack, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.compiled import core
@@ -42,6 +42,11 @@ if TYPE_CHECKING:
     from vbus.server.watching import Watcher
 
 log = logging.getLogger("vbus")
+
+PATIENCE_SECONDS: Final = 5.0
+"""How long a board that is to stop carries out what hosts that have gone had sent (wall time)."""
+REAL_SECONDS: Final = 0.001
+"""How often it looks whether that is done, in real time."""
 
 
 class Server:
@@ -194,7 +199,7 @@ class Server:
 
     def _look_for_hosts(self, hang_ups: HangUps) -> None:
         sessions = [session for session in self.sessions() if session.link.fd >= 0]
-        gone = hang_ups.gone(session.link.fd for session in sessions)
+        gone = hang_ups.gone_of(session.link.fd for session in sessions)
         for session in sessions:
             if session.link.fd in gone:
                 session.hung_up()
@@ -263,18 +268,50 @@ class Server:
         except OSError as error:  # everything else has been closed
             self._report(f"board {self.board.name}, while it stopped: {error}")
 
+    async def finish(self, over: Callable[[], bool], passing: bool = True) -> None:
+        """Carry out what hosts that have gone had sent: before the board stops, and is judged.
+
+        Returns when there is no more of it, or none that can go on: a CLAIM of a host that has
+        gone may wait for one that stays, and time may have been paused.
+
+        Args:
+            over: asked now and then; no more is carried out once it says so.
+            passing: whether that takes time, if hosts had asked for some.
+        """
+        pause = REAL_SECONDS if self.pacer.real else 0.0
+        while self._leaving(passing) and not over():
+            await asyncio.sleep(pause)
+
+    def _leaving(self, passing: bool) -> bool:
+        """Whether there is something to carry out of a host that has gone."""
+        if self.pacer.halted or self.pacer.over:
+            return False
+        return (
+            any(host.transport.waiting() for host in self._hosts)
+            or any(
+                session.leaves() and (passing or not session.port.held)
+                for session in self.sessions()
+            )
+            or (passing and self.departures.passing)
+        )
+
     async def serve(
         self,
         stop: asyncio.Event,
         ready: Callable[[], None] | None = None,
         before: Callable[[], Coroutine[Any, Any, None]] | None = None,
+        patience: float = PATIENCE_SECONDS,
     ) -> None:
-        """Serve until ``stop`` is set.
+        """Serve until ``stop`` is set; what hosts that have gone had sent is carried out then.
+
+        In real time, that is, as far as it needs no time: the board stops now.
 
         Args:
             stop: ends it.
             ready: called once every link is open and ``before`` has returned.
             before: what is waited for until then; cancelled by ``stop``.
+            patience: how long hosts that have gone keep the board (s of wall time), where hosts are
+                masters of time.
 
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
@@ -287,6 +324,8 @@ class Server:
             if ready is not None and not stop.is_set():
                 ready()
             await stop.wait()
+            last = asyncio.get_running_loop().time() + patience
+            await self.finish(lambda: asyncio.get_running_loop().time() > last, not self.pacer.real)
         finally:
             self.stop()
         self.pacer.check_over()

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from errno import ECONNRESET
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -11,7 +12,7 @@ from mypy_extensions import mypyc_attr
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.departures import Departures
+from vbus.server.departures import Departures, by_claim
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.patience import LATE_NS, Patience
@@ -90,7 +91,6 @@ class Session:
         self._round_trips: Histogram = serving.round_trips
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
-        self._changed: Callable[[], object] | None = link.changed
         self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
@@ -102,6 +102,7 @@ class Session:
         self._began: int = 0
         self._ended: int = 0
         self._finished: bool = False
+        self._deaf: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
 
@@ -144,14 +145,11 @@ class Session:
                     self._give_way()
                     continue
                 break
-            except OSError as error:
-                self.end(f"lost: {error.strerror}")
+            except OSError:
+                self._host_gone(True)
                 return
             if not data:
                 self._finish()
-                return
-            if self._changed is not None and self._changed():
-                self.link.sort(data)
                 return
             self.received += len(data)
             ended = self._ended
@@ -238,6 +236,12 @@ class Session:
         """The host has gone: what it had sent is carried out, and the session ends."""
         self._host_gone(True)
 
+    def leaves(self) -> bool:
+        """Whether the host has gone and the session goes on to carry out what it had sent."""
+        if not self._open or self._finished or self._stopped_reading or self._fd < 0:
+            return False
+        return not by_claim(self.port) and self._hang_ups.gone(self._fd)
+
     def resume(self) -> None:
         """What the session waited for may have come."""
         if not self._open:
@@ -314,6 +318,9 @@ class Session:
 
     def _send(self) -> None:
         out = self.protocol.out
+        if self._deaf:
+            out.clear()
+            return
         for one in tuple(self._filters):
             one.passes(out)
             if not out:
@@ -323,8 +330,6 @@ class Session:
             if sent == len(out):
                 out.clear()
                 return
-            if sent < 0:
-                return
             del out[:sent]
             self._loop.add_writer(self._fd, self._writable)
         self._pending += out
@@ -333,21 +338,21 @@ class Session:
             self._read_off()
 
     def _write(self, data: bytearray) -> int:
-        """Return how many bytes were sent; -1 if the host has gone and the session has ended."""
+        """Return how many bytes were sent; all, if the host has gone: it may have sent more."""
         try:
             sent = self._write_some(self._fd, data)
         except BlockingIOError:
             return 0
-        except OSError as error:
-            self.end(f"lost: {error.strerror}")
-            return -1
+        except OSError:
+            if not self._deaf:
+                self._deaf = True
+                self._loop.call_soon(self.hung_up)
+            return len(data)
         self.sent += sent
         return sent
 
     def _writable(self) -> None:
         sent = self._write(self._pending)
-        if sent < 0:
-            return
         del self._pending[:sent]
         if not self._pending:
             self._loop.remove_writer(self._fd)
@@ -387,16 +392,17 @@ class Session:
 
     def _host_gone(self, carry_out: bool) -> None:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
-        port = self.port
-        while carry_out and self._open and not (port.held and port.hold_until == NEVER):
+        reset = False
+        self._deaf = True
+        while carry_out and self._open:
             try:
                 data = self._read(self._fd, READ_SIZE)
-            except OSError:
-                break
+            except OSError as error:
+                if reset or error.errno != ECONNRESET:
+                    break
+                reset = True  # what the host had sent before may stand behind that
+                continue
             if not data:
-                break
-            if self._changed is not None and self._changed():
-                self.link.sort(data)  # the next host may have sent it: it came before the look
                 break
             self._take(data)
         if self._open and self._pacer.halted:
@@ -426,8 +432,8 @@ class Session:
                 log.exception("internal error while the session of %s ended", self.link.peer)
 
     def _depart(self) -> None:
-        """What the host waits for comes all the same; see :class:`Departures`."""
-        if not self._departures.take(self.port, self.protocol):
+        """What the host had sent is carried out all the same; see :class:`Departures`."""
+        if not self._departures.take(self.port, self.protocol, self.link.peer):
             self._abandon()
 
     def _abandon(self) -> None:

@@ -4,10 +4,11 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import monotonic
 
 from vbus.board.board import Board
 from vbus.board.build import build
@@ -80,6 +81,7 @@ class _Run(ServedBoard):
         self.link: str = f"unix:{folder / 'host.sock'}"
         self.watch = Watch(board, limits, self.kill)
         self._of_test = of_test
+        self._wall = limits.wall
         if of_test is not None:
             of_test.over = self.kill
         host = host_of(file)
@@ -103,6 +105,20 @@ class _Run(ServedBoard):
                 if watch is not None and watch.ended:
                     watch.details += [line for line in threads if line not in watch.details]
             self.process.kill()
+
+    def over(self) -> Callable[[], bool]:
+        """Return what tells that the program's last requests have passed a bound, too."""
+        last = monotonic() + self._wall
+
+        def over() -> bool:
+            if monotonic() > last:
+                self.watch.pass_bound(
+                    f"what it sent last was not done after {self._wall:g} s of wall time: the"
+                    " machine was too slow"
+                )
+            return self.watch.ended or (self._of_test is not None and self._of_test.ended)
+
+        return over
 
     def ended(self, board_ends: ExitStack) -> None:
         """The program has ended: what time passes until the board is served no more is not its."""
@@ -157,6 +173,7 @@ def run_program(
         with run:
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
+                run.finish(run.over())
             finally:
                 run.call(lambda: run.ended(board_ends))
     if run.error is not None:

@@ -12,6 +12,8 @@ from vbus.kernel import END
 from vbus.server.server import LinkSpec, Server
 
 _T = TypeVar("_T")
+PATIENCE_SECONDS: Final = 60.0
+"""How long what hosts that have gone had sent may take at the end (s of wall time)."""
 THREAD: Final = "vbus board"
 """Name of the thread."""
 
@@ -46,7 +48,7 @@ class ServedBoard:
         async def main() -> None:
             self._loop = asyncio.get_running_loop()
             self._stop = asyncio.Event()
-            await self.server.serve(self._stop, self._ready.set)
+            await self.server.serve(self._stop, self._ready.set, patience=PATIENCE_SECONDS)
             self.board.catch_up()
 
         try:
@@ -69,6 +71,13 @@ class ServedBoard:
             self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join()
         self.board.limit = END
+
+    def finish(self, over: Callable[[], bool]) -> None:
+        """Wait until what hosts that have gone had sent is carried out, or ``over`` says so."""
+        if self._loop is not None and self._thread.is_alive():
+            finished = asyncio.run_coroutine_threadsafe(self.server.finish(over), self._loop)
+            while not wait([finished], 1.0).done and self._thread.is_alive():
+                pass
 
     def call(self, what: Callable[[], _T]) -> _T:
         """Do something to the board while no host does; return or raise what it does.

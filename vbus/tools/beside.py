@@ -313,8 +313,7 @@ async def _run_beside(
             command, environment, note, True, stdout, watch, limit,
             partial(_interrupts, server.board, interrupt),
         )  # fmt: skip
-        for _ in range(2):  # the first finds what processes have sent last, and it is carried out
-            await asyncio.sleep(0)
+        code = await _finish(server, watch, code)
         server.board.catch_up()
     finally:
         server.stop()
@@ -367,6 +366,27 @@ async def _look_on(look: Callable[[], None]) -> None:
     while True:
         await asyncio.sleep(LOOK)
         look()
+
+
+async def _finish(server: Server, watch: Watch | None, code: int) -> int:
+    """Let the board carry out what the program has sent; return the exit code that remains.
+
+    SIGINT and SIGTERM end that, and so does the bound of a program that hangs: what it has asked
+    for last, and has not waited for, takes its time, too.
+    """
+    came: list[int] = []
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, came.append, number)
+    if watch is None:
+        await server.finish(lambda: bool(came))
+    else:
+        hung = watch.ended
+        await server.finish(lambda: bool(came) or watch.ended)
+        watch.close()
+        if watch.ended and not hung:
+            code = code or 128 + signal.SIGKILL
+    return 128 + came[0] if came else code
 
 
 async def run_program(
@@ -441,7 +461,7 @@ async def run_program(
         for handle in asked:
             handle.cancel()
         if watch is not None:
-            watch.close()
+            watch.over = None
         left = offspring.there()
         if left and alone and not came and not (watch is not None and watch.ended):
             ending.say_left(left)

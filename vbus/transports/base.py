@@ -40,11 +40,6 @@ class Link:
         """Reads the descriptor: at most so many bytes of it."""
         self.write: Callable[[int, bytearray], int] = os.write
         """Writes to the descriptor; returns how many bytes it took."""
-        self.changed: Callable[[], object] | None = None
-        """Tells whether hosts have come or gone: asked after each read, because the bytes may then
-        be another host's; :attr:`sort` gives them to the right session. None where a descriptor is
-        one host's."""
-        self.sort: Callable[[bytes], None] = _ignore
 
     def close(self) -> None:
         """End the link from this side."""
@@ -83,6 +78,10 @@ class MessageLink(Link):
     def answer(self, data: bytes) -> None:
         """Send what the message gave; the next one may come before this returns."""
         raise NotImplementedError
+
+    def left(self) -> list[bytes]:
+        """Take the messages that have come and wait for the one before: the host has gone."""
+        return []
 
     def push(self, data: bytes) -> None:
         """Send what nobody asked for just now: events."""
@@ -159,6 +158,10 @@ class Transport:
 
     def tell_pause(self, paused: bool) -> None:
         """Let clients know that what they ask is answered later, or at once again."""
+
+    def waiting(self) -> bool:
+        """Tell whether a host has come, or has sent something, that no session knows of yet."""
+        return False
 
     def close(self) -> None:
         """Stop waiting and remove every name made; may be called again."""

@@ -3,14 +3,13 @@
 import contextlib
 import ctypes
 import os
-import select
 import struct
-from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 IN_OPEN: Final = 0x20
 IN_CLOSE: Final = 0x18
+IN_MODIFY: Final = 0x02
+_WATCHED: Final = IN_OPEN | IN_CLOSE | IN_MODIFY
 _CLOCK_MONOTONIC: Final = 1
 _CLOEXEC_NONBLOCK: Final = 0o2004000
 _CURRENT_AND_FUTURE: Final = 3
@@ -99,35 +98,27 @@ class TimerFd:
 
 
 class Inotify:
-    """Tells when somebody opens and closes files."""
+    """Tells when files are opened, written to and closed."""
 
     def __init__(self) -> None:
         self.fd: int = _checked(_libc.inotify_init1(_CLOEXEC_NONBLOCK))
-        try:
-            self._poll = select.epoll()
-        except OSError:
-            os.close(self.fd)
-            raise
-        self._poll.register(self.fd, select.EPOLLIN)
-        self.happened: Callable[[], object] = partial(self._poll.poll, 0, 1)
-        """Tells whether there is something to read; the cheapest way to ask."""
 
     def add(self, path: str) -> int:
         """Watch a file; return its number, which no other gets."""
-        return _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
+        return _checked(_libc.inotify_add_watch(self.fd, path.encode(), _WATCHED))
 
     def remove(self, number: int) -> None:
         """Watch a file no more; it may be gone already."""
         _libc.inotify_rm_watch(self.fd, number)
 
-    def read(self) -> list[tuple[int, bool]]:
+    def read(self) -> list[tuple[int, int]]:
         """Return what happened since the last call, in order.
 
         Returns:
-            The number of each file, and whether it was opened (True) or closed; -1 if more
-            happened than the system has noted.
+            The number of each file, and a bit of IN_OPEN, IN_CLOSE or IN_MODIFY; the number is -1
+            if more happened than the system has noted.
         """
-        events: list[tuple[int, bool]] = []
+        events: list[tuple[int, int]] = []
         try:
             data = os.read(self.fd, 65536)
         except BlockingIOError:
@@ -136,11 +127,10 @@ class Inotify:
         while position < len(data):
             number, mask, _, length = struct.unpack_from("iIII", data, position)
             position += 16 + length
-            if mask & (IN_OPEN | IN_CLOSE) or number < 0:
-                events.append((number, bool(mask & IN_OPEN)))
+            if mask & _WATCHED or number < 0:
+                events.append((number, mask & _WATCHED))
         return events
 
     def close(self) -> None:
-        """Free the descriptors."""
-        self._poll.close()
+        """Free the descriptor."""
         os.close(self.fd)

@@ -1,4 +1,4 @@
-"""Who opens and closes terminals: one inotify descriptor for all of an event loop."""
+"""Who opens, writes to and closes terminals: one inotify descriptor for all of an event loop."""
 
 import asyncio
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from vbus.transports.linux import Inotify
 
 
 class OpenWatch:
-    """Tells when somebody opens and closes one file: how a PTY learns of its clients.
+    """Tells when one file is opened, written to and closed: how a PTY learns of its clients.
 
     The system gives a user few inotify descriptors, 128 where nobody has asked for more, so all
     watches of an event loop share one.
@@ -31,7 +31,7 @@ class OpenWatch:
             shared = _Shared(loop)
         self._shared: _Shared = shared
         self.notice: Callable[[], None] = notice
-        self._events: list[bool] = []
+        self._events: list[int] = []
         try:
             self._number: int = shared.inotify.add(path)
         except OSError:
@@ -39,21 +39,17 @@ class OpenWatch:
             raise
         shared.watches[self._number] = self
 
-    def happened(self) -> bool:
-        """Tell whether there may be something to read; cheap."""
-        return bool(self._events or self._shared.inotify.happened())
-
-    def read(self) -> list[bool]:
-        """Return what happened since the last call, in order: True opened, False closed."""
+    def read(self) -> list[int]:
+        """Return what happened since the last call, in order: IN_OPEN, IN_MODIFY, IN_CLOSE."""
         self._shared.sort()
         events, self._events = self._events, []
         return events
 
-    def note(self, opened: bool) -> None:
+    def note(self, event: int) -> None:
         """Keep what happened until it is read, and see to it that it is."""
         if not self._events:
             self._shared.loop.call_soon(self._look)
-        self._events.append(opened)
+        self._events.append(event)
 
     def _look(self) -> None:
         if self._events:
@@ -70,11 +66,7 @@ class OpenWatch:
 class NoWatch:
     """Stands for an :class:`OpenWatch` where the system gives no more of them: knows of nothing."""
 
-    def happened(self) -> bool:
-        """Tell that nothing is known."""
-        return False
-
-    def read(self) -> list[bool]:
+    def read(self) -> list[int]:
         """Return nothing."""
         return []
 
@@ -94,12 +86,12 @@ class _Shared:
 
     def sort(self) -> None:
         """Give each watch what has happened to its file."""
-        for number, opened in self.inotify.read():
+        for number, event in self.inotify.read():
             if number < 0:  # reports are lost: all look at their files
                 for watch in self.watches.values():
                     self.loop.call_soon(watch.notice)
             elif number in self.watches:
-                self.watches[number].note(opened)
+                self.watches[number].note(event)
 
     def end_if_idle(self) -> None:
         """Free the descriptor if nobody watches any more."""

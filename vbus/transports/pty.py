@@ -1,101 +1,153 @@
 """A pseudo terminal with a name that stays the same."""
 
 import asyncio
-import fcntl
 import os
 import select
 import termios
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from msgspec import Struct
-
 from vbus.errors import TransportError
 from vbus.transports.base import REST_SECONDS, Link, Transport
+from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 from vbus.transports.open_watch import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
-_TIOCNXCL = 0x540D
 _READ_SIZE = 65536
 LOOK_SECONDS: Final = 0.05
 """How often is looked for clients where the system gives no watch."""
 
 
 class PtyLink(Link):
-    """The master side while somebody has the terminal open."""
+    """The master side while a client has the terminal open."""
 
-    def __init__(self, transport: "PtyTransport", fd: int, peer: str) -> None:
-        super().__init__(fd, peer)
+    def __init__(self, transport: "PtyTransport", terminal: "_Terminal") -> None:
+        super().__init__(terminal.master, transport.path)
+        self.terminal: _Terminal = terminal
+        self.read = self._read
+        self.last_words: bytes | None = None
+        """All that is still to be read of clients that have gone, where others have followed."""
         self._transport: PtyTransport = transport
 
+    def _read(self, fd: int, size: int) -> bytes:
+        """Read; with the first byte the name is made to lead to another terminal."""
+        if self.last_words is not None:
+            data, self.last_words = self.last_words, b""
+            return data
+        if not self.terminal.named:
+            return os.read(fd, size)
+        data = self._transport.take_over(self.terminal)
+        if self.terminal.link is not self:  # it was the last this client had sent
+            self._transport.pass_on(self.terminal, data)
+            return b""
+        return data or os.read(fd, size)
+
     def close(self) -> None:
-        """Make the terminal ready for the next client."""
+        """The session has ended; the terminal goes with it."""
         self._transport.ended(self)
 
     def hang_up(self) -> None:
-        """Take the terminal from the client that has it open; the name leads to a new one."""
-        self._transport.replace(self)
+        """Take the terminal from the client that has it open; the name leads to another."""
+        self._transport.take_away(self)
 
 
-class _Terminal(Struct):
-    """A terminal in raw mode, and what tells of those who have it open.
+class _Terminal:
+    """A terminal in raw mode: one generation of clients.
+
+    The name leads to it until a byte has come. Whoever opens the name until then shares the
+    terminal, and its session; whoever opens it later gets the next one.
 
     Attributes:
         master: the server's side.
         name: path of the clients' side.
-        watch: tells of opens.
-        hangups: tells that nobody has it open any more.
-        poll: looks at the master.
-        close: frees all descriptors.
+        named: whether the name leads to it.
+        link: the session of the clients that have it open.
+        watch: tells of opens, writes and closes while the name leads to it.
+        hangups: tells that no client has it open any more.
     """
 
-    master: int
-    name: str
-    watch: OpenWatch | NoWatch
-    hangups: select.epoll
-    poll: select.poll
-    close: Callable[[], None]
-
-    @classmethod
-    def make(cls, loop: asyncio.AbstractEventLoop, notice: Callable[[], None]) -> "_Terminal":
-        """Make a terminal nobody has open; ``notice`` is called after opens and closes."""
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, notice: Callable[["_Terminal"], None]
+    ) -> None:
+        self.named: bool = True
+        self.link: PtyLink | None = None
+        self._loop: asyncio.AbstractEventLoop = loop
+        self._clients: int = 0
+        self._wrote: bool = False
+        self.followed: bool = False
+        """Whether a client has come after all before it had gone, one of which had written."""
+        self.mixed: bool = False
+        """Whether that one has written, too."""
         with ExitStack() as made:
-            master, slave = os.openpty()
-            made.callback(os.close, master)
+            self.master, slave = os.openpty()
+            made.callback(os.close, self.master)
             try:
                 # A terminal left cooked would echo and eat 29 byte values.
                 with _system_errors():
                     tty.setraw(slave)
-                name = os.ttyname(slave)
+                self.name: str = os.ttyname(slave)
             finally:
                 os.close(slave)
-            os.set_blocking(master, False)
-            poll = select.poll()
-            poll.register(master, select.POLLIN)
-            hangups = made.enter_context(select.epoll())
-            hangups.register(master, select.EPOLLHUP | select.EPOLLET)
+            os.set_blocking(self.master, False)
+            self._poll: select.poll = select.poll()
+            self._poll.register(self.master, select.POLLIN)
+            self.hangups: select.epoll = made.enter_context(select.epoll())
+            self.watch: OpenWatch | NoWatch
+            wakes = select.EPOLLHUP | select.EPOLLET
             try:
-                watch: OpenWatch | NoWatch = OpenWatch(loop, name, notice)
+                self.watch = OpenWatch(loop, self.name, lambda: notice(self))
             except OSError:  # the system gives no user more than some of them
-                watch = NoWatch()
-            made.callback(watch.close)
-            return cls(master, name, watch, hangups, poll, made.pop_all().close)
+                self.watch = NoWatch()
+                wakes |= select.EPOLLIN
+            made.callback(self.unwatch)
+            self.hangups.register(self.master, wakes)
+            self.hangups.poll(0)
+            loop.add_reader(self.hangups.fileno(), notice, self)
+            made.callback(loop.remove_reader, self.hangups.fileno())
+            self._made: ExitStack = made.pop_all()
+
+    def close(self) -> None:
+        """Free all descriptors; again is harmless."""
+        self._made.close()
 
     def look(self) -> int:
-        """Return what ``poll`` says of the master: POLLHUP while nobody has the terminal open."""
-        return sum(state for _, state in self.poll.poll(0))
+        """Return what ``poll`` says of the master: POLLHUP while no client has it open."""
+        return sum(state for _, state in self._poll.poll(0))
 
-    def clean(self, slave: int) -> None:
-        """Drop what the last client set and what it did not read."""
-        fcntl.ioctl(slave, _TIOCNXCL)
-        # Some replies are still on their way, the others wait at the slave.
-        with _system_errors():
-            termios.tcflush(self.master, termios.TCOFLUSH)
-            termios.tcflush(slave, termios.TCIFLUSH)
-            tty.setraw(slave, termios.TCSANOW)
+    def learn(self) -> bool:
+        """Take what clients did since the last call; tell whether they did anything.
+
+        The system reports two like events in a row as one, so that the number of clients is an
+        estimate, good enough to tell one client from the next.
+        """
+        hung_up = bool(self.hangups.poll(0))
+        events = self.watch.read()
+        for event in events:
+            if event & IN_OPEN:
+                self.followed = self.followed or (self._wrote and not self._clients)
+                self._clients += 1
+            elif event & IN_CLOSE:
+                self._clients = max(0, self._clients - 1)
+            elif event & IN_MODIFY:
+                self.mixed = self.followed
+                self._wrote = True
+        return bool(events) or (hung_up and isinstance(self.watch, NoWatch))
+
+    def read(self) -> bytes:
+        """Return what there is to read."""
+        data = b""
+        with suppress(OSError):
+            while more := os.read(self.master, _READ_SIZE):
+                data += more
+        return data
+
+    def unwatch(self) -> None:
+        """Nobody comes any more who is not here already."""
+        self.watch.close()
+        self.watch = NoWatch()
 
 
 @contextmanager
@@ -110,15 +162,21 @@ def _system_errors() -> Iterator[None]:
 class PtyTransport(Transport):
     """``pty:PATH``: a symbolic link at PATH leads to a terminal in raw mode.
 
-    Clients may open, close, die and come again; the session ends when the last one has closed.
-    Several descriptors open at a time share one session. What a client left unread is not given
-    to the next, as far as that one leaves the server time to notice. A name left behind by a
-    server that was killed is repaired at the next start.
+    Clients may open, close, die and come again. Each generation of clients has a terminal of its
+    own: when the first byte of one comes, and before it is read, the name is made to lead to a
+    new terminal, so that no later client finds replies, settings or half a request of an earlier
+    one, and nothing that is done at the end of a session reaches the next. Descriptors opened
+    before that byte share a session, which ends when the last of them is closed. A name left
+    behind by a server that was killed is repaired at the next start.
 
-    Whether somebody has the terminal open is known from the master: it reports a hang-up while
-    nobody has. An edge-triggered epoll makes an event of that state, an inotify watch tells of
-    opens. Counting the watch's reports would not do: the system reports two like ones in a row as
-    one, and a close before it takes effect.
+    What cannot be known: clients that have opened the terminal, written and closed before the
+    server has looked once share it with one that opened it in the same moment. As long as that
+    one has written nothing, what is there is the others', and is carried out as theirs; once it
+    has written, nobody can tell whose byte is whose, and all are taken as its own.
+
+    Whether a client has the terminal open is known from the master: it reports a hang-up while
+    none has. An edge-triggered epoll makes an event of that state, an inotify watch tells of
+    opens, writes and closes.
     """
 
     SCHEME = "pty"
@@ -129,13 +187,8 @@ class PtyTransport(Transport):
     def __init__(self, path: str, options: dict[str, str]) -> None:
         super().__init__(path, options)
         self._link_path: Path = Path(path)
-        self._terminal: _Terminal | None = None
-        self._clients: int = 0
-        self._owed: bool = False
-        self._replaced: bool = False
-        self._left: bytes = b""
-        """What has been read behind the end of a session: the next client's."""
-        self._link: PtyLink | None = None
+        self._terminals: list[_Terminal] = []
+        """Oldest first; the name leads to the last, if to any."""
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Make the terminal and its name."""
@@ -155,11 +208,19 @@ class PtyTransport(Transport):
                 )
             opened.callback(self._unmake)
             self._make()
-            opened.callback(self._remove_name)
+
+    def waiting(self) -> bool:
+        """Tell whether a client has sent something before its session has begun."""
+        return any(
+            terminal.named and terminal.link is None and terminal.look() & select.POLLIN
+            for terminal in self._terminals
+        )
+
+    # -- terminals ------------------------------------------------------------------------------
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""
-        terminal = _Terminal.make(self._loop, self._notice)
+        terminal = _Terminal(self._loop, self._notice)
         with ExitStack() as made:
             made.callback(terminal.close)
             temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
@@ -168,169 +229,154 @@ class PtyTransport(Transport):
             made.callback(temporary.unlink)
             temporary.replace(self._link_path)
             made.pop_all()
-        self._terminal = terminal
-        self._loop.add_reader(terminal.hangups.fileno(), self._notice)
+        self._terminals.append(terminal)
         if isinstance(terminal.watch, NoWatch):
             self._look_at_times(terminal)
 
     def _look_at_times(self, terminal: _Terminal) -> None:
         """Do without a watch: whoever opens the terminal is noticed a little later."""
-        if terminal is self._terminal:
-            self._notice()
+        if terminal in self._terminals and terminal.named:
+            self._notice(terminal)
             self._loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
 
     def _unmake(self) -> None:
-        terminal, self._terminal = self._terminal, None
-        if terminal is not None:
-            self._loop.remove_reader(terminal.hangups.fileno())
-            terminal.close()
+        terminals, self._terminals = self._terminals, []
+        with ExitStack() as unmade:  # each, whatever the others say
+            for terminal in terminals:
+                unmade.callback(terminal.close)
+                if terminal.named:
+                    unmade.callback(self._remove_name, terminal)
 
-    def _remove_name(self) -> None:
+    def _remove_name(self, terminal: _Terminal) -> None:
         """Remove the name, if it is not another's by now."""
-        if self._terminal is not None:
-            self._remove_name_of(self._terminal)
-
-    def _remove_name_of(self, terminal: _Terminal) -> None:
         if leads_to_terminal(self._link_path):
             if os.readlink(self._link_path) == terminal.name:
                 self._link_path.unlink()
 
-    # -- clients come and go --------------------------------------------------------------------
+    def _renew(self, terminal: _Terminal) -> None:
+        """Let the name lead from one terminal to a new one."""
+        self._name_new(terminal)
+        terminal.named = False
+        terminal.learn()  # whoever has come before the name led elsewhere
 
-    def _notice(self, data: bytes = b"") -> None:
-        """Begin and end sessions as clients open and close the terminal.
-
-        ``data`` has just been read: it belongs to whoever has the terminal open now, or, if
-        nobody has, to the client that was there.
-        """
-        terminal = self._terminal
-        if terminal is None:
-            return
-        data = self._take_left() + data
-        hung_up = terminal.hangups.poll(0)
-        seen = terminal.watch.read()
-        self._replaced = self._count(seen)
-        state = terminal.look()
-        link = self._link
-        if link is not None and self._replaced and not state & select.POLLHUP:
-            # One client closed and another opened before we looked.
-            link.on_end(False)
-            link = self._link
-            data += self._take_left()
-        if link is None and (state & select.POLLIN or not state & select.POLLHUP or data):
-            link = self._begin(terminal)
-        elif link is None and (seen or (hung_up and isinstance(terminal.watch, NoWatch))):
-            self._clean(terminal)  # somebody came and went unseen, and may have set something
-            self._loop.call_soon(self._notice)  # whoever came meanwhile is seen by looking
-        if link is not None:
-            if data:
-                link.on_data(data)
-            if state & select.POLLHUP:
-                # Nobody had it open: whoever opens it from here on is another.
-                self._clients = 0
-                self._owed = False
-                link.on_end(True)
-
-    def _take_left(self) -> bytes:
-        left, self._left = self._left, b""
-        return left
-
-    def _count(self, events: list[bool]) -> bool:
-        """Take what happened; tell whether a client has replaced the last one.
-
-        The number is an estimate (see above), good enough to tell one client from the next when
-        they follow each other faster than the server looks.
-        """
-        replaced = False
-        for opened in events:
-            if not opened:
-                self._clients = max(0, self._clients - 1)
-                self._owed = False
-            elif self._owed:
-                # The terminal was seen open before the report came: this client is counted.
-                self._owed = False
-            else:
-                replaced = replaced or not self._clients
-                self._clients += 1
-        return replaced
-
-    def _begin(self, terminal: _Terminal) -> PtyLink:
-        self._owed = not self._clients
-        self._clients = max(1, self._clients)
-        self._replaced = False
-        link = self._link = PtyLink(self, terminal.master, terminal.name)
-        link.changed = terminal.watch.happened
-        link.sort = self._notice
-        self._on_link(link)
-        return link
-
-    def ended(self, link: PtyLink) -> None:
-        """Make the terminal as good as new: a session has ended."""
-        if self._link is not link:
-            return
-        self._link = None
-        terminal = self._terminal
-        if terminal is None:
-            return
-        # Whoever is noticed first gets it first, before what is read from now on.
-        self._left += self._rest(terminal)
-        self._loop.call_soon(self._notice)
-        self._clean(terminal)
-
-    def _clean(self, terminal: _Terminal) -> None:
-        """Drop what a client has left in the terminal; replace one that cannot be opened."""
-        self._clients = 0
-        try:
-            slave = os.open(terminal.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
-        except OSError:
-            if terminal.look() & select.POLLHUP:
-                self._renew()
-            return
-        try:
-            try:
-                terminal.clean(slave)
-            finally:
-                os.close(slave)
-        except OSError:
-            self._renew()
-            return
-        # Those are our own open and close. Whoever came meanwhile is seen by looking.
-        terminal.watch.read()
-        terminal.hangups.poll(0)
-
-    def replace(self, link: PtyLink) -> None:
-        """End a session with its terminal."""
-        if self._link is link:
-            self._link = None
-            self._clients = 0
-            self._renew()
-
-    def _renew(self) -> None:
-        """Replace the terminal: one left in exclusive use could be opened by root alone."""
-        terminal = self._terminal
-        self._unmake()
+    def _name_new(self, terminal: _Terminal) -> None:
+        """Let the name lead to a new terminal; to none for now if there is none to be had."""
         try:
             self._make()
         except OSError as error:
-            if terminal is not None:  # another program may get its number
-                self._remove_name_of(terminal)
+            self._remove_name(terminal)
             lost = f"lost: {error.strerror or error}"
             if self.state != lost:
                 self.report(f"{self._link_path}: {lost}; it is tried again")
             self.state = lost
-            self._loop.call_later(REST_SECONDS, self._try_again)
+            self._loop.call_later(REST_SECONDS, self._try_again, terminal)
         else:
             self.state = "waiting"
 
-    def _try_again(self) -> None:
+    def _try_again(self, terminal: _Terminal) -> None:
         """Make a terminal, now that there may be what was missing."""
-        if self._terminal is None and not self.closing:
-            self._renew()
+        if not self.closing and not any(one.named for one in self._terminals):
+            self._name_new(terminal)
 
-    def _rest(self, terminal: _Terminal) -> bytes:
-        """Return the next client's bytes; drop those of one that went while it was held."""
-        try:
-            left = os.read(terminal.master, _READ_SIZE)
-        except OSError:
-            return b""
-        return left if self._replaced or any(terminal.watch.read()) else b""
+    def _free(self, terminal: _Terminal) -> None:
+        """Close a terminal; whoever has it open finds it hung up."""
+        if terminal in self._terminals:
+            self._terminals.remove(terminal)
+            terminal.close()
+
+    # -- clients come and go --------------------------------------------------------------------
+
+    def _notice(self, terminal: _Terminal) -> None:
+        """Begin and end the session of a terminal as clients open and close it."""
+        if terminal not in self._terminals:
+            return
+        came = terminal.learn()
+        state, fresh = terminal.look(), terminal.named
+        if fresh and state & select.POLLIN:
+            self.pass_on(terminal, self.take_over(terminal))
+        elif terminal.link is None:
+            if not state & select.POLLHUP:
+                self._begin(terminal)
+            elif came and fresh:  # a client came and went, and may have set something
+                self._renew(terminal)
+                terminal.unwatch()
+                self._free_soon(terminal)
+        if terminal.link is not None and state & select.POLLHUP:
+            terminal.link.on_end(True)
+
+    def take_over(self, terminal: _Terminal) -> bytes:
+        """A client has sent something: from now on the name is for others.
+
+        Returns:
+            What those have sent who have it open. What others have sent that have gone has been
+            carried out, or waits for its turn, and their session has ended.
+        """
+        data = terminal.read()
+        terminal.learn()
+        mixed = terminal.mixed
+        self._renew(terminal)
+        if mixed or not terminal.followed:
+            terminal.unwatch()
+            return data
+        more = terminal.read()
+        terminal.learn()
+        terminal.unwatch()
+        if not terminal.mixed:
+            data, more = data + more, b""
+        link = terminal.link or self._begin(terminal)
+        link.last_words = data
+        link.on_end(True)
+        return more
+
+    def pass_on(self, terminal: _Terminal, data: bytes) -> None:
+        """Give what has been read to the session of those who have the terminal open."""
+        if terminal not in self._terminals:  # they have been hung up on
+            return
+        link = terminal.link
+        if link is None and (data or not terminal.look() & select.POLLHUP):
+            link = self._begin(terminal)
+        if link is not None and data:
+            link.on_data(data)
+
+    def _begin(self, terminal: _Terminal) -> PtyLink:
+        """Begin a session, after those of clients that have gone by now have ended."""
+        for other in tuple(self._terminals):
+            if other is not terminal and other.link is not None and other.look() & select.POLLHUP:
+                other.link.on_end(True)
+        link = terminal.link = PtyLink(self, terminal)
+        self._on_link(link)
+        return link
+
+    def ended(self, link: PtyLink) -> None:
+        """A session has ended: its terminal goes, unless a client has it open."""
+        terminal = link.terminal
+        if terminal.link is not link:
+            return
+        terminal.link = None
+        if self.closing or terminal not in self._terminals:
+            return
+        if terminal.named and terminal.look() & select.POLLHUP:
+            self._renew(terminal)
+            terminal.unwatch()
+        self._loop.call_soon(self._notice, terminal)
+        self._free_soon(terminal)
+
+    def _free_soon(self, terminal: _Terminal) -> None:
+        """Close a terminal that has had its clients, but for one that is opening it just now."""
+        self._loop.call_later(REST_SECONDS, self._free_unused, terminal)
+
+    def _free_unused(self, terminal: _Terminal) -> None:
+        if terminal.link is None and not terminal.named and terminal in self._terminals:
+            if terminal.look() & select.POLLHUP:
+                self._free(terminal)
+            else:
+                self._begin(terminal)
+
+    def take_away(self, link: PtyLink) -> None:
+        """End a session with its terminal."""
+        terminal = link.terminal
+        if terminal.link is link:
+            terminal.link = None
+            if terminal.named and not self.closing:
+                self._renew(terminal)
+            self._free(terminal)

@@ -1,10 +1,11 @@
 """``rfc2217:[HOST]:PORT``: a serial port over TCP, with Telnet's options (RFC 2217)."""
 
 import asyncio
+import select
 import socket
 import struct
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Final
 
@@ -17,8 +18,6 @@ READ: Final = 2048
 """Bytes looked through for options at a time: some milliseconds."""
 MOST_KEPT: Final = 1 << 16
 """Bytes kept for a side that does not take them, before the other side is read no more."""
-
-
 MOST_OPTION: Final = 256
 """Bytes of one Telnet option; the longest of RFC 2217 has 5."""
 
@@ -91,8 +90,20 @@ def _ignore(lines: int) -> None:
     pass
 
 
+def _nothing() -> None:
+    pass
+
+
 class _Way:
-    """One direction: bytes of ``source``, changed, to ``sink``."""
+    """One direction: bytes of ``source``, changed, to ``sink``, and then its end.
+
+    Args:
+        loop: the event loop.
+        source: where bytes come from.
+        sink: where they go; a sink that takes no more loses them.
+        change: what becomes of them between.
+        ended: called once when all has come to the sink, and the sink knows that it is the end.
+    """
 
     def __init__(
         self,
@@ -108,6 +119,10 @@ class _Way:
         self._change = change
         self._ended = ended
         self._kept = bytearray()
+        self._all = False
+        """Whether the source has sent all."""
+        self._deaf = False
+        """Whether the sink takes no more."""
         loop.add_reader(source, self._read)
 
     def _read(self) -> None:
@@ -120,7 +135,18 @@ class _Way:
         if data:
             self.send(self._change(data))
         else:
-            self._ended()
+            self._all = True
+            self._loop.remove_reader(self._source)
+            self._flush()
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the source has sent all, and the sink does not know that yet."""
+        if self._all or self._source.fileno() < 0:
+            return bool(self._kept)
+        poll = select.poll()
+        poll.register(self._source.fileno(), select.POLLRDHUP)
+        return bool(poll.poll(0))
 
     @property
     def kept(self) -> int:
@@ -138,7 +164,7 @@ class _Way:
         if self._sink.fileno() < 0:
             return
         try:
-            while self._kept:
+            while self._kept and not self._deaf:
                 del self._kept[: self._sink.send(self._kept)]
         except BlockingIOError:
             self._loop.add_writer(self._sink, self._flush)
@@ -146,10 +172,15 @@ class _Way:
                 self._loop.remove_reader(self._source)
             return
         except OSError:
-            self._ended()
-            return
+            self._deaf = True
+        if self._deaf:
+            self._kept.clear()
         self._loop.remove_writer(self._sink)
-        if self._source.fileno() >= 0:
+        if self._all:
+            with suppress(OSError):
+                self._sink.shutdown(socket.SHUT_WR)
+            self._ended()
+        elif self._source.fileno() >= 0:
             self._loop.add_reader(self._source, self._read)
 
     def close(self) -> None:
@@ -185,14 +216,20 @@ class _Telnet:
         self._marks: bool = marks
         self._plain: bytearray = bytearray()
         self._ended: Callable[[_Telnet], None] = ended
+        # The host's end is that of what it sends; the session's is the end of both.
         self._board: _Way = _Way(loop, board, host, self._escaped, self.close)
-        self._host: _Way = _Way(loop, host, board, self._filtered, self.close)
+        self._host: _Way = _Way(loop, host, board, self._filtered, _nothing)
         if marks:
             settings.on_lines = self._lines_changed
         self._manager = PortManager(settings, self)
 
     def _lines_changed(self, lines: int) -> None:
         self._plain += mark(lines)
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the host has gone, and not all it has sent has come to its session."""
+        return self._host.leaving
 
     def tell_lines(self) -> None:
         """Tell the host of CTS and DSR, if they have changed."""
@@ -267,6 +304,10 @@ class Rfc2217Transport(TcpTransport):
             watch = _LineWatch(partial(loop.call_soon, self._tell_lines))
             net.observe(watch)
             self.opened.callback(net.unobserve, watch)
+
+    def waiting(self) -> bool:
+        """Tell whether a host waits to be accepted, or has left something on its way."""
+        return super().waiting() or any(host.leaving for host in self._hosts)
 
     def _tell_lines(self) -> None:
         for host in tuple(self._hosts):

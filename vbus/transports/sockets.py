@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import os
+import select
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -72,6 +73,8 @@ class _SocketTransport(Transport):
     ) -> None:
         listener.listen(BACKLOG)
         listener.setblocking(False)
+        self._listening: select.poll = select.poll()
+        self._listening.register(listener.fileno(), select.POLLIN)
         self._keep_reserve()
         self._leaving: dict[int, Callable[[], None]] = {}
         """Closes a connection that is turned away, by its descriptor."""
@@ -79,6 +82,10 @@ class _SocketTransport(Transport):
         self.opened.callback(loop.remove_reader, listener.fileno())
         self.opened.callback(self._end_leaving)
         loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
+
+    def waiting(self) -> bool:
+        """Tell whether a host waits to be accepted."""
+        return any(state & select.POLLIN for _, state in self._listening.poll(0))
 
     def _accept(
         self,

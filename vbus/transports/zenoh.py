@@ -35,7 +35,7 @@ class ZenohTransport(Transport):
     """``zenoh:``: each chip's bus at ``vbus/BOARD/CHIP/bus``, all of them at ``vbus/BOARD/bus``.
 
     Where on the network that is, the board file's ``[zenoh]`` says. Each host has a session of its
-    own, known by a name it has chosen and alive as long as its liveliness token.
+    own, known by a secret it has chosen and alive as long as its liveliness token.
     """
 
     SCHEME = "zenoh"
@@ -153,9 +153,9 @@ class ZenohTransport(Transport):
         session, enter, kept = self._session, self._inbox.entry, self._kept
         for key in self._buses:
             kept.append(session.declare_queryable(key, enter(self._message), complete=True))
-            # Each its own: who has a right to one bus does not hear of what spans them all.
-            posts = keys.requests(keys.host(key, "*"))
-            kept.append(session.declare_subscriber(posts, enter(self._posted)))
+            if self._network.security is None:  # else others with the same right could listen
+                posts = keys.requests(keys.host(key, "*"))
+                kept.append(session.declare_subscriber(posts, enter(self._posted)))
         board = self._board
         for pattern, handle in (
             (keys.host(keys.bus(board), "*"), self._token),
@@ -196,10 +196,21 @@ class ZenohTransport(Transport):
             send_refusal(query, envelope.MALFORMED, str(error))
             return
         data = payload.to_bytes() if payload is not None else b""
+        if header.kind == envelope.EVENTS:
+            self._hear(query, header)
+            return
         self._traffic.pass_on(
-            REQUEST, header.session.hex(),
+            REQUEST, envelope.public(header.session),
             lambda times: self._deliver(query, header, data, times),
         )  # fmt: skip
+
+    def _hear(self, query: zenoh.Query, header: envelope.Envelope) -> None:
+        """A host wants to hear its events."""
+        link = self._links.get(envelope.public(header.session))
+        if link is None:
+            send_refusal(query, envelope.GONE, "the board does not know the session (any more)")
+        else:
+            link.hear(query)
 
     def _deliver(
         self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int
@@ -211,7 +222,7 @@ class ZenohTransport(Transport):
             self._take(query, header, data)
 
     def _take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
-        session = header.session.hex()
+        session = envelope.public(header.session)
         link = self._links.get(session)
         if link is None:
             link = self._welcome(query, header, session)
@@ -234,7 +245,7 @@ class ZenohTransport(Transport):
             header = envelope.unpack(sample.attachment.to_bytes())
         except envelope.EnvelopeError:
             return
-        if session in self._links and header.session.hex() == session:
+        if session in self._links and envelope.public(header.session) == session:
             data = sample.payload.to_bytes()
             self._traffic.pass_on(
                 REQUEST, session, lambda times: self._deliver_posted(session, header, data, times)
@@ -273,8 +284,9 @@ class ZenohTransport(Transport):
             )
             return None
         link = ZenohLink(
-            self._session, bus_key, session, self._buses[bus_key], self._traffic, self._forget
-        )
+            self._session, bus_key, session, self._buses[bus_key], self._traffic, self._forget,
+            posts=self._network.security is None,
+        )  # fmt: skip
         link.token_seen = link.token in self._tokens
         self._links[session] = link
         self._on_link(link)

@@ -21,10 +21,11 @@ class ZenohLink(MessageLink):
     Args:
         network: the board's own Zenoh session.
         bus_key: the key at which the host asks.
-        session: the name the host has given its session.
+        session: the public name of its session.
         chips: the chips it reaches; empty for all of the entry.
         traffic: its messages go through here.
         ended: called once when the session is over, with the link.
+        posts: whether it may send messages as samples, which all can hear.
 
     Attributes:
         exchange: puts its messages in order.
@@ -39,6 +40,7 @@ class ZenohLink(MessageLink):
         chips: tuple[str, ...],
         traffic: Traffic,
         ended: Callable[["ZenohLink"], None],
+        posts: bool,
     ) -> None:
         super().__init__(f"zenoh:{bus_key} host {session}", chips)
         self.token: str = keys.host(bus_key, session)
@@ -50,6 +52,8 @@ class ZenohLink(MessageLink):
         self._traffic: Traffic = traffic
         self._ended: Callable[[ZenohLink], None] = ended
         self._replies: Any = None
+        self._posts: bytes | None = envelope.POSTS if posts else None
+        self._events: zenoh.Query | None = None
         self._open: bool = True
 
     def take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
@@ -60,7 +64,7 @@ class ZenohLink(MessageLink):
     def _answer(self, query: zenoh.Query, data: bytes) -> None:
         self._traffic.pass_on(
             REPLY, self.session,
-            lambda times: send_reply(query, data, attachment=envelope.POSTS, times=times),
+            lambda times: send_reply(query, data, attachment=self._posts, times=times),
         )  # fmt: skip
 
     def refuse(self, query: zenoh.Query, code: str, reason: str) -> None:
@@ -103,18 +107,27 @@ class ZenohLink(MessageLink):
         """Send the reply of the message being carried out."""
         self.exchange.done(data)
 
+    def left(self) -> list[bytes]:
+        """Take the messages that wait for the one that is being carried out."""
+        return self.exchange.leave()
+
     def push(self, data: bytes) -> None:
-        """Publish events where the host listens for them."""
+        """Send events to the host, and to nobody else."""
         self._traffic.pass_on(EVENT, self.session, lambda times: self._event(data, times))
 
     def _event(self, data: bytes, times: int) -> None:
-        for _ in range(times):
-            self._network.put(
-                self.token,
-                data,
-                congestion_control=zenoh.CongestionControl.DROP,
-                express=True,
-            )
+        query = self._events
+        if query is not None:
+            with suppress(zenoh.ZError):
+                for _ in range(times):
+                    query.reply(query.key_expr, data)
+
+    def hear(self, query: zenoh.Query | None) -> None:
+        """Send events as replies to this query from now on; the one before ends."""
+        before, self._events = self._events, query
+        if before is not None:
+            drop: Callable[[], None] = before.drop
+            drop()
 
     def host_ended(self, reason: str) -> None:
         """The host has said good-bye, or has vanished."""
@@ -126,6 +139,7 @@ class ZenohLink(MessageLink):
         if self._open:
             self._open = False
             self.exchange.end(envelope.GONE, f"the session is over: {self.reason}")
+            self.hear(None)
             if self._replies is not None:
                 with suppress(zenoh.ZError):
                     self._replies.undeclare()

@@ -21,6 +21,8 @@ from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink
 
 READ = b"\x10"
+CLAIM = b"\x04"
+WRITES = b"\x20\x00\x20\x00"
 
 
 def delay(duration: int) -> bytes:
@@ -50,7 +52,7 @@ class Served:
 
     def _look_for_hosts(self) -> None:
         for session in self.sessions:
-            if session not in self.ended and self.hang_ups.gone([session.link.fd]):
+            if session not in self.ended and self.hang_ups.gone_of([session.link.fd]):
                 session.hung_up()
 
     def connect(self) -> socket.socket:
@@ -154,18 +156,27 @@ def test_of_a_host_that_goes_in_a_pause_it_is_said(caplog: pytest.LogCaptureFixt
             assert caplog.messages == [said] * paused
 
 
-def test_a_delay_of_years_is_given_up_a_whole_number_of_minutes_before_its_end() -> None:
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_delay_of_years_is_given_up_a_whole_number_of_minutes_before_its_end_for_the_next_host(
+    waits: bool, caplog: pytest.LogCaptureFixture
+) -> None:
     with served() as it:
         first = it.connect()
         first.send(READ + delay(100 * SECOND) + READ)
         it.turn(1)
         first.close()
+        it.turn(1)
+        second = it.connect() if waits else None
         it.rest()
-        assert it.board.now == US + 40 * SECOND
-        second = it.connect()
-        second.send(READ)
-        it.rest()
-        assert it.board.now == 2 * US + 40 * SECOND
+        assert it.board.now == (US + 40 * SECOND if waits else 2 * US + 100 * SECOND)
+        assert caplog.messages == waits * [
+            "x: the host has gone, and what it had sent still waits for chip time; another host"
+            " waits to be let in, so the rest is discarded"
+        ]
+        if second is not None:
+            second.send(READ)
+            it.rest()
+            assert it.board.now == 2 * US + 40 * SECOND
         assert it.pacer._wakes == []
 
 
@@ -187,16 +198,71 @@ def test_a_host_that_comes_and_goes_meanwhile_is_served_too() -> None:
         assert it.board.now == SECOND + 2 * US
 
 
-def test_in_real_time_no_wait_outlives_its_host() -> None:
+@pytest.mark.parametrize("behind", [b"", READ])
+def test_in_real_time_a_wait_outlives_its_host_for_what_stands_behind_it_alone(
+    behind: bytes,
+) -> None:
     with served("realtime") as it:
         first = it.connect()
-        first.send(READ + delay(100 * SECOND))
+        first.send(READ + delay(50 * SECOND) + behind)
         it.turn(2)
         first.close()
         it.turn(20)
         assert len(it.ended) == 1
-        assert it.pacer._wakes == []
-        assert it.board.ports == []
+        assert len(it.pacer._wakes) == len(it.board.ports) == len(behind)
+        second = it.connect()
+        second.send(READ)
+        it.turn(5)
+        assert second.recv(10) == b"D\x84"
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "realtime"])
+def test_what_waits_for_a_claim_is_carried_out_when_that_ends(policy: str) -> None:
+    with served(policy) as it:
+        first, second = it.connect(), it.connect()
+        first.send(CLAIM)
+        it.turn(5)
+        second.send(CLAIM + WRITES + READ)
+        it.turn(5)
+        second.close()
+        it.turn(5)
+        assert len(it.ended) == 1
+        third = it.connect()  # nobody waits for another's claim to be let in
+        it.turn(5)
+        assert len(it.sessions) == 3
+        writes = it.board.chips[0].writes
+        first.send(b"\x05")
+        it.rest()
+        assert it.board.chips[0].writes == writes + 2
+        assert len(it.board.ports) == 2
+        third.close()
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "realtime"])
+def test_a_host_that_never_reads_its_answers_is_carried_out_to_the_last_request(
+    policy: str,
+) -> None:
+    with served(policy) as it:
+        host = it.connect()
+        sent = host.send(READ * 20_000 + WRITES)
+        host.close()
+        it.rest()
+        chip = it.board.chips[0]
+        assert len(it.ended) == 1
+        assert (chip.reads, chip.writes) == (20_000, 2)
+    assert sent == 20_000 + len(WRITES)
+
+
+def test_half_a_request_at_the_end_is_discarded_and_told(caplog: pytest.LogCaptureFixture) -> None:
+    with served() as it:
+        host = it.connect()
+        host.send(READ + WRITES[:1])
+        host.close()
+        it.rest()
+        assert it.board.chips[0].reads == 1
+    assert caplog.messages == [
+        "x: the host has gone in the midst of a request; the 1 bytes of it that came are discarded"
+    ]
 
 
 def test_a_board_that_stops_carries_nothing_out_and_lets_nobody_in() -> None:

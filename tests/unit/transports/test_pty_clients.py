@@ -1,10 +1,11 @@
-"""How a terminal tells one client from the next when the system's reports come late."""
+"""Whose a terminal's bytes are, in whatever order the system tells who came and went."""
 
 import asyncio
 import errno
 import os
 import termios
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,60 +13,7 @@ import pytest
 
 from vbus.transports import pty
 from vbus.transports.base import Link
-from vbus.transports.open_watch import OpenWatch
-
-
-class SlowWatch(OpenWatch):
-    """A watch whose reports can be held back, as a busy machine does."""
-
-    late = False
-
-    def read(self) -> list[bool]:
-        return [] if self.late else super().read()
-
-
-@pytest.mark.parametrize("late", [False, True])
-def test_the_next_client_is_told_from_the_last_although_the_report_of_an_open_came_late(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, late: bool
-) -> None:
-    monkeypatch.setattr(pty, "OpenWatch", SlowWatch)
-    seen: list[str] = []
-
-    def on_link(link: Link) -> None:
-        number = len([line for line in seen if line.startswith("begin")])
-        seen.append(f"begin {number}")
-        link.on_data = lambda data: seen.append(f"data {number} {data.hex()}")
-
-        def ended(carry_out: bool) -> None:
-            seen.append(f"end {number}")
-            link.close()
-
-        link.on_end = ended
-
-    loop = asyncio.new_event_loop()
-    transport = pty.PtyTransport(str(tmp_path / "x"), {})
-    transport.open(loop, on_link)
-    assert transport._terminal is not None
-    watch, link = transport._terminal.watch, lambda: transport._link
-    assert isinstance(watch, SlowWatch)
-    try:
-        watch.late = late
-        first = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
-        transport._notice()
-        watch.late = False
-        os.close(first)
-        second = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
-        os.write(second, b"\x31")
-        current = link()
-        assert current is not None
-        transport._notice(os.read(current.fd, 10))
-        loop.run_until_complete(asyncio.sleep(0))
-        os.close(second)
-    finally:
-        transport.close()
-        loop.close()
-    assert seen[:3] == ["begin 0", "end 0", "begin 1"]
-    assert seen[3:4] == ["data 1 31"]
+from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 
 
 @pytest.fixture
@@ -75,31 +23,179 @@ def loop() -> Iterator[asyncio.AbstractEventLoop]:
     loop.close()
 
 
-def test_what_a_client_set_that_came_and_went_unseen_is_not_there_for_the_next(
-    tmp_path: Path, loop: asyncio.AbstractEventLoop
+class Hosts:
+    """A transport without a server: what its sessions would see, in order."""
+
+    def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
+        self.path, self.loop = path, loop
+        self.seen: list[str] = []
+        self.links: list[Link] = []
+        self._numbers = count()
+        self.transport = pty.PtyTransport(str(path), {})
+        self.transport.open(loop, self._began)
+
+    def _began(self, link: Link) -> None:
+        number = next(self._numbers)
+        self.links.append(link)
+
+        def took(data: bytes) -> None:
+            self.seen.append(f"{number} {data.hex()}")
+
+        def ended(carry_out: bool) -> None:
+            while carry_out and (data := self._read(link)):
+                took(data)
+            self.seen.append(f"{number} ends")
+            link.close()
+
+        link.on_data, link.on_end = took, ended
+
+    @staticmethod
+    def _read(link: Link) -> bytes:
+        try:
+            return link.read(link.fd, 100)
+        except OSError:
+            return b""
+
+    def open(self) -> int:
+        return os.open(self.path, os.O_RDWR | os.O_NOCTTY)
+
+    def look(self) -> None:
+        """The server looks at whatever has happened by now."""
+        for terminal in tuple(self.transport._terminals):
+            self.transport._notice(terminal)
+        self.loop.run_until_complete(asyncio.sleep(0))
+
+
+@pytest.fixture
+def hosts(tmp_path: Path, loop: asyncio.AbstractEventLoop) -> Iterator[Hosts]:
+    hosts = Hosts(tmp_path / "x", loop)
+    yield hosts
+    hosts.transport.close()
+
+
+def test_close_and_open_are_learned_of_at_once(hosts: Hosts) -> None:
+    """The name leads elsewhere since the first byte of the one that goes."""
+    first = hosts.open()
+    os.write(first, b"\x31")
+    hosts.look()
+    assert hosts.seen == ["0 31"]
+    os.write(first, b"\x01")
+    os.close(first)
+    second = hosts.open()
+    os.write(second, b"\x10")
+    hosts.look()
+    assert hosts.seen == ["0 31", "0 01", "0 ends", "1 10"]
+    os.close(second)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_hang_up_is_seen_late_or_early(hosts: Hosts, order: tuple[int, int]) -> None:
+    """Whatever terminal is looked at first: the one that has gone has ended by then."""
+    first = hosts.open()
+    os.write(first, b"\x31")
+    hosts.look()
+    os.write(first, b"\x01")
+    os.close(first)
+    second = hosts.open()
+    os.write(second, b"\x10")
+    terminals = tuple(hosts.transport._terminals)
+    for place in order:
+        hosts.transport._notice(terminals[place])
+    assert hosts.seen == ["0 31", "0 01", "0 ends", "1 10"]
+    os.close(second)
+
+
+def test_who_has_written_nothing_yet_is_not_taken_for_one_that_has_gone(hosts: Hosts) -> None:
+    first = hosts.open()
+    os.write(first, b"\x31")
+    os.close(first)
+    second = hosts.open()
+    hosts.look()
+    assert hosts.seen == ["0 31", "0 ends"]
+    os.write(second, b"\x10")
+    hosts.look()
+    assert hosts.links[1].read(hosts.links[1].fd, 100) == b"\x10"
+    assert len(hosts.links) == 2
+    os.close(second)
+
+
+def test_of_bytes_nobody_can_tell_apart_none_is_lost(hosts: Hosts) -> None:
+    first = hosts.open()
+    os.write(first, b"\x10")
+    os.close(first)
+    second = hosts.open()
+    os.write(second, b"\x11")
+    hosts.look()
+    assert hosts.seen == ["0 1011"]
+    third = hosts.open()
+    os.write(third, b"\x12")
+    hosts.look()
+    assert hosts.seen == ["0 1011", "1 12"]
+    os.close(second)
+    os.close(third)
+
+
+@pytest.mark.parametrize(
+    ("events", "followed", "mixed"),
+    [
+        ([IN_OPEN, IN_MODIFY], False, False),
+        ([IN_OPEN, IN_MODIFY, IN_CLOSE], False, False),
+        ([IN_OPEN, IN_CLOSE, IN_OPEN, IN_MODIFY], False, False),
+        ([IN_OPEN, IN_OPEN, IN_MODIFY, IN_CLOSE, IN_MODIFY], False, False),
+        ([IN_OPEN, IN_MODIFY, IN_CLOSE, IN_OPEN], True, False),
+        ([IN_OPEN, IN_MODIFY, IN_CLOSE, IN_OPEN, IN_MODIFY], True, True),
+    ],
+)
+def test_what_is_learned_of_the_order_in_which_hosts_came_wrote_and_went(
+    hosts: Hosts, events: list[int], followed: bool, mixed: bool
 ) -> None:
-    transport = pty.PtyTransport(str(tmp_path / "x"), {})
-    transport.open(loop, lambda link: None)
-    first = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
+    terminal = hosts.transport._terminals[-1]
+    for event in events:
+        terminal.watch.note(event)  # type: ignore[union-attr]
+    terminal.learn()
+    assert (terminal.followed, terminal.mixed) == (followed, mixed)
+
+
+def test_what_a_client_set_that_came_and_went_unseen_is_not_there_for_the_next(
+    hosts: Hosts,
+) -> None:
+    first = hosts.open()
     settings = termios.tcgetattr(first)
     settings[3] |= termios.ECHO | termios.ICANON
     termios.tcsetattr(first, termios.TCSANOW, settings)
     os.close(first)
-    transport._notice()
-    second = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
+    hosts.look()
+    second = hosts.open()
     assert not termios.tcgetattr(second)[3] & (termios.ECHO | termios.ICANON)
     os.close(second)
-    transport.close()
 
 
-def test_a_terminal_that_cannot_be_replaced_for_now_is_replaced_later(
-    tmp_path: Path, loop: asyncio.AbstractEventLoop, monkeypatch: pytest.MonkeyPatch
+def test_a_terminal_that_is_opened_as_the_name_leaves_it_is_served(hosts: Hosts) -> None:
+    """A name is looked up first, and what it leads to is opened then."""
+    left = hosts.transport._terminals[0]
+    led_to = os.readlink(hosts.path)
+    first = hosts.open()
+    os.write(first, b"\x10")
+    os.close(first)
+    hosts.look()
+    late = os.open(led_to, os.O_RDWR | os.O_NOCTTY)
+    os.write(late, b"\x11")
+    hosts.transport._free_unused(left)
+    assert hosts.seen == ["0 10", "0 ends"]
+    assert hosts.links[1].read(hosts.links[1].fd, 100) == b"\x11"
+    os.close(late)
+    hosts.look()
+    hosts.transport._free_unused(left)
+    assert len(hosts.transport._terminals) == 1
+
+
+def test_a_terminal_that_cannot_be_made_for_now_is_made_later(
+    hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pty, "REST_SECONDS", 0)
-    links: list[Link] = []
     reports: list[str] = []
     tries: list[None] = []
-    make = pty._Terminal.make
+    make = pty._Terminal
 
     def scarce(*arguments: Any) -> pty._Terminal:
         tries.append(None)
@@ -107,21 +203,19 @@ def test_a_terminal_that_cannot_be_replaced_for_now_is_replaced_later(
             raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
         return make(*arguments)
 
-    transport = pty.PtyTransport(str(tmp_path / "x"), {})
+    transport = hosts.transport
     transport.report = reports.append
-    transport.open(loop, links.append)
-    with open(tmp_path / "x", "r+b", buffering=0):
-        transport._notice()
-        monkeypatch.setattr(pty._Terminal, "make", scarce)
-        links[0].hang_up()
+    with open(hosts.path, "r+b", buffering=0):
+        hosts.look()
+        monkeypatch.setattr(pty, "_Terminal", scarce)
+        hosts.links[0].hang_up()
     assert transport.state == "lost: Too many open files"
-    assert not os.path.lexists(tmp_path / "x"), "the name would lead to somebody else's terminal"
+    assert not os.path.lexists(hosts.path), "the name would lead to somebody else's terminal"
     for _ in range(10):
-        loop.run_until_complete(asyncio.sleep(0))
+        hosts.loop.run_until_complete(asyncio.sleep(0))
     assert len(tries) == 4
     assert transport.state == "waiting"
-    assert reports == [f"{tmp_path / 'x'}: lost: Too many open files; it is tried again"]
-    with open(tmp_path / "x", "r+b", buffering=0):
-        transport._notice()
-    assert len(links) == 2
-    transport.close()
+    assert reports == [f"{hosts.path}: lost: Too many open files; it is tried again"]
+    with open(hosts.path, "r+b", buffering=0):
+        hosts.look()
+    assert len(hosts.links) == 2
