@@ -125,4 +125,4 @@ def test_wheels_are_made_for_every_python_that_is_tested() -> None:
     for build in settings["build"].split():
         number = build.removeprefix("cp3").removesuffix("-*")
         assert f'"3.{number}"' in workflow
-    assert settings["environment"] == {"VBUS_NEED_COMPILED": "1"}
+    assert settings["environment"] == {"VBUS_NEED_COMPILED": "1", "VBUS_RELEASE": "1"}

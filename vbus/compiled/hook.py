@@ -5,12 +5,13 @@ Runs when a wheel is built, by hatchling, and never later; it imports nothing of
 ========================  ========================================================================
 ``VBUS_PURE=1``           build the wheel without the compiled core, on any machine
 ``VBUS_NEED_COMPILED=1``  no compiled core is an error, not a note
+``VBUS_RELEASE=1``        compile with ``-O3`` and link-time optimization, minutes longer
 ``CC``, ``CFLAGS``        the compiler, and options added to ours
 ========================  ========================================================================
 
 Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
 ``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.
-An editable installation stays interpreted.
+An editable installation stays interpreted, and says so at the terminal.
 """
 
 import contextlib
@@ -27,42 +28,78 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+SAMPLED: Final = (
+    "bits.py", "kernel/*.py", "chips/motion/*.py", "plant/*.py",
+    "chips/lm628/axis.py", "chips/lm628/chip.py", "chips/lm628/encoder.py",
+    "chips/lm628/output.py", "chips/lm628/p*.py",
+    "chips/mc1241a/axis.py", "chips/mc1241a/cycle.py", "chips/mc1241a/encoder.py",
+    "chips/mc1241a/microstep.py", "chips/mc1241a/profile.py", "chips/mcp1200/[a-hj-oq-v]*.py",
+    "chips/mcp1200/profiles.py", "board/host_bus.py", "board/host_clock.py", "protocols/byte.py",
+)  # fmt: skip
+"""What is compiled for each sample and each bus cycle: for speed. The rest is compiled for size."""
+
 COMPILED: Final = (
-    "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
-    "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
-    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
+    *SAMPLED,
+    "signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
+    "protocols/base.py", "protocols/codes.py", "protocols/frames.py",
     "protocols/port.py", "protocols/text.py", "board/board.py", "board/circuit.py",
     "board/host_*.py", "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
-    "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
+    "board/card_cycle.py", "board/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
-    "server/session.py", "server/statistics.py", "server/ticks.py", "server/turns.py",
+    "server/session.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/journal/rows.py",
-    "trace/journal/recorded_bus.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
-    "scope/lane.py", "scope/look.py",
+    "trace/journal/recorded_bus.py", "trace/wave/changes.py", "scope/lane.py", "scope/look.py",
 )  # fmt: skip
-"""What is compiled, but for :data:`COLD`: what works in every sample, bus cycle or message."""
+"""What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
+``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
 
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "state_1.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
+    "board/host_info.py", "lm628/clock_input.py", "lm628/commands.py", "lm628/encoder_pins.py",
+    "mc1241a/commands.py", "mc1241a/output.py", "motion/input_limits.py", "signals/violation.py",
 })  # fmt: skip
-"""Tables, what reads them once, and of a chip's folder all but its behaviour; by names of files."""
-
-OPTIMIZE: Final = "3"
-"""-O2 takes a sample of an MCP-1200 a sixteenth longer, one of an MC1241A a twentieth."""
+"""Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
+by being compiled; by the ends of paths."""
 
 FLAGS: Final = (
     # Calls between functions of one library need no detour: a sample takes a fifth less.
     "-fno-semantic-interposition", "-fvisibility=hidden",
     # No multiplication and addition in one: floats are the same on every machine.
     "-ffp-contract=off",
+    # C throws nothing: a tenth of the library would be tables for that.
+    "-fno-asynchronous-unwind-tables",
 )  # fmt: skip
 
-WHOLE: Final = "-flto"
-"""Calls from module to module are compiled as those inside one are: an MCP-1200's sample takes a
-tenth less, an LM629's a twentieth. Where the compiler and its linker can."""
+WHOLE: Final = ("-O3", "-flto")
+"""Of a release, where the compiler and its linker can: calls from module to module are compiled as
+those inside one are. An MCP-1200's sample takes a tenth less, an LM629's a twentieth; the link
+takes a minute or two."""
+
+FAST: Final = "-O2"
+SMALL: Final = "-Os"
+"""Of other installations: a sample takes up to 1.15 times that of a release. A third smaller than
+with ``-O2``, compiled sooner."""
+
+SHIM: Final = """\
+typedef struct _object PyObject;
+PyObject *PyImport_ImportModuleLevel(const char *, PyObject *, PyObject *, PyObject *, int);
+PyObject *PyObject_GetAttrString(PyObject *, const char *);
+PyObject *Py_BuildValue(const char *, ...);
+void *PyCapsule_GetPointer(PyObject *, const char *);
+void PyErr_Clear(void);
+void Py_DecRef(PyObject *);
+#define Py_DECREF Py_DecRef
+#define NULL ((void *)0)
+#define PyMODINIT_FUNC __attribute__((visibility("default"))) PyObject *
+"""
+"""What of ``Python.h`` the C file of a module uses that only names the library: a fifth of the time
+of a hundred such files."""
+
+SLOWER: Final = "50 to 170 times slower in samples and some ten times on the bus"
+"""What the interpreted core is, beside the compiled one."""
 
 GROUP: Final = "vbus"
 """Name of the library all modules are in: ``vbus__mypyc``."""
@@ -81,7 +118,10 @@ class CompiledCore(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Add the compiled core to the wheel, or the reason why there is none."""
-        if self.target_name != "wheel" or version == "editable":
+        if self.target_name != "wheel":
+            return
+        if version == "editable":
+            announce(f"vbus: an editable installation runs the interpreted core, {SLOWER}")
             return
         self._scratch = tempfile.mkdtemp(prefix="vbus-build-")
         scratch = Path(self._scratch)
@@ -92,8 +132,8 @@ class CompiledCore(BuildHookInterface):
                 raise NoCompiler("it was built with VBUS_PURE set")
             compiler = Compiler(scratch)
             announce(
-                f"vbus: compiling the core with {compiler.command[0]}, a minute or two;"
-                " VBUS_PURE=1 does without, some ten times slower"
+                f"vbus: compiling the core with {compiler.command[0]}: about a minute on two"
+                f" processors; VBUS_PURE=1 does without, {SLOWER}"
             )
             for built, place in compile_core(Path(self.root), scratch, compiler):
                 include[str(built)] = place
@@ -108,7 +148,7 @@ class CompiledCore(BuildHookInterface):
             include.clear()
             include[str(reason)] = "vbus/compiled/reason.txt"
             self.app.display_warning(
-                f"vbus: the core of this wheel is interpreted, some ten times slower: {error}"
+                f"vbus: the core of this wheel is interpreted, {SLOWER}: {error}"
             )
         else:
             build_data["pure_python"] = False
@@ -137,7 +177,7 @@ def core_files(root: Path) -> list[str]:
         path
         for pattern in COMPILED
         for path in (root / "vbus").glob(pattern)
-        if path.name not in COLD
+        if not any(path.match(end) for end in COLD)
     }
     return sorted(str(path.relative_to(root)) for path in files)
 
@@ -165,10 +205,11 @@ class Compiler:
         self.own = shlex.split(os.environ.get("CFLAGS", ""))
         self.suffix: str = settings["EXT_SUFFIX"]
         self._probe(scratch, [])
-        self.whole: list[str] = []
-        with contextlib.suppress(NoCompiler):
-            self._probe(scratch, [WHOLE])
-            self.whole = [WHOLE]
+        self.whole: tuple[str, ...] = ()
+        if _set("VBUS_RELEASE"):
+            with contextlib.suppress(NoCompiler):
+                self._probe(scratch, [*WHOLE])
+                self.whole = WHOLE
 
     def _probe(self, scratch: Path, options: list[str]) -> None:
         source = scratch / "probe.c"
@@ -187,9 +228,10 @@ class Compiler:
             raise
 
     def compile(self, source: Path, target: Path, options: list[str]) -> None:
-        """Compile one C file."""
+        """Compile one C file, or a header, which files that begin with it need not read again."""
+        kind = ["-x", "c-header"] if source.suffix == ".h" else []
         self._run([*self.command, *self.options, *options, *self.own,
-                   "-c", str(source), "-o", str(target)])  # fmt: skip
+                   *kind, "-c", str(source), "-o", str(target)])  # fmt: skip
 
     def link(self, objects: list[Path], target: Path, options: list[str]) -> None:
         """Link objects to an extension module."""
@@ -213,15 +255,15 @@ def _header_folders() -> list[str]:
     return sorted({paths["include"], paths["platinclude"]})
 
 
-def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
-    """Compile the core; return each extension module with its place in the wheel."""
+def generate(root: Path, scratch: Path) -> list[Any]:
+    """Make C of the core by mypyc; return what is to be compiled, as setuptools has it."""
     from mypyc.build import mypycify
 
     # mypyc finds modules by their paths, from where it stands.
     before = os.getcwd()
     os.chdir(root)
     try:
-        extensions = mypycify(
+        made: list[Any] = mypycify(
             [
                 "--config-file=",
                 f"--cache-dir={scratch / 'cache'}",
@@ -230,7 +272,6 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
                 "--follow-imports=silent",
                 *core_files(root),
             ],
-            opt_level=OPTIMIZE,
             debug_level="0",
             multi_file=True,
             target_dir=str(scratch / "c"),
@@ -238,15 +279,35 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         )
     finally:
         os.chdir(before)
+    return made
+
+
+def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
+    """Compile the core; return each extension module with its place in the wheel."""
+    extensions = generate(root, scratch)
     jobs = []
-    links = []
+    links: list[tuple[Path, list[Path], list[str]]] = []
+    sampled = {path for pattern in SAMPLED for path in (root / "vbus").glob(pattern)}
+    fast = {f"__native_{_dotted(root, path)}.c" for path in sampled}
+    built = []
     for extension in extensions:
-        # One library has all code, the others only name it.
-        whole = compiler.whole if len(extension.sources) > 1 else []
-        options = [option for option in extension.extra_compile_args if option != "-Werror"]
-        options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS, *whole]
-        jobs += [(Path(root, source), options) for source in extension.sources]
-        links.append((extension, [f"{option}={os.cpu_count()}" for option in whole]))
+        place = extension.name.replace(".", "/") + compiler.suffix
+        built.append((scratch / "lib" / place, place))
+        sources = [Path(root, source) for source in extension.sources]
+        if len(sources) == 1:
+            # One library has all code, the others only name it.
+            sources[0].write_text(sources[0].read_text().replace("#include <Python.h>", SHIM, 1))
+            links.append((built[-1][0], sources, ["-O0"]))
+            continue
+        options = [o for o in extension.extra_compile_args if o != "-Werror" and o[:2] != "-O"]
+        options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
+        library = (built[-1][0], [_object(source, scratch) for source in sources], [
+            f"-flto={os.cpu_count()}" if option == "-flto" else option for option in compiler.whole
+        ])  # fmt: skip
+        for some, level in ((True, FAST), (False, SMALL)):
+            these = [*options, *(compiler.whole or (level,))]
+            these += _header(compiler, scratch / level / "all.h", these)
+            jobs += [(s, these) for s in sources if (s.name in fast) is some]
     # The longest first, so that none is left alone at the end.
     jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
     with ThreadPoolExecutor(os.cpu_count()) as workers:
@@ -254,15 +315,29 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
             workers.submit(compiler.compile, source, _object(source, scratch), options)
             for source, options in jobs
         ]
+        done += [workers.submit(compiler.link, sources, target, options)
+                 for target, sources, options in links]  # fmt: skip
         for job in done:
             job.result()
-    built = []
-    for extension, options in links:
-        place = extension.name.replace(".", "/") + compiler.suffix
-        objects = [_object(Path(root, source), scratch) for source in extension.sources]
-        compiler.link(objects, scratch / "lib" / place, options)
-        built.append((scratch / "lib" / place, place))
+    compiler.link(library[1], library[0], library[2])
     return built
+
+
+def _dotted(root: Path, path: Path) -> str:
+    """Return a module's name as its C file has it."""
+    return "___".join(path.relative_to(root).with_suffix("").parts)
+
+
+def _header(compiler: Compiler, header: Path, options: list[str]) -> list[str]:
+    """Compile what all files of the library read first; return the option that takes it."""
+    header.parent.mkdir()
+    names = (f"__native_{GROUP}.h", f"__native_internal_{GROUP}.h")
+    header.write_text("".join(f'#include "{name}"\n' for name in names))
+    try:
+        compiler.compile(header, header.with_name("all.h.gch"), options)
+    except NoCompiler:
+        return []
+    return ["-include", str(header)]
 
 
 def _object(source: Path, scratch: Path) -> Path:
