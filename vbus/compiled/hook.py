@@ -28,27 +28,38 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-SAMPLED: Final = (
-    "bits.py", "kernel/*.py", "chips/motion/*.py", "plant/*.py",
-    "chips/lm628/axis.py", "chips/lm628/chip.py", "chips/lm628/encoder.py",
-    "chips/lm628/output.py", "chips/lm628/p*.py",
-    "chips/mc1241a/axis.py", "chips/mc1241a/cycle.py", "chips/mc1241a/encoder.py",
-    "chips/mc1241a/microstep.py", "chips/mc1241a/profile.py", "chips/mcp1200/[a-hj-oq-v]*.py",
-    "chips/mcp1200/profiles.py", "board/host_bus.py", "board/host_clock.py", "protocols/byte.py",
+UNITS: Final = (
+    (
+        "bits.py", "kernel/*.py", "chips/motion/*.py", "plant/[deirt]*.py", "plant/sh*.py",
+        "chips/lm628/[aeo]*.py", "chips/lm628/chip.py", "chips/lm628/pid.py",
+        "chips/lm628/profile.py", "chips/mcp1200/axis.py", "chips/mcp1200/blocks.py",
+        "chips/mcp1200/co*.py", "chips/mcp1200/d*.py", "chips/mcp1200/encoder.py",
+        "chips/mcp1200/f*.py", "chips/mcp1200/m*.py", "chips/mcp1200/profiles.py",
+        "chips/mcp1200/re*.py", "chips/mcp1200/stepper.py", "chips/mcp1200/timer.py",
+    ),
+    (
+        "plant/stepper.py", "plant/windings.py", "plant/angle.py", "chips/mc1241a/axis.py",
+        "chips/mc1241a/chip.py", "chips/mc1241a/cycle.py", "chips/mc1241a/encoder.py",
+        "chips/mc1241a/limits.py", "chips/mc1241a/microstep.py", "chips/mc1241a/output.py",
+        "chips/mc1241a/profile.py",
+    ),
+    ("board/host_bus.py", "board/host_clock.py", "protocols/byte.py"),
 )  # fmt: skip
-"""What is compiled for each sample and each bus cycle: for speed. The rest is compiled for size."""
+"""What works in each sample, and in each bus cycle. Files of a unit are compiled as one, for speed:
+calls between them need no link-time optimization, whose link takes longer than all the rest."""
 
 COMPILED: Final = (
-    *SAMPLED,
+    *(pattern for unit in UNITS for pattern in unit),
     "signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
-    "protocols/base.py", "protocols/codes.py", "protocols/frames.py",
-    "protocols/port.py", "protocols/text.py", "board/board.py", "board/circuit.py",
+    "protocols/base.py", "protocols/codes.py", "protocols/frames.py", "protocols/port.py",
+    "protocols/text.py", "board/board.py", "board/circuit.py",
     "board/host_*.py", "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
     "board/card_cycle.py", "board/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
     "server/session.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/journal/rows.py",
-    "trace/journal/recorded_bus.py", "trace/wave/changes.py", "scope/lane.py", "scope/look.py",
+    "trace/journal/recorded_bus.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
+    "scope/lane.py", "scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
 ``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
@@ -58,8 +69,8 @@ COLD: Final = frozenset({
     "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
-    "board/host_info.py", "lm628/clock_input.py", "lm628/commands.py", "lm628/encoder_pins.py",
-    "mc1241a/commands.py", "mc1241a/output.py", "motion/input_limits.py", "signals/violation.py",
+    "board/host_info.py", "lm628/clock_input.py", "lm628/encoder_pins.py",
+    "motion/input_limits.py", "signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
 by being compiled; by the ends of paths."""
@@ -79,9 +90,8 @@ those inside one are. An MCP-1200's sample takes a tenth less, an LM629's a twen
 takes a minute or two."""
 
 FAST: Final = "-O2"
-SMALL: Final = "-Os"
-"""Of other installations: a sample takes up to 1.15 times that of a release. A third smaller than
-with ``-O2``, compiled sooner."""
+SOON: Final = "-Og"
+"""Of units and of the rest, but in a release: the rest is compiled in half the time of ``-O2``."""
 
 SHIM: Final = """\
 typedef struct _object PyObject;
@@ -285,52 +295,71 @@ def generate(root: Path, scratch: Path) -> list[Any]:
 def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
     """Compile the core; return each extension module with its place in the wheel."""
     extensions = generate(root, scratch)
-    jobs = []
-    links: list[tuple[Path, list[Path], list[str]]] = []
-    sampled = {path for pattern in SAMPLED for path in (root / "vbus").glob(pattern)}
-    fast = {f"__native_{_dotted(root, path)}.c" for path in sampled}
+    jobs: list[tuple[Path, list[str]]] = []
+    shims: list[tuple[Path, Path]] = []
     built = []
     for extension in extensions:
         place = extension.name.replace(".", "/") + compiler.suffix
-        built.append((scratch / "lib" / place, place))
+        target = scratch / "lib" / place
+        built.append((target, place))
         sources = [Path(root, source) for source in extension.sources]
         if len(sources) == 1:
             # One library has all code, the others only name it.
             sources[0].write_text(sources[0].read_text().replace("#include <Python.h>", SHIM, 1))
-            links.append((built[-1][0], sources, ["-O0"]))
+            shims.append((sources[0], target))
             continue
+        library = target
         options = [o for o in extension.extra_compile_args if o != "-Werror" and o[:2] != "-O"]
         options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
-        library = (built[-1][0], [_object(source, scratch) for source in sources], [
-            f"-flto={os.cpu_count()}" if option == "-flto" else option for option in compiler.whole
-        ])  # fmt: skip
-        for some, level in ((True, FAST), (False, SMALL)):
-            these = [*options, *(compiler.whole or (level,))]
-            these += _header(compiler, scratch / level / "all.h", these)
-            jobs += [(s, these) for s in sources if (s.name in fast) is some]
-    # The longest first, so that none is left alone at the end.
-    jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
+        if not compiler.whole:
+            for number, patterns in enumerate(UNITS):
+                unit, sources = _unit(root, sources, patterns, scratch / "c" / f"unit{number}.c")
+                jobs.append((unit, [*options, FAST]))
+        options += compiler.whole or (SOON,)
+        options += _header(compiler, scratch / "header", options)
+        jobs += [(source, options) for source in sources]
     with ThreadPoolExecutor(os.cpu_count()) as workers:
+        # The longest first, so that none is left alone at the end.
         done = [
             workers.submit(compiler.compile, source, _object(source, scratch), options)
-            for source, options in jobs
+            for source, options in sorted(jobs, key=lambda job: _size(job[0]), reverse=True)
         ]
-        done += [workers.submit(compiler.link, sources, target, options)
-                 for target, sources, options in links]  # fmt: skip
+        done += [
+            workers.submit(compiler.link, [source], target, ["-O0", "-fPIC"])
+            for source, target in shims
+        ]
         for job in done:
             job.result()
-    compiler.link(library[1], library[0], library[2])
+    whole = [o.replace("-flto", f"-flto={os.cpu_count()}") for o in compiler.whole]
+    compiler.link([_object(source, scratch) for source, _ in jobs], library, whole)
     return built
 
 
-def _dotted(root: Path, path: Path) -> str:
-    """Return a module's name as its C file has it."""
-    return "___".join(path.relative_to(root).with_suffix("").parts)
+def _unit(
+    root: Path, sources: list[Path], patterns: tuple[str, ...], unit: Path
+) -> tuple[Path, list[Path]]:
+    """Write a C file that stands for those of some modules; return it, and the others."""
+    mine = {
+        "___".join(("__native_vbus", *path.relative_to(root / "vbus").with_suffix("").parts))
+        for pattern in patterns
+        for path in (root / "vbus").glob(pattern)
+    }
+    taken = [source for source in sources if source.stem in mine]
+    unit.write_text("".join(f'#include "{source.name}"\n' for source in taken))
+    return unit, [source for source in sources if source not in taken]
 
 
-def _header(compiler: Compiler, header: Path, options: list[str]) -> list[str]:
+def _size(source: Path) -> int:
+    """Return how much C is compiled with a file; of a unit, its files' sum."""
+    text = source.read_text() if source.stem.startswith("unit") else ""
+    names = [line.split('"')[1] for line in text.splitlines()]
+    return sum(source.with_name(name).stat().st_size for name in names or [source.name])
+
+
+def _header(compiler: Compiler, folder: Path, options: list[str]) -> list[str]:
     """Compile what all files of the library read first; return the option that takes it."""
-    header.parent.mkdir()
+    folder.mkdir()
+    header = folder / "all.h"
     names = (f"__native_{GROUP}.h", f"__native_internal_{GROUP}.h")
     header.write_text("".join(f'#include "{name}"\n' for name in names))
     try:
