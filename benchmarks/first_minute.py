@@ -4,8 +4,8 @@
     python benchmarks/first_minute.py --first        the first command alone
 
 Everything is made anew in a folder outside the source tree, with an empty cache of pip. Each row
-has seconds of the wall and of processors; on a busy machine the latter, divided by two, are the least
-that two quiet processors take. ``gcc -c`` and links are parts of pip's build; ``requirements
+has seconds of the wall and of processors; on a busy machine the latter, divided by two, are the
+least that two quiet processors take. ``gcc -c`` and links are parts of pip's build; ``requirements
 alone`` is a bare environment and ``pip install`` of what the command installs besides vbus.
 """
 
