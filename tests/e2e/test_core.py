@@ -1,10 +1,13 @@
 """Which core runs, how to choose it, and wheels built with and without a compiler."""
 
+import importlib.util
 import os
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -83,3 +86,40 @@ def test_without_a_compiler_a_pure_wheel_results_and_says_so(tmp_path: Path) -> 
     assert f"vbus: no compiled core: {reason}. VBUS_NEED_COMPILED makes that an error" in (
         done.stdout + done.stderr
     )
+
+
+@pytest.fixture
+def hook() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("hook", ROOT / "vbus" / "compiled" / "hook.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_file_that_is_compiled_is_in_one_unit_at_most(hook: ModuleType) -> None:
+    listed = hook.core_files(ROOT)
+    assert len(listed) > 50
+    for pattern in hook.COMPILED:
+        assert list((ROOT / "vbus").glob(pattern)), pattern
+    found = [
+        str(path.relative_to(ROOT))
+        for unit in hook.UNITS
+        for path in {path for pattern in unit for path in (ROOT / "vbus").glob(pattern)}
+    ]
+    in_units = [name for name in found if name in listed]
+    assert len(in_units) == len(set(in_units)) > 20
+
+
+def test_all_pages_and_messages_have_one_figure_for_the_interpreted_core(hook: ModuleType) -> None:
+    assert hook.SLOWER == SLOWER
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    pages += [*sorted((ROOT / "docker").iterdir()), ROOT / "vbus" / "tools" / "doctor.py"]
+    figures = {
+        figure
+        for page in pages
+        if page.is_file()
+        for figure in re.findall(r"(\S+ \S+ \S+)\s+times slower", page.read_text())
+    }
+    assert figures == {"50 to 170"}
