@@ -4,7 +4,7 @@
 #   install.sh wheels SOURCE WHEELS   build vbus and what it needs as wheels (needs gcc)
 #   install.sh venv WHEELS VENV       install them, and nothing else, in a new environment
 #
-# VBUS_PURE=1 builds the interpreted core, some ten times slower, without a compiler.
+# VBUS_PURE=1 builds the interpreted core, 50 to 170 times slower in samples, without a compiler.
 set -eu
 
 usage() {

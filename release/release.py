@@ -250,7 +250,10 @@ def main() -> int:
             folder = Path(given.what)
             folder.mkdir(parents=True, exist_ok=True)
             if given.step == "wheel":
-                os.environ["VBUS_PURE" if given.pure else "VBUS_NEED_COMPILED"] = "1"
+                for name in (
+                    ("VBUS_PURE",) if given.pure else ("VBUS_NEED_COMPILED", "VBUS_RELEASE")
+                ):
+                    os.environ[name] = "1"
             made = build(given.step, folder, given.here)
             if given.step == "sdist":
                 compare(made)

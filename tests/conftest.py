@@ -23,8 +23,13 @@ CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()
 MARKED: pytest.StashKey[set[str]] = pytest.StashKey()
 
 
-def pytest_report_header(config: pytest.Config) -> str:
-    return f"vbus: {core()} core, from {next(iter(vbus.__path__))}"
+@pytest.hookimpl(trylast=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Say which core the tests run on; with -q, too, which leaves out the lines of the header."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is not None:
+        where = next(iter(vbus.__path__))
+        reporter.write_line(f"vbus {vbus.__version__}: {core()} core, from {where}")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -1,10 +1,13 @@
 """Which core runs, how to choose it, and wheels built with and without a compiler."""
 
+import importlib.util
 import os
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -13,6 +16,7 @@ from vbus.compiled import is_compiled
 
 HOME = Path(next(iter(vbus.__path__))).parent
 ROOT = Path(__file__).parents[2]
+SLOWER = "50 to 170 times slower in samples and some ten times on the bus"
 
 
 def command(*arguments: str, pure: str = "") -> subprocess.CompletedProcess[str]:
@@ -64,7 +68,7 @@ def test_without_a_compiler_a_pure_wheel_results_and_says_so(tmp_path: Path) -> 
     [wheel] = tmp_path.glob("*.whl")
     assert wheel.name == f"vbus-{vbus.__version__}-py3-none-any.whl"
     reason = "there was no C compiler (/nowhere/cc)"
-    assert f"the core of this wheel is interpreted, some ten times slower: {reason}" in (
+    assert f"the core of this wheel is interpreted, {SLOWER}: {reason}" in (
         done.stdout + done.stderr
     )
     with zipfile.ZipFile(wheel) as content:
@@ -75,12 +79,47 @@ def test_without_a_compiler_a_pure_wheel_results_and_says_so(tmp_path: Path) -> 
         [sys.executable, "-m", "vbus", "doctor"],
         cwd=tmp_path / "installed", env=environment, capture_output=True, text=True, timeout=60,
     )  # fmt: skip
-    assert f"warn  core: interpreted: {reason}\n      it is some ten times slower: install gcc" in (
-        shown.stdout
-    )
+    assert f"warn  core: interpreted: {reason}\n      it is {SLOWER}: install gcc" in (shown.stdout)
 
     done = build(tmp_path, CC="/nowhere/cc", VBUS_NEED_COMPILED="1")
     assert done.returncode != 0
     assert f"vbus: no compiled core: {reason}. VBUS_NEED_COMPILED makes that an error" in (
         done.stdout + done.stderr
     )
+
+
+@pytest.fixture
+def hook() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("hook", ROOT / "vbus" / "compiled" / "hook.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_file_that_is_compiled_is_in_one_unit_at_most(hook: ModuleType) -> None:
+    listed = hook.core_files(ROOT)
+    assert len(listed) > 50
+    for pattern in hook.COMPILED:
+        assert list((ROOT / "vbus").glob(pattern)), pattern
+    found = [
+        str(path.relative_to(ROOT))
+        for unit in hook.UNITS
+        for path in {path for pattern in unit for path in (ROOT / "vbus").glob(pattern)}
+    ]
+    in_units = [name for name in found if name in listed]
+    assert len(in_units) == len(set(in_units)) > 20
+
+
+def test_all_pages_and_messages_have_one_figure_for_the_interpreted_core(hook: ModuleType) -> None:
+    assert hook.SLOWER == SLOWER
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    pages += [*sorted((ROOT / "docker").iterdir()), ROOT / "vbus" / "tools" / "doctor.py"]
+    figures = {
+        figure
+        for page in pages
+        if page.is_file()
+        for figure in re.findall(r"(\S+ \S+ \S+)\s+times slower", page.read_text())
+    }
+    assert figures == {"50 to 170"}

@@ -129,7 +129,7 @@ def test_wheels_are_made_for_every_python_that_is_tested() -> None:
     for build in settings["build"].split():
         number = build.removeprefix("cp3").removesuffix("-*")
         assert f'"3.{number}"' in workflow
-    assert settings["environment"] == {"VBUS_NEED_COMPILED": "1"}
+    assert settings["environment"] == {"VBUS_NEED_COMPILED": "1", "VBUS_RELEASE": "1"}
 
 
 def test_workflows_have_no_finding_of_medium_or_high_severity() -> None:
@@ -169,3 +169,27 @@ def test_a_release_lists_its_files_and_what_it_needs(release: ModuleType, tmp_pa
     assert not there & {"matplotlib", "pytest"}
     with pytest.raises(release.Wrong, match="has no distribution"):
         release.bill(tmp_path / "none", needs, 0)
+
+
+def test_the_second_command_of_the_readme_leaves_the_core_of_the_first_alone() -> None:
+    first, second = re.findall(
+        r"^python3 -m venv (\S+) && .*$", (ROOT / "README.md").read_text(), re.M
+    )
+    contributing = (ROOT / "CONTRIBUTING.md").read_text()
+
+    assert first != second
+    assert f"{second}/bin/pip install -e" in contributing
+    assert f"{first}/bin" not in contributing
+
+
+def test_each_way_to_install_is_tried_by_a_script_that_names_it() -> None:
+    listed = subprocess.run(
+        [sys.executable, ROOT / "release" / "installed.py", "--list"],
+        capture_output=True, text=True, check=True,
+    ).stdout.split()  # fmt: skip
+    wheels = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["cibuildwheel"]["build"]
+
+    pythons = {f"cp{name.removeprefix('python').replace('.', '')}-*" for name in listed[:4]}
+    assert pythons == set(wheels.split())
+    assert {"no-root", "pipx", "uv-tool", "uvx", "no-gcc", "umlauts", "read-only"} < set(listed)
+    assert "release/installed.py" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()

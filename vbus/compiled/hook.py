@@ -5,12 +5,13 @@ Runs when a wheel is built, by hatchling, and never later; it imports nothing of
 ========================  ========================================================================
 ``VBUS_PURE=1``           build the wheel without the compiled core, on any machine
 ``VBUS_NEED_COMPILED=1``  no compiled core is an error, not a note
+``VBUS_RELEASE=1``        compile with ``-O3`` and link-time optimization, minutes longer
 ``CC``, ``CFLAGS``        the compiler, and options added to ours
 ========================  ========================================================================
 
 Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
 ``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.
-An editable installation stays interpreted.
+An editable installation stays interpreted, and says so at the terminal.
 """
 
 import contextlib
@@ -27,43 +28,88 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+UNITS: Final = (
+    (
+        "bits.py", "kernel/*.py", "chips/motion/*.py", "plant/[deirt]*.py", "plant/sh*.py",
+        "chips/lm628/[aeo]*.py", "chips/lm628/chip.py", "chips/lm628/pid.py",
+        "chips/lm628/profile.py", "chips/mcp1200/axis.py", "chips/mcp1200/blocks.py",
+        "chips/mcp1200/co*.py", "chips/mcp1200/d*.py", "chips/mcp1200/encoder.py",
+        "chips/mcp1200/f*.py", "chips/mcp1200/m*.py", "chips/mcp1200/profiles.py",
+        "chips/mcp1200/re*.py", "chips/mcp1200/stepper.py", "chips/mcp1200/timer.py",
+    ),
+    (
+        "plant/stepper.py", "plant/windings.py", "plant/angle.py", "chips/mc1241a/axis.py",
+        "chips/mc1241a/chip.py", "chips/mc1241a/cycle.py", "chips/mc1241a/encoder.py",
+        "chips/mc1241a/limits.py", "chips/mc1241a/microstep.py", "chips/mc1241a/output.py",
+        "chips/mc1241a/profile.py",
+    ),
+    ("board/host_bus.py", "board/host_clock.py", "protocols/byte.py"),
+)  # fmt: skip
+"""What works in each sample, and in each bus cycle. Files of a unit are compiled as one, for speed:
+calls between them need no link-time optimization, whose link takes longer than all the rest."""
+
 COMPILED: Final = (
-    "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
-    "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
-    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
-    "protocols/port.py", "protocols/text.py", "board/board.py", "circuit/circuit.py",
+    *(pattern for unit in UNITS for pattern in unit),
+    "signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
+    "protocols/base.py", "protocols/codes.py", "protocols/frames.py", "protocols/port.py",
+    "protocols/text.py", "board/board.py", "circuit/circuit.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/host_pins.py", "circuit/strobe_player.py",
-    "board/card_bus.py", "board/card_path.py",
-    "board/card_cycle.py", "board/card_edges.py", "circuit/glue_cycles.py",
+    "board/card_bus.py", "board/card_path.py", "board/card_cycle.py", "circuit/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
-    "server/session.py", "server/statistics.py", "server/ticks.py", "server/turns.py",
+    "server/session.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/journal/rows.py",
     "trace/journal/recorded_bus.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
     "scope/lane.py", "scope/look.py",
 )  # fmt: skip
-"""What is compiled, but for :data:`COLD`: what works in every sample, bus cycle or message."""
+"""What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
+``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
 
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
+    "board/host_info.py", "lm628/clock_input.py", "lm628/encoder_pins.py",
+    "motion/input_limits.py", "signals/violation.py",
 })  # fmt: skip
-"""Tables, what reads them once, and of a chip's folder all but its behaviour; by names of files."""
-
-OPTIMIZE: Final = "3"
-"""-O2 takes a sample of an MCP-1200 a sixteenth longer, one of an MC1241A a twentieth."""
+"""Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
+by being compiled; by the ends of paths."""
 
 FLAGS: Final = (
     # Calls between functions of one library need no detour: a sample takes a fifth less.
     "-fno-semantic-interposition", "-fvisibility=hidden",
     # No multiplication and addition in one: floats are the same on every machine.
     "-ffp-contract=off",
+    # C throws nothing: a tenth of the library would be tables for that.
+    "-fno-asynchronous-unwind-tables",
 )  # fmt: skip
 
-WHOLE: Final = "-flto"
-"""Calls from module to module are compiled as those inside one are: an MCP-1200's sample takes a
-tenth less, an LM629's a twentieth. Where the compiler and its linker can."""
+WHOLE: Final = ("-O3", "-flto")
+"""Of a release, where the compiler and its linker can: calls from module to module are compiled as
+those inside one are. An MCP-1200's sample takes a tenth less, an LM629's a twentieth; the link
+takes a minute or two."""
+
+FAST: Final = "-O2"
+SOON: Final = "-Og"
+"""Of units and of the rest, but in a release: the rest is compiled in half the time of ``-O2``."""
+
+SHIM: Final = """\
+typedef struct _object PyObject;
+PyObject *PyImport_ImportModuleLevel(const char *, PyObject *, PyObject *, PyObject *, int);
+PyObject *PyObject_GetAttrString(PyObject *, const char *);
+PyObject *Py_BuildValue(const char *, ...);
+void *PyCapsule_GetPointer(PyObject *, const char *);
+void PyErr_Clear(void);
+void Py_DecRef(PyObject *);
+#define Py_DECREF Py_DecRef
+#define NULL ((void *)0)
+#define PyMODINIT_FUNC __attribute__((visibility("default"))) PyObject *
+"""
+"""What of ``Python.h`` the C file of a module uses that only names the library: a fifth of the time
+of a hundred such files."""
+
+SLOWER: Final = "50 to 170 times slower in samples and some ten times on the bus"
+"""What the interpreted core is, beside the compiled one."""
 
 GROUP: Final = "vbus"
 """Name of the library all modules are in: ``vbus__mypyc``."""
@@ -82,7 +128,10 @@ class CompiledCore(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Add the compiled core to the wheel, or the reason why there is none."""
-        if self.target_name != "wheel" or version == "editable":
+        if self.target_name != "wheel":
+            return
+        if version == "editable":
+            announce(f"vbus: an editable installation runs the interpreted core, {SLOWER}")
             return
         self._scratch = tempfile.mkdtemp(prefix="vbus-build-")
         scratch = Path(self._scratch)
@@ -93,8 +142,8 @@ class CompiledCore(BuildHookInterface):
                 raise NoCompiler("it was built with VBUS_PURE set")
             compiler = Compiler(scratch)
             announce(
-                f"vbus: compiling the core with {compiler.command[0]}, a minute or two;"
-                " VBUS_PURE=1 does without, some ten times slower"
+                f"vbus: compiling the core with {compiler.command[0]}: about a minute on two"
+                f" processors; VBUS_PURE=1 does without, {SLOWER}"
             )
             for built, place in compile_core(Path(self.root), scratch, compiler):
                 include[str(built)] = place
@@ -109,7 +158,7 @@ class CompiledCore(BuildHookInterface):
             include.clear()
             include[str(reason)] = "vbus/compiled/reason.txt"
             self.app.display_warning(
-                f"vbus: the core of this wheel is interpreted, some ten times slower: {error}"
+                f"vbus: the core of this wheel is interpreted, {SLOWER}: {error}"
             )
         else:
             build_data["pure_python"] = False
@@ -138,7 +187,7 @@ def core_files(root: Path) -> list[str]:
         path
         for pattern in COMPILED
         for path in (root / "vbus").glob(pattern)
-        if path.name not in COLD
+        if not any(path.match(end) for end in COLD)
     }
     return sorted(str(path.relative_to(root)) for path in files)
 
@@ -166,10 +215,11 @@ class Compiler:
         self.own = shlex.split(os.environ.get("CFLAGS", ""))
         self.suffix: str = settings["EXT_SUFFIX"]
         self._probe(scratch, [])
-        self.whole: list[str] = []
-        with contextlib.suppress(NoCompiler):
-            self._probe(scratch, [WHOLE])
-            self.whole = [WHOLE]
+        self.whole: tuple[str, ...] = ()
+        if _set("VBUS_RELEASE"):
+            with contextlib.suppress(NoCompiler):
+                self._probe(scratch, [*WHOLE])
+                self.whole = WHOLE
 
     def _probe(self, scratch: Path, options: list[str]) -> None:
         source = scratch / "probe.c"
@@ -188,9 +238,10 @@ class Compiler:
             raise
 
     def compile(self, source: Path, target: Path, options: list[str]) -> None:
-        """Compile one C file."""
+        """Compile one C file, or a header, which files that begin with it need not read again."""
+        kind = ["-x", "c-header"] if source.suffix == ".h" else []
         self._run([*self.command, *self.options, *options, *self.own,
-                   "-c", str(source), "-o", str(target)])  # fmt: skip
+                   *kind, "-c", str(source), "-o", str(target)])  # fmt: skip
 
     def link(self, objects: list[Path], target: Path, options: list[str]) -> None:
         """Link objects to an extension module."""
@@ -214,15 +265,15 @@ def _header_folders() -> list[str]:
     return sorted({paths["include"], paths["platinclude"]})
 
 
-def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
-    """Compile the core; return each extension module with its place in the wheel."""
+def generate(root: Path, scratch: Path) -> list[Any]:
+    """Make C of the core by mypyc; return what is to be compiled, as setuptools has it."""
     from mypyc.build import mypycify
 
     # mypyc finds modules by their paths, from where it stands.
     before = os.getcwd()
     os.chdir(root)
     try:
-        extensions = mypycify(
+        made: list[Any] = mypycify(
             [
                 "--config-file=",
                 f"--cache-dir={scratch / 'cache'}",
@@ -231,7 +282,6 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
                 "--follow-imports=silent",
                 *core_files(root),
             ],
-            opt_level=OPTIMIZE,
             debug_level="0",
             multi_file=True,
             target_dir=str(scratch / "c"),
@@ -239,31 +289,84 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         )
     finally:
         os.chdir(before)
-    jobs = []
-    links = []
+    return made
+
+
+def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
+    """Compile the core; return each extension module with its place in the wheel."""
+    extensions = generate(root, scratch)
+    jobs: list[tuple[Path, list[str]]] = []
+    shims: list[tuple[Path, Path]] = []
+    built = []
     for extension in extensions:
-        # One library has all code, the others only name it.
-        whole = compiler.whole if len(extension.sources) > 1 else []
-        options = [option for option in extension.extra_compile_args if option != "-Werror"]
-        options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS, *whole]
-        jobs += [(Path(root, source), options) for source in extension.sources]
-        links.append((extension, [f"{option}={os.cpu_count()}" for option in whole]))
-    # The longest first, so that none is left alone at the end.
-    jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
+        place = extension.name.replace(".", "/") + compiler.suffix
+        target = scratch / "lib" / place
+        built.append((target, place))
+        sources = [Path(root, source) for source in extension.sources]
+        if len(sources) == 1:
+            # One library has all code, the others only name it.
+            sources[0].write_text(sources[0].read_text().replace("#include <Python.h>", SHIM, 1))
+            shims.append((sources[0], target))
+            continue
+        library = target
+        options = [o for o in extension.extra_compile_args if o != "-Werror" and o[:2] != "-O"]
+        options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
+        if not compiler.whole:
+            for number, patterns in enumerate(UNITS):
+                unit, sources = _unit(root, sources, patterns, scratch / "c" / f"unit{number}.c")
+                jobs.append((unit, [*options, FAST]))
+        options += compiler.whole or (SOON,)
+        options += _header(compiler, scratch / "header", options)
+        jobs += [(source, options) for source in sources]
     with ThreadPoolExecutor(os.cpu_count()) as workers:
+        # The longest first, so that none is left alone at the end.
         done = [
             workers.submit(compiler.compile, source, _object(source, scratch), options)
-            for source, options in jobs
+            for source, options in sorted(jobs, key=lambda job: _size(job[0]), reverse=True)
+        ]
+        done += [
+            workers.submit(compiler.link, [source], target, ["-O0", "-fPIC"])
+            for source, target in shims
         ]
         for job in done:
             job.result()
-    built = []
-    for extension, options in links:
-        place = extension.name.replace(".", "/") + compiler.suffix
-        objects = [_object(Path(root, source), scratch) for source in extension.sources]
-        compiler.link(objects, scratch / "lib" / place, options)
-        built.append((scratch / "lib" / place, place))
+    whole = [o.replace("-flto", f"-flto={os.cpu_count()}") for o in compiler.whole]
+    compiler.link([_object(source, scratch) for source, _ in jobs], library, whole)
     return built
+
+
+def _unit(
+    root: Path, sources: list[Path], patterns: tuple[str, ...], unit: Path
+) -> tuple[Path, list[Path]]:
+    """Write a C file that stands for those of some modules; return it, and the others."""
+    mine = {
+        "___".join(("__native_vbus", *path.relative_to(root / "vbus").with_suffix("").parts))
+        for pattern in patterns
+        for path in (root / "vbus").glob(pattern)
+    }
+    taken = [source for source in sources if source.stem in mine]
+    unit.write_text("".join(f'#include "{source.name}"\n' for source in taken))
+    return unit, [source for source in sources if source not in taken]
+
+
+def _size(source: Path) -> int:
+    """Return how much C is compiled with a file; of a unit, its files' sum."""
+    text = source.read_text() if source.stem.startswith("unit") else ""
+    names = [line.split('"')[1] for line in text.splitlines()]
+    return sum(source.with_name(name).stat().st_size for name in names or [source.name])
+
+
+def _header(compiler: Compiler, folder: Path, options: list[str]) -> list[str]:
+    """Compile what all files of the library read first; return the option that takes it."""
+    folder.mkdir()
+    header = folder / "all.h"
+    names = (f"__native_{GROUP}.h", f"__native_internal_{GROUP}.h")
+    header.write_text("".join(f'#include "{name}"\n' for name in names))
+    try:
+        compiler.compile(header, header.with_name("all.h.gch"), options)
+    except NoCompiler:
+        return []
+    return ["-include", str(header)]
 
 
 def _object(source: Path, scratch: Path) -> Path:
