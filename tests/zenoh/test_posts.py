@@ -13,8 +13,7 @@ from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
-from vbus.client.zenoh_link import ZenohLink, open_zenoh
-from vbus.client.zenoh_message import Sent
+from vbus.client.zenoh_link import Sent, ZenohLink, open_zenoh
 from vbus.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange

@@ -11,6 +11,7 @@ import contextlib
 import os
 import threading
 from collections import deque
+from dataclasses import dataclass
 from time import sleep
 from typing import Any, Final
 from urllib.parse import parse_qsl
@@ -19,7 +20,6 @@ from weakref import WeakSet
 import zenoh
 
 from vbus.client.link import Link
-from vbus.client.zenoh_message import Sent
 from vbus.client.zenoh_options import endpoints_of, seconds
 from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
@@ -44,6 +44,58 @@ TICK_SECONDS: Final = 0.1
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority", "patience")
+
+
+@dataclass(slots=True)
+class Sent:
+    """A message under way: takes what Zenoh's threads bring.
+
+    Attributes:
+        link: its link.
+        number: its number.
+        data: its bytes.
+        sent: when it was sent the last time.
+        sendings: how often it was sent.
+        over: the last sending that has ended without an answer; 0: none.
+        silent_since: when it was first found that nobody answers; 0 if somebody may.
+    """
+
+    link: ZenohLink
+    number: int
+    data: bytes
+    sent: float = 0.0
+    sendings: int = 0
+    over: int = 0
+    silent_since: float = 0.0
+
+    def take(self, reply: zenoh.Reply) -> None:
+        """Take the reply; called in a thread of Zenoh's."""
+        ok = reply.ok
+        if ok is not None:
+            if self.number == 0:
+                said = ok.attachment
+                self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
+            self.link.arrived(self.number, ok.payload.to_bytes())
+            return
+        err = reply.err
+        text = err.payload.to_bytes().decode("utf-8", "replace") if err is not None else ""
+        code, _, reason = text.partition(" ")
+        if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
+            self.link.failed(f"refused by the board: {reason}", self.number)
+
+    def ended(self, sending: int) -> None:
+        """Whoever could answer has done so; called in a thread of Zenoh's.
+
+        A board that works on a message lets go of it when it is repeated, and holds the repetition.
+        """
+        if sending == self.sendings:
+            self.over = sending
+            self.silent_since = self.silent_since or monotonic()
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody may yet answer what was sent last."""
+        return self.over != self.sendings
 
 
 _open: WeakSet[ZenohLink] = WeakSet()

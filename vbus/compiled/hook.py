@@ -30,18 +30,13 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 UNITS: Final = (
     (
-        "bits.py", "kernel/*.py", "chips/motion/*.py", "plant/[deirt]*.py", "plant/sh*.py",
-        "chips/lm628/[aeo]*.py", "chips/lm628/chip.py", "chips/lm628/pid.py",
-        "chips/lm628/profile.py", "chips/mcp1200/axis.py", "chips/mcp1200/blocks.py",
-        "chips/mcp1200/co*.py", "chips/mcp1200/d*.py", "chips/mcp1200/encoder.py",
-        "chips/mcp1200/f*.py", "chips/mcp1200/m*.py", "chips/mcp1200/profiles.py",
-        "chips/mcp1200/re*.py", "chips/mcp1200/stepper.py", "chips/mcp1200/timer.py",
-    ),
-    (
-        "plant/stepper.py", "plant/windings.py", "plant/angle.py", "chips/mc1241a/axis.py",
-        "chips/mc1241a/chip.py", "chips/mc1241a/cycle.py", "chips/mc1241a/encoder.py",
-        "chips/mc1241a/limits.py", "chips/mc1241a/microstep.py", "chips/mc1241a/output.py",
-        "chips/mc1241a/profile.py",
+        "bits.py", "kernel/*.py", "plant/*.py", "chips/motion/*.py",
+        "chips/*/axis.py", "chips/*/blocks.py", "chips/*/chip.py", "chips/*/command.py",
+        "chips/*/control_loop.py", "chips/*/counter.py", "chips/*/cycle.py", "chips/*/drive.py",
+        "chips/*/encoder.py", "chips/*/faults.py", "chips/*/filters.py", "chips/*/following.py",
+        "chips/*/limits.py", "chips/*/microstep.py", "chips/*/motor_command.py",
+        "chips/*/output.py", "chips/*/pid.py", "chips/*/profile.py", "chips/*/profiles.py",
+        "chips/*/registers.py", "chips/*/rest.py", "chips/*/stepper.py", "chips/*/timer.py",
     ),
     ("board/host_bus.py", "board/host_clock.py", "protocols/byte.py"),
 )  # fmt: skip
@@ -69,7 +64,7 @@ COLD: Final = frozenset({
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
-    "board/host_info.py", "lm628/clock_input.py", "lm628/encoder_pins.py",
+    "board/host_info.py", "clock_input.py", "encoder_pins.py",
     "motion/input_limits.py", "signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
