@@ -244,4 +244,4 @@ def test_a_move_of_the_smallest_fraction_toward_an_active_switch_is_refused(
     chip.chip.axes[0].profile.position = (5 << 32) + beyond
     chip.send("UPDATE")
     chip.next_cycle(2)
-    assert chip.rules() == (["command-error"] if refused else [])
+    assert {*chip.rules()} - {"without-current"} == ({"command-error"} if refused else set())

@@ -118,7 +118,7 @@ def test_without_velocity_acceleration_or_jerk_nothing_is_in_motion(
     bench.next_cycle()
     assert bench.seen("target") == 2000
     assert bench.status() == 0x0301
-    assert bench.rules() == []
+    assert bench.rules() == ["without-current"]
 
 
 @spec("PMD-TRJ-8", "PMD-TRJ-10")

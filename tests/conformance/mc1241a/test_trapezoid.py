@@ -117,7 +117,26 @@ def test_a_move_that_cannot_begin_is_not_in_motion(bench: Bench, vel: int, acc: 
     bench.next_cycle(7)
     assert bench.seen("target") == 20
     assert bench.status() == 0x0301
-    assert bench.rules() == []
+    assert bench.rules() == ["without-current"]
+
+
+@spec("PMD-CMD-64")
+def test_a_profile_that_ends_without_a_motor_command_is_noted(bench: Bench) -> None:
+    bench.move(pos=20, vel=4 << 16, acc=1 << 16)
+    bench.next_cycle(6)
+    assert bench.rules() == [], "it has not ended yet"
+    bench.next_cycle(10)
+    assert bench.rules() == ["without-current"]
+    assert bench.violations[0].detail == (
+        "axis 1: the profile has run to its end while the motor command was 0: set it by"
+        " SET_MTR_CMD, or by SET_BUF_MTR_CMD and UPDATE"
+    )
+    assert bench.violations[0].severity == "note"
+    bench.send("SET_MTR_CMD", 1)
+    bench.move(pos=0)
+    bench.next_cycle(20)
+    assert bench.seen("target") == 0
+    assert bench.rules().count("without-current") == 1, "a motor command carries a current"
 
 
 @spec("PMD-TRJ-8", "PMD-TRJ-12")

@@ -145,7 +145,7 @@ def test_a_mode_change_at_rest_starts_nothing(chip: Bench) -> None:
         chip.send("SET_PRFL_" + mode)
         chip.next_cycle(5)
         assert chip.seen("target") == 10
-    assert chip.rules() == []
+    assert chip.rules() == ["without-current"]
 
 
 @spec("PMD-TRJ-6")

@@ -34,6 +34,7 @@ from vbus.chips.mc1241a.datasheet import (
     S_CURVE,
     STOP_TWICE,
     TRAPEZOIDAL,
+    WITHOUT_CURRENT,
     WRAP,
 )
 from vbus.chips.mc1241a.encoder import Encoder
@@ -183,7 +184,14 @@ class Axis:
             profile.halt()
             self.events |= hit | MOTION_COMPLETE  # PMD-LIM-1
         start = profile.position
-        self.events |= profile.step(self.active, self.start_velocity, counts)
+        ended = profile.step(self.active, self.start_velocity, counts)
+        if ended & MOTION_COMPLETE and self.active.motor_command == 0:
+            self._report(
+                WITHOUT_CURRENT,
+                f"axis {self.number + 1}: the profile has run to its end while the motor command"
+                " was 0: set it by SET_MTR_CMD, or by SET_BUF_MTR_CMD and UPDATE",
+            )
+        self.events |= ended
         self.stepper.begin_cycle(start, profile.moved)
         self._check_error()
 

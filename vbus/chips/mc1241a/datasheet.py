@@ -517,6 +517,11 @@ MOTOR_COMMAND_LOST: Final = Rule(
     "An update should find the motor command set by SET_MTR_CMD equal to the buffered one.",
     "note",
 )  # fmt: skip
+WITHOUT_CURRENT: Final = Rule(
+    "mc1241a.without-current", "PMD-CMD-64",
+    "A motor command above 0 should be set before a profile runs: with 0 no phase has a current.",
+    "note",
+)  # fmt: skip
 TWO_CHANNELS: Final = Rule(
     "mc1241a.quadrature", "PMD-ENC-1", "Only one of A and B may change at a time."
 )
@@ -525,7 +530,7 @@ RULES: Final = (
     *AC.rules.values(),
     NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
     UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
-    COMMAND_REFUSED, MOTOR_COMMAND_LOST, TWO_CHANNELS,
+    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS,
 )  # fmt: skip
 
 # -- settings ------------------------------------------------------------------------------------
