@@ -29,13 +29,12 @@ CHIPS = {
 }
 
 
-def board(chip: str, violations: str = "warn", substeps: int = 4) -> Board:
+def board(chip: str, violations: str = "warn") -> Board:
     rows, plant, _ = CHIPS[chip]
     return load_board_text(
         f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n'
         f'[violations]\ndefault = "{violations}"\n'
         f"[chips.x]\n{rows}\n[plants.m]\n{plant}\n"
-        f"substeps = {substeps}\n"
     )
 
 
@@ -96,16 +95,16 @@ def start_lm629(port: object, kp: int, kd: int, acc: int, vel: int) -> None:
     command(port, 0x01)
 
 
-def moving_lm629(substeps: int = 4) -> Board:
+def moving_lm629() -> Board:
     """An LM629 in velocity mode, one count a sample."""
-    made = board("LM629", substeps=substeps)
+    made = board("LM629")
     start_lm629(made.open_port("bench"), kp=300, kd=2000, acc=1000, vel=1)
     return made
 
 
-def moving_mcp1200(substeps: int = 4) -> Board:
+def moving_mcp1200() -> Board:
     """An MCP-1200 with its PID in integral velocity mode, two counts a sample."""
-    made = board("MCP-1200", substeps=substeps)
+    made = board("MCP-1200")
     port = made.open_port("bench")
     for register, value in ((0x01, 0x08), (0x26, 0x10), (0x3C, 2), (0x05, 3), (0x00, 0x0D)):
         port.write(register, value)
@@ -113,9 +112,9 @@ def moving_mcp1200(substeps: int = 4) -> Board:
     return made
 
 
-def moving_mc1241a(substeps: int = 4) -> Board:
+def moving_mc1241a() -> Board:
     """An MC1241A with one axis in velocity mode, five microsteps a cycle."""
-    made = board("MC1241A", substeps=substeps)
+    made = board("MC1241A")
     port = made.open_port("bench")
     packets = ((0x74,), (0x77, 24000), (0x0A,), (0x11, 5, 0), (0x12, 0, 1000), (0x1A,))
     for code, *words in packets:

@@ -2,10 +2,10 @@
  *
  * The same rules as vbus/chips/lm628 and vbus/plant, for a host that has loaded a trajectory in
  * velocity mode and touches nothing: profile, error, filter, PWM, armature and shaft, encoder. The
- * motor is made in four sub-steps, or solved exactly with its events found by halving, as in
- * vbus/plant/travel.py. The yardstick of benchmarks/core.py.
+ * motor is solved exactly with its events found by halving, as in vbus/plant/travel.py. The
+ * yardstick of benchmarks/core.py.
  *
- *     step [SAMPLES] [sub-steps | solved | hunting]
+ *     step [SAMPLES] [moving | hunting]
  *
  * "hunting" is the motor alone, turned round by its command in every period: an event in each.
  */
@@ -23,10 +23,10 @@ typedef struct {
     int armed, done, motor_off, stop_on_error, sip, wrapped;
     int64_t frame, high_clk, sign;
     double command;
-    double supply, amplifier, keep, admit, induced, torque_constant, current;
-    double load, static_torque, gain, ease, loss, turn_counts, velocity_rad, first, last;
+    double supply, amplifier, torque_constant, current;
+    double load, static_torque, velocity_rad, first, last;
     int64_t base, plant_count, low, high;
-    int stopped, resting, substeps;
+    int stopped, resting;
     double coulomb, resistance, inductance, back_emf, inertia, viscous;
 } axis_t;
 
@@ -81,45 +81,6 @@ static int64_t filter(axis_t *a, int64_t error)
     }
     a->term = term;
     return sat16(sat16(a->kp * error) + term + a->derivative);
-}
-
-static void motor(axis_t *a)
-{
-    double volts = a->command * a->amplifier;
-    if (volts > a->supply) volts = a->supply;
-    if (volts < -a->supply) volts = -a->supply;
-    double before = a->current, current = before, departed = a->velocity_rad, speed = departed;
-    double here = a->last - (double)(a->plant_count - a->base);
-    if (here >= 1.0) here = 0.99999999999999988898;
-    a->base = a->plant_count;
-    a->first = here;
-    double admitted = a->admit * volts;
-    for (int piece = 0; piece < a->substeps; piece++) {
-        current = a->keep * current + admitted;
-        double torque = a->torque_constant * current;
-        if (a->load != 0.0) torque -= a->load;
-        if (speed != 0.0 || torque < -a->static_torque || torque > a->static_torque) {
-            speed = (speed + a->gain * torque) * a->ease;
-            if (speed > a->loss) speed -= a->loss;
-            else if (speed < -a->loss) speed += a->loss;
-            else speed = 0.0;
-            here += speed * a->turn_counts;
-            if (a->stopped) {
-                double low = (double)(a->low - a->base) + 0.5;
-                double high = (double)(a->high - a->base) + 0.5;
-                if (here <= low) { here = low; speed = 0.0; }
-                else if (here >= high) { here = high; speed = 0.0; }
-            }
-        }
-        current -= a->induced * speed;
-    }
-    if (current > -1e-12 && current < 1e-12) current = 0.0;
-    a->current = current;
-    a->velocity_rad = speed;
-    a->resting = current == before && speed == departed && here == a->first;
-    a->last = here;
-    int64_t whole = (int64_t)here;
-    a->plant_count = a->base + (here < (double)whole ? whole - 1 : whole);
 }
 
 static span_t twice(const span_t *s)
@@ -257,7 +218,7 @@ static double leap(axis_t *a, double v, double place)
     return here;
 }
 
-static void solved_motor(axis_t *a)
+static void motor(axis_t *a)
 {
     double volts = a->command * a->amplifier;
     if (volts > a->supply) volts = a->supply;
@@ -310,34 +271,23 @@ void sample(axis_t *a)
     a->sign = value < 0 ? 2 : 0;
     a->high_clk = magnitude * a->frame / 128;
     a->command = (double)(value < 0 ? -magnitude : magnitude) / 128.0;
-    if (a->substeps > 0) motor(a);
-    else solved_motor(a);
+    motor(a);
 }
 
 int main(int argc, char **argv)
 {
     long samples = argc > 1 ? atol(argv[1]) : 50000;
-    const char *model = argc > 2 ? argv[2] : "sub-steps";
-    int hunting = strcmp(model, "hunting") == 0;
+    int hunting = argc > 2 && strcmp(argv[2], "hunting") == 0;
     double period = 256e-6, inertia = 5e-6, viscous = 1e-6, coulomb = 0.002, resistance = 2.5;
-    double inductance = 0.0005, torque_constant = 0.03, back_emf = 0.03, step = period / 4;
+    double inductance = 0.0005, torque_constant = 0.03, back_emf = 0.03;
     axis_t a = {
         .goal = 1 << 16, .accel = 1000, .threshold = 32767, .kp = 300, .kd = 2000,
         .frame = 512, .supply = 24.0, .amplifier = 24.0, .torque_constant = torque_constant,
-        .static_torque = 0.0025, .first = 0.5, .last = 0.5, .substeps = 4,
+        .static_torque = 0.0025, .first = 0.5, .last = 0.5,
         .coulomb = coulomb, .resistance = resistance, .inductance = inductance,
         .back_emf = back_emf, .inertia = inertia, .viscous = viscous,
     };
-    if (strcmp(model, "sub-steps") != 0) a.substeps = 0;
     respond(&a, period, 2000 / 6.283185307179586);
-    double impedance = inductance + step * resistance;
-    a.keep = inductance / impedance;
-    a.admit = step / impedance;
-    a.induced = a.admit * back_emf;
-    a.gain = step / inertia;
-    a.turn_counts = step * 2000 / 6.283185307179586;
-    a.ease = 1.0 / (1.0 + a.gain * (viscous + torque_constant * a.admit * back_emf));
-    a.loss = a.gain * coulomb * a.ease;
     double best = 1e9;
     for (int round = 0; round < 20; round++) {
         struct timespec start, end;
@@ -345,7 +295,7 @@ int main(int argc, char **argv)
         for (long n = 0; n < samples; n++) {
             if (hunting) {
                 a.command = n & 1 ? -0.5 : 0.5;
-                solved_motor(&a);
+                motor(&a);
             } else {
                 sample(&a);
             }

@@ -37,21 +37,18 @@ OTHERS = {
 }
 
 
-def text(
-    count: int, policy: str, chip: str = LM629, model: str = "dc_motor", substeps: int = 4
-) -> str:
+def text(count: int, policy: str, chip: str = LM629, model: str = "dc_motor") -> str:
     """Return a board of chips with motors, of which a host reaches those it asks for."""
     axes = "".join(
         f'[chips.x{n}]\n{chip.format(plant=f"m{n}")}\n[plants.m{n}]\nmodel = "{model}"\n'
-        f"substeps = {substeps}\n"
         for n in range(count)
     )
     return f'[board]\nname = "many"\ntime = "{policy}"\npower_on = "done"\n{axes}'
 
 
-def moving(count: int, substeps: int = 4) -> Board:
-    """Return a board on which every axis turns; 0 sub-steps: motors are solved."""
-    made = load_board_text(text(count, "lockstep", substeps=substeps))
+def moving(count: int) -> Board:
+    """Return a board on which every axis turns."""
+    made = load_board_text(text(count, "lockstep"))
     for chip in made.chips:
         port = made.open_port(f"h {chip.name}", [chip.name])
         command(port, 0x1E, 0x000A, 300, 2000)
@@ -154,7 +151,7 @@ def told(environment: dict[str, str]) -> dict[str, Any]:
 
 def served(
     count: int, turning: bool, seconds: float, chip: str = LM629, model: str = "dc_motor",
-    rate: str = "1", substeps: int = 4,
+    rate: str = "1",
 ) -> tuple[float, float, int]:  # fmt: skip
     """Return the share of a core ``vbus run`` takes, its worst lag (ms), and its memory (KiB).
 
@@ -162,7 +159,7 @@ def served(
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "many.toml"
-        file.write_text(text(count, "realtime", chip, model, substeps) + hosts(count))
+        file.write_text(text(count, "realtime", chip, model) + hosts(count))
         environment = {**os.environ, "VBUS_RUNTIME": folder}
         server = subprocess.Popen(
             [sys.executable, "-m", "vbus", "run", "--json", "--rate", rate, file],
@@ -217,17 +214,17 @@ def in_real_time(seconds: float) -> list[Row]:
 
 
 def beside_the_core(seconds: float) -> list[Row]:
-    """Rows of what a server has of what its core does alone; motors are solved."""
+    """Rows of what a server has of what its core does alone."""
     rows = []
     for count, rate, work, limit in (
         (1, "max", "vbus run --rate max, one moving axis", "0.9; 8000 x"),
         (1500, "1", "vbus run, 1500 moving axes, as on a full core", "0.9; 7500 x"),
     ):
-        board = moving(count, 0)
+        board = moving(count)
         ours, alone = [], []
         for _ in range(3):
             alone.append(ran(board, SECOND if count > 1 else 20 * SECOND))
-            ours.append(served(count, True, seconds, rate=rate, substeps=0)[0])
+            ours.append(served(count, True, seconds, rate=rate)[0])
         best, core = min(ours), min(alone)
         rows.append(
             Row(work, f"{core / best:.2f} of the core alone, {count / best:.0f} x real time", limit)

@@ -47,7 +47,6 @@ def servo_motor(random: Random) -> str:
         f'load_torque = "{random.choice((0.0, random.uniform(-0.02, 0.02))):.5f} N*m"',
         f'inductance = "{random.choice((0.0, 0.0005, 0.01))} H"',
         f"encoder_lines = {random.choice((25, 500, 512, 5000))}",
-        f"substeps = {random.choice((0, 0, 1, 4, 7))}",
         f"index = {random.choice(('true', 'false'))}",
     ]
     if random.random() < 0.3:
@@ -69,7 +68,6 @@ def step_motor(random: Random) -> str:
             f'static_friction = "{dry * 1.3:.6f} N*m"',
             f'holding_torque = "{random.uniform(0.05, 1):.4f} N*m"',
             f"steps_per_rev = {random.choice((200, 400, 3200))}",
-            f"substeps = {random.choice((0, 1, 3, 4))}",
         )
     )
 

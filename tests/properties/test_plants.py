@@ -52,18 +52,8 @@ def motor_settings(stops: bool) -> dict[str, float]:
 KINDS = {
     "dc motor": (lambda: DcMotor(), drives()),
     "dc motor between stops": (lambda: DcMotor(motor_settings(True)), drives()),
-    "solved dc motor": (lambda: DcMotor({"substeps": 0}), drives()),
-    "solved dc motor between stops": (
-        lambda: DcMotor({"substeps": 0, **motor_settings(True)}),
-        drives(),
-    ),
     "stepper by pulses": (lambda: StepperMotor(), pulses()),
     "stepper by phases": (lambda: StepperMotor(), phases()),
-    "integrated stepper by pulses": (lambda: StepperMotor({"substeps": 0}), pulses()),
-    "integrated stepper between stops": (
-        lambda: StepperMotor({"substeps": 0, **motor_settings(True)}),
-        phases(),
-    ),
     "stepper between stops": (lambda: StepperMotor(motor_settings(True)), phases()),
     "ideal by error": (lambda: IdealPlant(), drives()),
     "ideal by pulses": (lambda: IdealPlant(), pulses()),
@@ -142,9 +132,8 @@ def test_between_end_stops_no_motor_leaves_them(kind, data):
 
 @pytest.mark.spec("LM-POS-1", "MCP-ENC-1", "PMD-ENC-1")
 @given(commands=st.lists(st.tuples(UNIT, st.integers(1, 30)), max_size=6))
-@pytest.mark.parametrize("substeps", [4, 0])
-def test_its_encoder_lines_decoded_give_the_same_counts_and_index(substeps, commands):
-    plant = DcMotor({"index_offset": 40, "encoder_lines": 60, "substeps": substeps})
+def test_its_encoder_lines_decoded_give_the_same_counts_and_index(commands):
+    plant = DcMotor({"index_offset": 40, "encoder_lines": 60})
     plant.prepare(256e-6)
     decoder = Quadrature(0, 0, together=True)
     decoder.preset(0, 0, 1)

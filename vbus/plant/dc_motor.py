@@ -24,16 +24,15 @@ CORNERS: Final = 64
 _PARTS: Final = 17179869184.0
 """Ticks of a period."""
 _STANDS: Final = Travel(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-"""The way of all motors that are not solved: none."""
+"""The way of a motor whose numbers are not known yet: none."""
 
 
 class DcMotor(Shaft):
     """Amplifier, armature and shaft; the defaults are a small 24 V servo motor.
 
-    With ``substeps = 0`` armature and shaft are solved exactly, from one change of direction, stop
-    or break-away to the next, and so is every place within a period. With sub-steps they are solved
-    together and implicitly in each of them, and the course is straight between. No choice of
-    parameters and period makes either unstable; without inductance the current follows at once.
+    Armature and shaft are solved exactly, from one change of direction, stop or break-away to the
+    next, and so is every place within a period. No choice of parameters and period makes them
+    unstable; without inductance the current follows at once.
 
     With a servo period of 256 us and 500 lines, the defaults run at up to 65 counts a period,
     and have a mechanical time constant of 14 ms.
@@ -42,8 +41,6 @@ class DcMotor(Shaft):
     TAKES: ClassVar[tuple[str, ...]] = ("drive",)
     OPTIONS: ClassVar[tuple[Option, ...]] = (
         *SHAFT_OPTIONS,
-        Option("substeps", "count", 4, "steps of the mechanics in each period of the chip; 0: none,"
-               " the motor's equations are solved exactly", low=0, high=1000),
         Option("supply", "V", 24.0, "supply of the amplifier, where its output saturates",
                low=0.0),
         Option("gain", "V", 24.0, "output of the amplifier at full command"),
@@ -64,13 +61,8 @@ class DcMotor(Shaft):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_supply", "_amplifier", "_resistance", "_inductance", "_torque_constant", "_back_emf",
-        "_viscous", "solved_exactly",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = (
-        "_keep", "_admit", "_induced", "_other_period", "_other_keep", "_other_admit",
-        "_other_induced", "_other_gain", "_other_ease", "_other_loss", "_other_turn", "_response",
-        "_other_response", "_travel",
-    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_other_period", "_response", "_other_response", "_travel")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -82,28 +74,13 @@ class DcMotor(Shaft):
         self._inductance: float = float(self.settings["inductance"])
         self._torque_constant: float = float(self.settings["torque_constant"])
         self._back_emf: float = float(self.settings["back_emf"])
-        self._viscous: float = self._damping
-        # What a sub-step leaves of the current, and what a volt adds to it.
-        self._keep: float = 0.0
-        self._admit: float = 0.0
-        # Current that 1 rad/s takes away again.
-        self._induced: float = 0.0
-        # The same, and what the shaft makes of a sub-step, for the period before this one.
-        self._other_period: float = 0.0
-        self._other_keep: float = 0.0
-        self._other_admit: float = 0.0
-        self._other_induced: float = 0.0
-        self._other_gain: float = 0.0
-        self._other_ease: float = 1.0
-        self._other_loss: float = 0.0
-        self._other_turn: float = 0.0
         # Amplifier and current at the start of the last period.
         self._volts: float = 0.0
         self._began: float = 0.0
-        self.solved_exactly: bool = self._substeps == 0
-        """Its equations are solved, not its sub-steps made."""
         # The course of the last period follows from its beginning.
         self._solved: bool = False
+        # What a period comes to, and one of the length before this one.
+        self._other_period: float = 0.0
         self._response: Response = NONE
         self._other_response: Response = self._response
         self._travel: Travel = _STANDS
@@ -121,18 +98,12 @@ class DcMotor(Shaft):
         # Chips that change their drive twice a sample have two lengths by turns.
         before = self._period
         again = period == self._other_period
-        if self.solved_exactly:
-            response = self._response
-            self._response = self._other_response
-            self._other_response = response
-        else:
-            self._exchange()
-        if again:
-            self._forget_course()
-            self._resting = False
-            self._period = period
-        else:
-            super().prepare(period)
+        response = self._response
+        self._response = self._other_response
+        self._other_response = response
+        super().prepare(period)
+        if not again:
+            self._solve()
         self._other_period = before
 
     def telemetry(self) -> dict[str, float]:
@@ -148,7 +119,6 @@ class DcMotor(Shaft):
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
         mechanics = super().mechanics()
-        mechanics.viscous = self._viscous
         mechanics.torque = self._torque_constant
         mechanics.supply = self._supply
         return mechanics
@@ -156,39 +126,14 @@ class DcMotor(Shaft):
     def refit(self, mechanics: Mechanics) -> None:
         """Turn with other numbers from the next period on; the one under way keeps its course."""
         super().refit(mechanics)
-        self._viscous = mechanics.viscous
         self._torque_constant = mechanics.torque
         self._supply = mechanics.supply
-        self._divide(self._substeps)
-
-    def _exchange(self) -> None:
-        """Let the sub-steps that the last two periods were prepared with change places."""
-        keep, admit, induced = self._keep, self._admit, self._induced
-        self._keep, self._admit = self._other_keep, self._other_admit
-        self._induced = self._other_induced
-        self._other_keep, self._other_admit, self._other_induced = keep, admit, induced
-        gain, ease, loss, turn = self._gain, self._ease, self._loss, self._turn_counts
-        self._gain, self._ease = self._other_gain, self._other_ease
-        self._loss, self._turn_counts = self._other_loss, self._other_turn
-        self._other_gain, self._other_ease = gain, ease
-        self._other_loss, self._other_turn = loss, turn
-
-    def _divide(self, substeps: i64) -> None:
-        # What was prepared before may be of another motor: faults change it.
-        self._other_period = 0.0
-        if self.solved_exactly:
-            self._solve()
-            return
-        step = self._period / float(substeps)
-        impedance = self._inductance + step * self._resistance
-        self._keep = self._inductance / impedance
-        self._admit = step / impedance
-        self._induced = self._admit * self._back_emf
-        self._damping = self._viscous + self._torque_constant * self._admit * self._back_emf
-        super()._divide(substeps)
+        self._solve()
 
     def _solve(self) -> None:
         """Make what a period, and what may happen in it, is worked out with."""
+        # What was prepared before may be of another motor: faults change it.
+        self._other_period = 0.0
         motor = Motor(
             self._resistance, self._inductance, self._torque_constant, self._back_emf,
             self._inertia, self._viscous, self._counts / TWO_PI,
@@ -212,18 +157,12 @@ class DcMotor(Shaft):
             volts = -supply
         self._volts, self._began, self._departed = volts, self.current, self.velocity
         self._untraced = True
-        if self.solved_exactly:
-            self._solved = True
-            here = self._leap(volts)
-        else:
-            here = self._spin(self._first, self._substeps)
-            self._fade()
+        self._solved = True
+        here = self._leap(volts)
         self._resting = (
             here == self._first and self.velocity == self._departed and self.current == self._began
         )
         return self._arrive(here)
-
-    # -- exactly ------------------------------------------------------------------------------
 
     def _leap(self, volts: float) -> float:
         """Run the period in one, if nothing happens in it; return where it leads."""
@@ -346,41 +285,3 @@ class DcMotor(Shaft):
             self._write_pieces(1, self._first)[1] = self._last
         else:
             super().before_save()
-
-    # -- in sub-steps -------------------------------------------------------------------------
-
-    def _trace(self) -> None:
-        points = self._write_pieces(self._substeps, self._first)
-        here = self._first
-        self.current, self.velocity = self._began, self._departed
-        piece: i64 = 0
-        while piece < self._substeps:
-            piece += 1
-            here = self._spin(here, 1)
-            points[piece] = here
-        self._fade()
-
-    def _spin(self, here: float, substeps: i64) -> float:
-        """Go on from ``here`` by some sub-steps; return where they lead."""
-        keep, induced, constant = self._keep, self._induced, self._torque_constant
-        admitted = self._admit * self._volts
-        turn = self._turn_counts
-        current = self.current
-        speed = self.velocity
-        while substeps > 0:
-            substeps -= 1
-            current = keep * current + admitted
-            speed = self._accelerate(speed, constant * current)
-            here += speed * turn
-            if self._stopped:
-                here = self._meet_stop(here, speed)
-                speed = self.velocity
-            current -= induced * speed
-        self.current = current
-        self.velocity = speed
-        return here
-
-    def _fade(self) -> None:
-        """Let a current that has decayed be over."""
-        if -NO_CURRENT < self.current < NO_CURRENT:
-            self.current = 0.0

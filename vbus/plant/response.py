@@ -240,7 +240,7 @@ class Response:
 
 
 NONE: Final = Response()
-"""Of a motor that is not solved."""
+"""Of a motor whose numbers are not known yet."""
 
 _KNOWN: Final[dict[tuple[float, ...], Response]] = {}
 _MOST_KNOWN: Final = 256

@@ -17,8 +17,7 @@ SHAFT_OPTIONS: Final = (
     Option("stop_high", "count", 0, "count of the upper end stop",
            low=-(1 << 30), high=1 << 30),
 )  # fmt: skip
-"""Settings of every motor. Its ``substeps``, and defaults of inertia and friction, are its own: see
-:func:`mass_options`."""
+"""Settings of every motor; defaults of inertia and friction are its own (:func:`mass_options`)."""
 
 MOST_COUNTS: Final = 1e9
 """Counts a second that no shaft turns; a speed that was kept is checked."""
@@ -82,9 +81,9 @@ class Mechanics:
 class Shaft(EncodedPlant):
     """A stiff shaft that a motor turns.
 
-    Friction is dry and viscous. Dry friction is solved for, not differentiated: a sub-step that
-    would carry the shaft through standstill stops it there exactly, and a shaft at rest leaves
-    its place only when the other torques exceed static friction.
+    Friction is dry and viscous. Dry friction stops the shaft exactly where it would pass through
+    standstill, and a shaft at rest leaves its place only when the other torques exceed static
+    friction.
 
     End stops are hard and take the whole impact: the shaft stands in the middle of their count.
     """
@@ -96,26 +95,22 @@ class Shaft(EncodedPlant):
         "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_inertia", "_damping", "_coulomb", "_static", "_load", "_low", "_high", "_substeps",
-        "_counts", "_stopped",
+        "_inertia", "_viscous", "_coulomb", "_static", "_load", "_low", "_high", "_counts",
+        "_stopped",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = (
-        "_period", "_gain", "_ease", "_loss", "_turn_counts", "_departed",
-    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_period", "_departed")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         self.velocity: float = 0.0
         """Speed of the shaft in rad/s."""
         self._inertia: float = float(self.settings["inertia"])
-        # Torque against 1 rad/s; a motor may add to it.
-        self._damping: float = float(self.settings["viscous_friction"])
+        self._viscous: float = float(self.settings["viscous_friction"])
         self._coulomb: float = float(self.settings["coulomb_friction"])
         self._static: float = float(self.settings["static_friction"])
         self._load: float = float(self.settings["load_torque"])
         self._low: i64 = int(self.settings["stop_low"])
         self._high: i64 = int(self.settings["stop_high"])
-        self._substeps: i64 = int(self.settings["substeps"])
         self._counts: float = float(self.encoder.counts)
         self._stopped: bool = self._low != self._high
         if self._static < self._coulomb:
@@ -129,12 +124,6 @@ class Shaft(EncodedPlant):
                 " which must lie between them"
             )
         self._period: float = 0.0
-        # Of a sub-step: speed gained by 1 N*m, what damping leaves of a speed, speed lost to dry
-        # friction, counts turned by 1 rad/s.
-        self._gain: float = 0.0
-        self._ease: float = 1.0
-        self._loss: float = 0.0
-        self._turn_counts: float = 0.0
         self._resting: bool = False
         # Speed at the start of the last period.
         self._departed: float = 0.0
@@ -167,12 +156,11 @@ class Shaft(EncodedPlant):
         self._forget_course()
         self._resting = False
         self._period = period
-        self._divide(self._substeps)
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
         return Mechanics(
-            self._load, self._coulomb, self._static, self._damping, 0.0, -1.0,
+            self._load, self._coulomb, self._static, self._viscous, 0.0, -1.0,
             self._low, self._high, self._stopped,
         )  # fmt: skip
 
@@ -182,7 +170,7 @@ class Shaft(EncodedPlant):
         self._load = mechanics.load
         self._coulomb = mechanics.coulomb
         self._static = mechanics.static
-        self._damping = mechanics.viscous
+        self._viscous = mechanics.viscous
         self._low, self._high = mechanics.low, mechanics.high
         self._stopped = mechanics.stopped
         self._resting = False
@@ -191,46 +179,6 @@ class Shaft(EncodedPlant):
         """Stand still from now on, until a torque breaks the shaft away again."""
         self._course()
         self.velocity = 0.0
-
-    def _divide(self, substeps: i64) -> None:
-        """Make ``substeps`` sub-steps of a period."""
-        step = self._period / float(substeps)
-        self._gain = step / self._inertia
-        self._turn_counts = step * self._counts / TWO_PI
-        self._ease = 1.0 / (1.0 + self._gain * self._damping)
-        self._loss = self._gain * self._coulomb * self._ease
-
-    def _accelerate(self, speed: float, torque: float) -> float:
-        """Return the shaft's speed after one sub-step.
-
-        Args:
-            speed: before it (rad/s).
-            torque: torque that the motor would have at standstill (N*m).
-        """
-        # Most shafts have no load, and each operation in a row costs four clocks.
-        if self._load != 0.0:
-            torque -= self._load
-        if speed == 0.0 and -self._static <= torque <= self._static:
-            return 0.0
-        speed = (speed + self._gain * torque) * self._ease
-        loss = self._loss
-        if speed > loss:
-            return speed - loss
-        if speed < -loss:
-            return speed + loss
-        return 0.0
-
-    def _meet_stop(self, here: float, speed: float) -> float:
-        """Return where the shaft has got to; :attr:`velocity` is what is left of its speed."""
-        self.velocity = 0.0
-        low = float(self._low - self._base) + 0.5
-        high = float(self._high - self._base) + 0.5
-        if here <= low:
-            return low
-        if here >= high:
-            return high
-        self.velocity = speed
-        return here
 
     def resting(self) -> bool:
         """Whether the last period has left every bit of state as it was."""

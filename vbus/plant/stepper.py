@@ -13,7 +13,7 @@ from vbus.plant.windings import STEP_OPTIONS, field, torque
 from vbus.state import Names
 
 MOST_PIECES: Final = 4096
-"""Sub-steps a period is cut into at most; pulses that come faster move the field in leaps."""
+"""Steps a period is cut into at most; pulses that come faster move the field in leaps."""
 SIXTH: Final = 1.0 / 6.0
 
 
@@ -24,7 +24,7 @@ class StepperMotor(Shaft):
     between them. Asked for more than that, the rotor falls behind by a whole electrical cycle (four
     full steps) or stalls, and the encoder shows it.
 
-    With ``substeps = 0`` it is integrated by Runge and Kutta's method of fourth order, eight steps
+    It is integrated by Runge and Kutta's method of fourth order, eight steps
     or more to a radian of its swing, and stops and changes of direction are found by halving: in a
     swing of a step and back its place is exact to some 1e-4 of a step. A rotor that would take more
     than 4096 steps a period, being all friction, is followed in 4096 implicit ones.
@@ -36,8 +36,6 @@ class StepperMotor(Shaft):
     TAKES: ClassVar[tuple[str, ...]] = ("pulses", "phases")
     OPTIONS: ClassVar[tuple[Option, ...]] = (
         *SHAFT_OPTIONS,
-        Option("substeps", "count", 4, "steps of the mechanics in each period of the chip; 0: of"
-               " fourth order, as many as the rotor asks for", low=0, high=1000),
         *STEP_OPTIONS,
         Option("holding_torque", "N*m", 0.4, "torque against which the motor holds at full"
                " current", low=0.0),
@@ -49,11 +47,10 @@ class StepperMotor(Shaft):
     STATE: ClassVar[Names] = ("_steps", "_three: bool", *Shaft.STATE)
     WIRING: ClassVar[Names] = (
         "_cycles", "_steps_per_rev", "_holding", "_detent", "_turns", "_whole_turn", "_stiffness",
-        "_integrated",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_finest", "_divided", "_ran", "_across", "_along", "_pulsed", "_issued", "_issued_from",
-        "_due", "_explicit", "_whole", "_whole_of",
+        "_gain", "_turn_counts", "_finest", "_divided", "_ran", "_across", "_along", "_pulsed",
+        "_issued", "_issued_from", "_due", "_explicit", "_whole", "_whole_of",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -71,7 +68,10 @@ class StepperMotor(Shaft):
         # The pulses so far, within one revolution of the field.
         self._steps: i64 = 0
         self._three: bool = False
-        # Sub-steps in a period that the rotor's natural frequency asks for; those prepared for.
+        # Of a step: speed gained by 1 N*m, counts turned by 1 rad/s.
+        self._gain: float = 0.0
+        self._turn_counts: float = 0.0
+        # Steps in a period that the rotor's natural frequency asks for; those prepared for.
         self._finest: i64 = 1
         self._divided: i64 = 0
         self._turns: float = float(self._cycles)
@@ -85,8 +85,7 @@ class StepperMotor(Shaft):
         self._issued: i64 = 0
         self._issued_from: i64 = 0
         self._due: i64 = 0
-        # Integrated by steps of fourth order, where they are stable.
-        self._integrated: bool = self._substeps == 0
+        # By steps of fourth order, where they are stable.
         self._explicit: bool = False
         # The electrical place of a count, and of which.
         self._whole: float = 0.0
@@ -97,26 +96,25 @@ class StepperMotor(Shaft):
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
-        # Eight sub-steps to a radian of the rotor's swing at its natural frequency.
+        super().prepare(period)
+        self._cut()
+
+    def _cut(self) -> None:
+        """Find how many steps a period takes."""
+        period = self._period
+        # Eight steps to a radian of the rotor's swing at its natural frequency, and as many to
+        # what friction leaves of its speed.
         stiffness = self._stiffness
-        self._forget_course()
-        self._resting = False
-        pieces = self._substeps
-        if self._integrated:
-            # And of what friction leaves of its speed.
-            pieces = 1
-            while pieces < MOST_PIECES and 8.0 * self._damping * period > self._inertia * float(
-                pieces
-            ):
-                pieces *= 2
+        pieces: i64 = 1
+        while pieces < MOST_PIECES and 8.0 * self._viscous * period > self._inertia * float(pieces):
+            pieces *= 2
         while pieces < MOST_PIECES and 64.0 * stiffness * period * period > self._inertia * float(
             pieces
         ) * float(pieces):
             pieces = 2 * pieces if 2 * pieces < MOST_PIECES else MOST_PIECES
         self._finest = pieces
-        self._explicit = self._integrated and pieces < MOST_PIECES
+        self._explicit = pieces < MOST_PIECES
         self._divided = 0
-        self._period = period
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
@@ -128,18 +126,14 @@ class StepperMotor(Shaft):
         """Turn with other numbers from the next period on; the one under way keeps its course."""
         super().refit(mechanics)
         self._holding = mechanics.torque
-        self._divided = 0
-
-    def _divide(self, substeps: i64) -> None:
-        self._divided = substeps
-        super()._divide(substeps)
+        self._cut()
 
     def pulses(self, steps: i64) -> i64:
         """Run one period with ``steps`` signed step pulses spread evenly over it."""
         total = steps if steps >= 0 else -steps
         pieces = self._finest
         if total > 0:
-            # Every pulse at the beginning of a sub-step.
+            # Every pulse at the beginning of a step.
             pieces = total * -(-pieces // total)
             if pieces > MOST_PIECES:
                 pieces = MOST_PIECES
@@ -162,7 +156,10 @@ class StepperMotor(Shaft):
     def _run(self, pieces: i64) -> float:
         """Run a period in so many pieces; return where it leads."""
         if pieces != self._divided:
-            self._divide(pieces)
+            self._divided = pieces
+            step = self._period / float(pieces)
+            self._gain = step / self._inertia
+            self._turn_counts = step * self._counts / TWO_PI
         self._ran = pieces
         self._departed = self.velocity
         self._depart()
@@ -177,11 +174,21 @@ class StepperMotor(Shaft):
         if self._base != self._whole_of:
             self._whole_of = self._base
             self._whole = float(self._base * self._cycles % self._whole_turn)
-        if self._explicit:
-            return self._integrate(points)
-        whole = self._whole
-        cycles = self._turns
-        turn = self._turn_counts
+        return self._integrate(points) if self._explicit else self._follow(points)
+
+    def _borders(self) -> tuple[float, float]:
+        """Return where the end stops are, beside the place."""
+        if not self._stopped:
+            return -NOWHERE, NOWHERE
+        return float(self._low - self._base) + 0.5, float(self._high - self._base) + 0.5
+
+    def _follow(self, points: list[float] | None) -> float:
+        """Run it by implicit steps of first order, which no friction makes unstable."""
+        low, high = self._borders()
+        gain, turn = self._gain, self._turn_counts
+        # What viscous friction leaves of a speed in a step, and what dry friction takes of it.
+        ease = 1.0 / (1.0 + gain * self._viscous)
+        loss = gain * self._coulomb * ease
         speed = self._departed
         here = self._first
         piece: i64 = 0
@@ -189,11 +196,20 @@ class StepperMotor(Shaft):
             if self._pulsed:
                 self._see_pulse(piece)
             # The middle of count 0 is angle 0.
-            speed = self._accelerate(speed, self._pull(whole + (here - 0.5) * cycles))
+            pull = self._pull(self._whole + (here - 0.5) * self._turns) - self._load
+            if speed != 0.0 or pull < -self._static or pull > self._static:
+                speed = (speed + gain * pull) * ease
+                if speed > loss:
+                    speed -= loss
+                elif speed < -loss:
+                    speed += loss
+                else:
+                    speed = 0.0
             here += speed * turn
-            if self._stopped:
-                here = self._meet_stop(here, speed)
-                speed = self.velocity
+            if here <= low:
+                here, speed = low, 0.0
+            elif here >= high:
+                here, speed = high, 0.0
             piece += 1
             if points is not None:
                 points[piece] = here
@@ -202,13 +218,10 @@ class StepperMotor(Shaft):
 
     def _integrate(self, points: list[float] | None) -> float:
         """Run it by steps of fourth order: Runge and Kutta's, as Nyström has them."""
-        low, high = -NOWHERE, NOWHERE
-        if self._stopped:
-            low = float(self._low - self._base) + 0.5
-            high = float(self._high - self._base) + 0.5
+        low, high = self._borders()
         # What an N*m adds to the speed in a step, and what a rad/s to the place.
         gain, turn = self._gain, self._turn_counts
-        holding, detent, damping = self._holding, self._detent, self._damping
+        holding, detent, damping = self._holding, self._detent, self._viscous
         # The electrical angle of a place: the middle of count 0 is angle 0.
         rate = self._turns / self._counts
         start = self._whole / self._counts - 0.5 * rate
@@ -298,7 +311,7 @@ class StepperMotor(Shaft):
         return here
 
     def _see_pulse(self, piece: i64) -> None:
-        """Turn the field to where step pulses have brought it by the start of a sub-step."""
+        """Turn the field to where step pulses have brought it by the start of a step."""
         steps = self._issued
         total = steps if steps >= 0 else -steps
         due = piece * total // self._ran + 1 if total > 0 else 0

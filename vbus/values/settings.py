@@ -10,6 +10,9 @@ from vbus.values import units
 NAME_FORM: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 """What a name looks like that may stand in ``"name.pin"``."""
 
+WITHDRAWN: Final = {"substeps": "motors are solved exactly; leave substeps out"}
+"""Keys of earlier versions, and what to do about each."""
+
 Complain = Callable[[str, str], None]
 """Takes the key and what is wrong with it; key ``""`` is the table itself."""
 
@@ -70,7 +73,8 @@ def check_table(
     for key, value in table.items():
         row = rows.get(key)
         if row is None:
-            complain(key, f"unknown key; {suggestion(key, rows)}allowed are {listed(sorted(rows))}")
+            hint = f"unknown key; {suggestion(key, rows)}allowed are {listed(sorted(rows))}"
+            complain(key, WITHDRAWN.get(key, hint))
             continue
         try:
             result[key] = check_value(value, row)

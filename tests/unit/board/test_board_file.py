@@ -639,3 +639,16 @@ def test_real_parts_are_checked_with_what_depends_on_the_part_number(
     with pytest.raises(ConfigError) as caught:
         load_board_text(text.replace("8 MHz", "8 MHz" if "LM" in part else "25 MHz"), "b.toml")
     assert str(caught.value).split("\n")[0] == message
+
+
+@pytest.mark.parametrize("model", ["dc_motor", "stepper"])
+def test_a_motor_that_asks_for_sub_steps_is_refused_with_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, model: str
+) -> None:
+    monkeypatch.undo()
+    plugins._entries.cache_clear()
+    with pytest.raises(ConfigError) as caught:
+        load_board_text(f'[plants.m]\nmodel = "{model}"\nsubsteps = 4\n', "b.toml")
+    assert "b.toml:3: plants.m.substeps: motors are solved exactly; leave substeps out" in (
+        str(caught.value).splitlines()
+    )

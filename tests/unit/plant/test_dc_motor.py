@@ -17,16 +17,8 @@ FREE: dict[str, float] = {
 }  # fmt: skip
 
 
-@pytest.fixture(autouse=True, params=[4, 0], ids=["four sub-steps", "solved"])
-def substeps(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MODEL, "substeps", request.param)
-
-
-MODEL: dict[str, float] = {}
-
-
 def motor(**settings: float) -> DcMotor:
-    plant = DcMotor({**MODEL, **settings})
+    plant = DcMotor(settings)
     plant.prepare(PERIOD)
     return plant
 
@@ -206,12 +198,6 @@ def test_a_million_revolutions_away_it_moves_just_the_same():
 def test_a_stop_may_stand_where_the_shaft_starts():
     plant = motor(stop_low=0, stop_high=700)
     assert [plant.drive(-1.0, 0) for _ in range(20)] == [0] * 20
-
-
-def test_more_sub_steps_give_a_finer_course():
-    plant = motor(substeps=16)
-    plant.drive(1.0, 0)
-    assert len(plant._course()) == 17
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ STEP = 10
 
 
 def motor(period: float = SLOT, **settings: float) -> StepperMotor:
-    plant = StepperMotor({"substeps": 0, **settings})
+    plant = StepperMotor(settings)
     plant.prepare(period)
     return plant
 
@@ -136,6 +136,18 @@ def test_a_rotor_that_is_all_friction_is_followed_implicitly() -> None:
     for _ in range(3):
         plant.phases(0.7, 0.7, 0.0)
         assert abs(plant.count) <= STEP
+
+
+def test_a_rotor_that_gets_more_friction_is_followed_as_finely_as_that_asks_for() -> None:
+    plant = motor()
+    for viscous in (3.0, 1e9):
+        mechanics = plant.mechanics()
+        mechanics.viscous = viscous
+        plant.refit(mechanics)
+        for _ in range(50):
+            plant.phases(0.7, 0.7, 0.0)
+            assert 0 <= plant.count <= STEP
+            assert abs(plant.velocity) < 1.0
 
 
 def test_many_pulses_are_steps_of_their_own() -> None:

@@ -16,7 +16,7 @@ TOLERANCE = 1e-9
 
 
 def motor(period: float = PERIOD, **settings: float) -> DcMotor:
-    plant = DcMotor({"substeps": 0, **settings})
+    plant = DcMotor(settings)
     plant.prepare(period)
     return plant
 
@@ -240,17 +240,6 @@ def test_two_periods_are_one_of_twice_the_length() -> None:
             assert fine.current == pytest.approx(coarse.current, rel=1e-11, abs=1e-11)
             assert fine.velocity == pytest.approx(coarse.velocity, rel=1e-11, abs=1e-9)
             assert fine.count + fine._part == pytest.approx(coarse.count + coarse._part, abs=1e-9)
-
-
-def test_what_sub_steps_come_to_when_there_are_many() -> None:
-    exact, four, many = motor(), motor(substeps=4), motor(substeps=1000)
-    for plant in (exact, four, many):
-        plant.drive(1.0, 0)
-    assert many.current == pytest.approx(exact.current, rel=4e-4)
-    assert many.velocity == pytest.approx(exact.velocity, rel=5e-4)
-    # What four of them leave: 7 % of the current, 9 % of the speed.
-    assert four.current / exact.current == pytest.approx(0.9273, abs=1e-4)
-    assert four.velocity / exact.velocity == pytest.approx(1.0914, abs=1e-4)
 
 
 # -- what is kept -----------------------------------------------------------------------------

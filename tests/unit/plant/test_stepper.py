@@ -15,16 +15,8 @@ STEP = 10
 """Encoder counts of a full step: 2000 counts, 200 steps a revolution."""
 
 
-@pytest.fixture(autouse=True, params=[4, 0], ids=["four sub-steps", "integrated"])
-def substeps(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MODEL, "substeps", request.param)
-
-
-MODEL: dict[str, float] = {}
-
-
 def motor(period: float = SAMPLE, **settings: float) -> StepperMotor:
-    plant = StepperMotor({**MODEL, **settings})
+    plant = StepperMotor(settings)
     plant.prepare(period)
     return plant
 
@@ -225,7 +217,7 @@ def test_a_shaft_that_gains_speed_does_not_rest_though_its_place_stays() -> None
 def test_a_period_of_one_piece_is_divided_anew_when_it_gets_longer():
     speeds = []
     for first in (1e-6, 2e-6):
-        plant = motor(substeps=1)
+        plant = motor()
         plant.prepare(first)
         plant.phases(0.0, 0.0, 0.0)
         plant.prepare(2e-6)
