@@ -95,8 +95,8 @@ def make_pages(app: Sphinx) -> None:
 def list_pages(app: Sphinx, name: str, content: list[str]) -> None:
     """Give the lists of pages their tables of contents, from the links of each of their sections.
 
-    The first page has that of the list of all pages; pages that are made follow in the sections that
-    are named after them. The page of the board file has its sections.
+    The first page has that of the list of all pages; pages that are made follow in the sections
+    that are named after them. The page of the board file has its sections.
     """
     if name == root_doc:
         sections = re.split(r"^## ", CONTENTS.read_text(), flags=re.MULTILINE)[1:]

@@ -1,7 +1,7 @@
 """What a board file may say: its sections as frozen structs, each key with its title and unit.
 
-These declarations are what the reader checks against, what its messages list, and what
-the pages of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
+These declarations are what the reader checks against, what its messages list, and what the pages
+of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
 """
 
 from typing import Annotated, Final

@@ -35,6 +35,7 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/c-client.md", c_interface.c_interface),
     ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
+    ("docs/index.md", documents.landing),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
 """Pages with tables in them."""
