@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -30,7 +31,7 @@ STEPS = (
 )
 """The commands of the README in the terminal, by the frame that shows them."""
 
-WIDTH, ROWS, LINE, LETTER, EDGE = 78, 6, 24, 9.65, 16
+WIDTH, ROWS, LINE, LETTER, EDGE = 64, 8, 24, 9.65, 16
 """Letters in a line, lines in a frame; height of a line, width of a letter and margin in pixels."""
 
 SHOWN = 5
@@ -114,10 +115,12 @@ def terminal(frames: Sequence[Sequence[str]], only: int | None = None) -> str:
             f' fill="{"#9ece6a" if line.startswith("$ ") else "#c0caf5"}">{escape(line)}</text>'
             for row, line in enumerate(_wrapped(lines))
         ]
-        start = f' class="frame" style="animation-delay:{SHOWN * number}s"' if only is None else ""
+        # A negative delay: a positive one would show the frame before its turn, over the others.
+        delay = SHOWN * number - whole
+        start = f' class="frame" style="animation-delay:{delay}s"' if only is None else ""
         drawn += [f'<g opacity="{0 if only is None and number else 1}"{start}>', *texts, "</g>"]
     style = (
-        f".frame{{animation:show {whole}s step-end infinite both}}"
+        f".frame{{animation:show {whole}s step-end infinite}}"
         f"@keyframes show{{0%{{opacity:1}}{part:g}%{{opacity:0}}100%{{opacity:0}}}}"
     )
     return "\n".join(
@@ -133,11 +136,11 @@ def terminal(frames: Sequence[Sequence[str]], only: int | None = None) -> str:
 
 
 def _wrapped(lines: Sequence[str]) -> list[str]:
-    """Return lines as a terminal of this width shows them."""
+    """Return lines that fit the width, broken between words."""
     rows = [
-        line[start : start + WIDTH]
+        row
         for line in lines
-        for start in range(0, max(len(line), 1), WIDTH)
+        for row in textwrap.wrap(line, WIDTH, subsequent_indent="    ") or [""]
     ]
     if len(rows) > ROWS:
         raise ValueError(f"{len(rows)} lines in a frame of {ROWS}: {rows}")

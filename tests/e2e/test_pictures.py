@@ -61,13 +61,16 @@ def test_the_terminal_shows_the_commands_of_the_readme(make: ModuleType) -> None
             assert f"\n{command}\n" in page
 
 
-def test_a_frame_is_shown_as_a_whole_and_each_in_its_turn(make: ModuleType) -> None:
-    text = make.terminal([["$ a < b", "c"], ["$ d"]])
+def test_a_frame_is_whole_and_each_is_shown_alone_in_its_turn(make: ModuleType) -> None:
+    text = make.terminal([["$ a < b", "c"], ["$ d"], ["$ e"]])
 
-    assert frames(text) == [["$ a < b", "c"], ["$ d"]]
-    assert re.findall(r'<g opacity="(\d)" .*delay:(\d+)s', text) == [
-        ("1", "0"), ("0", str(make.SHOWN)),
-    ]  # fmt: skip
+    assert frames(text) == [["$ a < b", "c"], ["$ d"], ["$ e"]]
+    assert re.findall(r'<g opacity="(\d)"', text) == ["1", "0", "0"]
+    whole = 3 * make.SHOWN
+    delays = [int(delay) for delay in re.findall(r"animation-delay:(-?\d+)s", text)]
+    for second in range(whole):
+        begun = [(second - delay) % whole < make.SHOWN for delay in delays if second >= delay]
+        assert begun == [number == second // make.SHOWN for number in range(3)]
     assert frames(make.terminal([["$ a"], ["$ d"]], only=1)) == [["$ d"]]
 
 

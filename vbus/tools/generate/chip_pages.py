@@ -44,7 +44,7 @@ def page(family: Family) -> str:
     own = own_families()
     if family in own:
         lines += [f"![Between host and motor]({PICTURES}/{family.name}.svg)", ""]
-    lines += ["Below stands what `vbus` knows of the chip, from the chip's tables."]
+    lines += ["The tables below are those from which `vbus` makes the chip and its clients."]
     if family in own:
         others = (f"[{one.title}]({one.name}.md)" for one in own if one is not family)
         lines += [
