@@ -7,6 +7,7 @@ here. Made on the way are the pages of the Python interface and the ledgers of t
 import pkgutil
 import re
 import shutil
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Final
@@ -26,6 +27,13 @@ PACKAGES: Final = (
     "vbus.protocols", "vbus.signals", "vbus.state", "vbus.testing", "vbus.transports",
 )  # fmt: skip
 """What programs and parts of other packages may use."""
+
+CONTENTS: Final = ROOT / "docs" / "contents.md"
+MADE_PAGES: Final = {
+    "Reference": [f"made/{package}" for package in PACKAGES],
+    "Chips": [f"made/{family.name}-ledger" for family in own_families()],
+}
+"""Pages that are made, by the section of the list of all pages in which they stand."""
 
 project = "vbus"
 author = "The vbus developers"
@@ -85,26 +93,28 @@ def make_pages(app: Sphinx) -> None:
 
 
 def list_pages(app: Sphinx, name: str, content: list[str]) -> None:
-    """Give the first page its table of contents: the links of each of its sections.
+    """Give the lists of pages their tables of contents, from the links of each of their sections.
 
-    The pages that are made follow in the sections that are named after them.
+    The first page has that of the list of all pages; pages that are made follow in the sections
+    that are named after them. The page of the board file has its sections.
     """
-    if name != root_doc:
-        return
-    made = {
-        "Reference": [f"made/{package}" for package in PACKAGES],
-        "Chips": [f"made/{family.name}-ledger" for family in own_families()],
-    }
-    first, *sections = re.split(r"^## ", content[0], flags=re.MULTILINE)
-    text = first
-    for section in sections:
-        title = section.partition("\n")[0]
-        links = re.findall(r"\]\(([\w./-]+)\.md\)", section)
-        lines = ["```{toctree}", ":hidden:", f":caption: {title}", ""]
-        lines += [f"/docs/{link}" if "../" not in link else f"/{link[3:]}" for link in links]
-        lines += [f"/docs/{link}" for link in made.get(title, [])]
-        text += f"## {section.rstrip()}\n\n" + "\n".join([*lines, "```", "", ""])
-    content[0] = text
+    if name == root_doc:
+        sections = re.split(r"^## ", CONTENTS.read_text(), flags=re.MULTILINE)[1:]
+        content[0] += "".join(
+            _tree(section, title, MADE_PAGES.get(title, []))
+            for section in sections
+            for title in [section.partition("\n")[0]]
+        )
+    if name == "docs/board-file":
+        content[0] += _tree(content[0].partition("## Sections")[2].partition("\n## ")[0])
+
+
+def _tree(text: str, caption: str = "", made: Sequence[str] = ()) -> str:
+    """Return a table of contents of the pages that a text links to, and of pages that are made."""
+    lines = ["", "", "```{toctree}", ":hidden:", *([f":caption: {caption}"] if caption else []), ""]
+    for link in re.findall(r"\]\(([\w./-]+)\.md\)", text):
+        lines.append(f"/docs/{link}" if "../" not in link else f"/{link[3:]}")
+    return "\n".join([*lines, *(f"/docs/{page}" for page in made), "```", ""])
 
 
 def lead_folders(app: Sphinx, name: str, content: list[str]) -> None:

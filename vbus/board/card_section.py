@@ -29,13 +29,15 @@ class CardRegisterSection(Section, frozen=True, kw_only=True):
     """``[cards.NAME.registers.REGISTER]``: a register of the card itself."""
 
     name: str
-    at: Annotated[int, _key("count", "where: distance from the base, in strides", low=0, high=255)]
+    at: Annotated[
+        int, _key("count", "distance of its address from the base, in strides", low=0, high=255)
+    ]
     kind: Annotated[
         str,
         _key(
             "choice",
-            "latch: keeps what is written, on Q0 to Q7; status: I0 to I7 are read; fixed: values"
-            " are; pending: edges at I0 to I7 set bits, which a written 1 clears",
+            "latch: holds the byte written last, on Q0 to Q7; status: a read gives I0 to I7; fixed:"
+            " a read gives values; pending: edges at I0 to I7 set bits, which a written 1 clears",
             REGISTER_KINDS,
         ),
     ] = "latch"
@@ -44,7 +46,7 @@ class CardRegisterSection(Section, frozen=True, kw_only=True):
     ] = 0
     read_back: Annotated[bool, _key("flag", "a latch can be read, too")] = True
     values: Annotated[
-        str, _key("text", 'what is read of fixed ones from this address on, such as "5A 01"')
+        str, _key("text", 'bytes that a fixed register gives from this address on, such as "5A 01"')
     ] = ""
     sense: Annotated[
         str, _key("choice", "what sets a pending bit: its input being high, or going high", SENSES)
@@ -99,7 +101,9 @@ class CardSection(Section, frozen=True, kw_only=True):
     sense: Annotated[
         str,
         _key(
-            "choice", "whether the interrupt stands while its line does, or an edge counts", SENSES
+            "choice",
+            "whether the interrupt follows the level of its line, or comes at an edge",
+            SENSES,
         ),
     ] = "level"
     acknowledge: Annotated[
@@ -111,7 +115,7 @@ class CardSection(Section, frozen=True, kw_only=True):
         ),
     ] = ""
     acknowledge_at: Annotated[
-        int, _key("count", "where: distance from the base, in strides", low=0)
+        int, _key("count", "distance of its address from the base, in strides", low=0)
     ] = 0
     line: Annotated[
         str, _key("text", "name of an interrupt line that cards share; they pull it low together")

@@ -1,7 +1,7 @@
 """What a board file may say: its sections as frozen structs, each key with its title and unit.
 
-These declarations are what the reader checks against, what its messages list, and what
-``docs/board-file.md`` is made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
+These declarations are what the reader checks against, what its messages list, and what the pages
+of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
 """
 
 from typing import Annotated, Final
@@ -24,12 +24,12 @@ NO_PLANT: Final = "none"
 class BoardSection(Section, frozen=True, kw_only=True):
     """``[board]``: the whole board, and how its time passes."""
 
-    name: Annotated[str, _key("text", "name of the board; else the file's own")] = ""
+    name: Annotated[str, _key("text", "name of the board; else the name of the file")] = ""
     time: Annotated[
         str,
         _key(
             "choice",
-            "master of time: the wall clock, the bus cycles, or the host's own time stamps",
+            "what moves time: the wall clock, the bus cycles, or the host's own time stamps",
             TIMES,
         ),
     ] = "realtime"
@@ -43,7 +43,7 @@ class BoardSection(Section, frozen=True, kw_only=True):
         str,
         _key(
             "choice",
-            "after the machine was too slow: make up the lost time, or let it go",
+            "after the machine was too slow: make up the lost time, or leave it out",
             ("catch_up", "slip"),
         ),
     ] = "catch_up"
@@ -70,7 +70,7 @@ class ChipSection(Section, frozen=True, kw_only=True):
     plants: Annotated[
         tuple[str, ...], _key(NAMES, "the plants of a part with several axes, in order")
     ] = ()
-    node: Annotated[str, _key("text", "the node it belongs to, on a board that has nodes")] = ""
+    node: Annotated[str, _key("text", "the node of the chip, on a board that has nodes")] = ""
     settings: dict[str, Value] = {}
 
     @property
@@ -102,7 +102,8 @@ class NetSection(Section, frozen=True, kw_only=True):
     name: str
     pins: Annotated[tuple[str, ...], _key(NAMES, 'the pins soldered to it, as "chip.pin"')]
     rest: Annotated[
-        str, _key("choice", "level while nobody drives it; else as the first pin rests", RESTS)
+        str,
+        _key("choice", "level while nothing drives it; else that of the first pin at rest", RESTS),
     ] = ""
     delay: Annotated[
         int, _key("s", "how long an edge takes from one node to the others", low=0)
@@ -117,13 +118,16 @@ class NodeSection(Section, frozen=True, kw_only=True):
         int,
         _key(
             "s",
-            "how long the others hear nothing of it before they give it up (wall time)",
+            "silence after which the other nodes give this node up (wall time)",
             low=100_000_000_000,
         ),
     ] = 3_000_000_000_000
     listen: Annotated[
         str,
-        _key("text", 'where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one has this'),
+        _key(
+            "text",
+            'where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one node listens',
+        ),
     ] = ""
     process: Annotated[
         str, _key("text", "nodes with the same name here share a process; else each has its own")
@@ -157,10 +161,11 @@ class HostSection(Section, frozen=True, kw_only=True):
 
     transport: Annotated[str, _key("text", 'the link, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"')]
     protocol: Annotated[
-        str, _key("text", "the wire format spoken on it; else the one usual on such a link")
+        str, _key("text", "the protocol of the link; else the usual one of such a link")
     ] = ""
     chips: Annotated[
-        tuple[str, ...], _key(NAMES, "what it reaches, in the order of SELECT's bits; else all")
+        tuple[str, ...],
+        _key(NAMES, "chips that the host reaches, in the order of SELECT's bits; else all"),
     ] = ()
     cycle: Annotated[
         int, _key("s", "duration of a whole bus cycle; 0 s: as the time policy has it", low=0)
@@ -170,14 +175,18 @@ class HostSection(Section, frozen=True, kw_only=True):
         str, _key("text", "the pin map of a microcontroller whose port bits are the host")
     ] = ""
     remote: Annotated[
-        bool, _key("flag", "other computers may be let in (tcp and rfc2217, which ask for nothing)")
+        bool,
+        _key("flag", "other computers may attach (tcp and rfc2217, which ask for no password)"),
     ] = False
     awaited: Annotated[
-        bool, _key("flag", "on a board with nodes: time does not begin before this host uses it")
+        bool,
+        _key("flag", "on a board with nodes: time does not begin before this host uses the link"),
     ] = False
     baud: Annotated[
         int,
-        _key("count", "bits per second of a serial line, in chip time; 0: bytes take none", low=0),
+        _key(
+            "count", "bits per second of a serial line, in chip time; 0: bytes take no time", low=0
+        ),
     ] = 0
     frame: Annotated[
         str, _key("choice", "data bits, parity and stop bits of the line", tuple(FRAMES))
@@ -221,10 +230,10 @@ class ZenohSection(Section, frozen=True, kw_only=True):
         str, _key("text", "PEM file of the authority whose certificates are accepted")
     ] = ""
     grace: Annotated[
-        int, _key("s", "how long the session of a host that has vanished is kept for it", low=0)
+        int, _key("s", "how long the session of a host that has vanished waits for the host", low=0)
     ] = 2_000_000_000_000
     remote: Annotated[
-        bool, _key("flag", "other computers may be let in without certificates, with all rights")
+        bool, _key("flag", "other computers may attach without certificates, with all rights")
     ] = False
     allow: dict[str, tuple[str, ...]] | None = None
 
@@ -276,13 +285,13 @@ class ScopeSection(Section, frozen=True, kw_only=True):
             "text", 'address of the page, such as "127.0.0.1:0", port 0 for any free one; else none'
         ),
     ] = ""
-    remote: Annotated[bool, _key("flag", "other computers may be let in; needs a certificate")] = (
-        False
-    )
+    remote: Annotated[
+        bool, _key("flag", "other computers may open the page; needs a certificate")
+    ] = False
     certificate: Annotated[str, _key("text", "file of the certificate for TLS (PEM)")] = ""
     key: Annotated[str, _key("text", "file of its key (PEM)")] = ""
     sparse: Annotated[
-        bool, _key("flag", "in real time, take down four samples a second while no page is open")
+        bool, _key("flag", "in real time, record four samples a second while no page is open")
     ] = False
 
 
@@ -303,22 +312,26 @@ class WaveSection(Section, frozen=True, kw_only=True):
         tuple[str, ...],
         _key(NAMES, 'patterns such as "x.*"; else the buses and all pins but fast ones'),
     ] = ()
-    trigger: Annotated[str, _key("text", "what to wait for; else recording begins at once")] = ""
+    trigger: Annotated[
+        str, _key("text", "condition at which recording begins; else it begins at once")
+    ] = ""
     before: Annotated[int, _key("s", "how much to show from before the trigger", low=0)] = 0
     duration: Annotated[int, _key("s", "how long to record; 0 s: to the end", low=0)] = 0
     sample: Annotated[
-        int, _key("s", "how often values such as positions are looked at", low=1_000_000)
+        int, _key("s", "interval at which values such as positions are sampled", low=1_000_000)
     ] = 1_000_000_000
 
 
 class FaultSection(Section, frozen=True, kw_only=True):
     """``[[faults]]``: a fault that is armed from the beginning; it adds keys of its own."""
 
-    fault: Annotated[str, _key("text", "which one, such as jam")]
+    fault: Annotated[str, _key("text", "name of the fault, such as jam")]
     target: Annotated[
         str, _key("text", 'chip "x", axis "x.2" or link "host0"; may be left out if there is one')
     ] = ""
-    when: Annotated[str, _key("text", 'what it begins with, such as "at 5 ms"; else now')] = ""
+    when: Annotated[
+        str, _key("text", 'trigger at which it begins, such as "at 5 ms"; else now')
+    ] = ""
     until: Annotated[str, _key("text", 'when it ends, such as "for 2 ms"; else as is usual')] = ""
     settings: dict[str, Value] = {}
     place: int = 0

@@ -64,6 +64,7 @@ class Family(Struct, frozen=True):
         home: the package it lies in.
         title: its parts, for people: ``"LM628 and LM629"``.
         kind: what they are, for people: ``"motion controller"``.
+        about: what they are for, in a few sentences, with which their page begins.
         datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
         bus: what makes cycles of edges, a ``BusWatch``.
         packets: what reads cycles in the manual's words, a ``Decoder``.
@@ -102,6 +103,7 @@ class Family(Struct, frozen=True):
     home: str = ""
     title: str = ""
     kind: str = ""
+    about: str = ""
     datasheet: str = ""
     bus: str = ""
     packets: str = ""

@@ -33,7 +33,8 @@ class PortInfo(Struct):
         outputs: output lines by number; bit n of the ``s`` word of SAMPLE is ``outputs[n]``.
         pins: side pins by number, for PIN and GETPIN.
         features: optional requests this board understands.
-        wiring: which port bits of a microcontroller reach which pins (docs/board-file.md), or "".
+        wiring: which port bits of a microcontroller reach which pins
+            (docs/board-file/pinmaps.md), or "".
         card: which card address reaches which address of which chip, or "".
         program: how ``vbus exec`` attaches a program to the card, or "".
     """

@@ -19,7 +19,7 @@ FILES = sorted(
     for path in (ROOT / folder).rglob("*.toml")
     if "\n[chips" in path.read_text()
 )
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BOARD = """
 [chips.x]
 part = "LM629N-8"
@@ -50,7 +50,7 @@ def test_a_board_file_of_the_examples_is_valid(checker: Any, path: Path) -> None
     assert wrong(checker, path.read_text()) == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_the_board_files_of_a_page_are_valid(checker: Any, page: Path) -> None:
     for block in BLOCK.findall(page.read_text()):
         if "[chips" in block:

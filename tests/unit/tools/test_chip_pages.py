@@ -25,6 +25,16 @@ def test_every_rule_of_a_chip_is_on_its_page(family: str) -> None:
         assert rule.clause in row
 
 
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_page_begins_with_what_the_part_is_for_and_where_it_sits(name: str) -> None:
+    family = plugins.family(name)
+    begin, _, _ = page(family).partition("\n## ")
+
+    assert family.about
+    assert begin.index(family.about) < begin.index(f"](../pictures/{name}.svg)")
+    assert (ROOT / "docs" / "pictures" / f"{name}.svg").exists()
+
+
 def test_every_command_and_register_is_on_a_page_with_its_code() -> None:
     found = 0
     for name in FAMILIES:

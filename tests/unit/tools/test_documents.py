@@ -7,13 +7,14 @@ import pytest
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
+from vbus.board.schema import schema
 from vbus.nodes.plan import build_nodes
 from vbus.tools.generate.targets import DOCUMENTS, ROOT, Target, stale
 
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 BLOCKS = [
     (path.relative_to(ROOT), number, match[1])
-    for path in [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
+    for path in [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"]
     # A page that registers a chip of its own is tried as a whole, in tests/e2e/test_documents.py.
     if '[project.entry-points."vbus.chips"]' not in path.read_text()
     for number, match in enumerate(BLOCK.finditer(path.read_text()), 1)
@@ -34,3 +35,14 @@ def test_a_board_file_in_the_documentation_can_be_loaded(
     if "[chips" in text:
         file, source = read_board_text(text, f"{page}, example {number}")
         assert build_nodes(file, source) if file.nodes else build(file, source).chips
+
+
+def test_every_kind_of_section_has_a_page_that_begins_with_an_example() -> None:
+    overview = (ROOT / "docs" / "board-file.md").read_text()
+    for name in schema()["properties"]:
+        page = (ROOT / "docs" / "board-file" / f"{name}.md").read_text()
+        start, fence, rest = page.partition("```toml\n")
+        assert fence, name
+        assert "\n|" not in start, name
+        assert re.search(rf"^\[+{name}\b", rest.partition("```")[0], re.MULTILINE), name
+        assert f"](board-file/{name}.md)" in overview

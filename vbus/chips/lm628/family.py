@@ -11,6 +11,13 @@ FAMILY: Final = Family(
     home=__package__,
     title="LM628 and LM629",
     kind="motion controller",
+    about=(
+        "An LM628 or LM629 closes the position loop of a DC servo motor. The host loads a "
+        "filter and a trajectory and starts the motion; in each sample, every 2048 clock "
+        "periods, the chip reads the encoder, goes one step along a trapezoidal velocity "
+        "profile, and computes the motor command. The LM628 gives the command to a converter of "
+        "8 or 12 bits, the LM629 gives pulse width and sign to a bridge."
+    ),
     datasheet="datasheet",
     bus="bus:Lm628Watch",
     packets="packets:Lm628Packets",

@@ -11,6 +11,13 @@ FAMILY: Final = Family(
     home=__package__,
     title="MC1241A and MC1141A",
     kind="stepper motion controller",
+    about=(
+        "An MC1241A (two axes) or MC1141A (one axis) controls stepper motors in microsteps, 64 "
+        "to a full step. The host sends packets, a command and its data words; the chip set "
+        "makes S-curve, trapezoidal or velocity profiles, or follows another axis in gear, and "
+        "gives the command of each phase as PWM or to a DAC. Encoders say where each motor "
+        "stands, so the chip set notices a stall."
+    ),
     datasheet="datasheet",
     bus="bus:Mc1241aWatch",
     packets="packets:Mc1241aPackets",

@@ -11,6 +11,12 @@ FAMILY: Final = Family(
     home=__package__,
     title="MCP-1200",
     kind="motion controller",
+    about=(
+        "An MCP-1200 controls one servo or stepper motor from 128 byte-wide registers. The host "
+        "writes a goal and limits; the chip makes a trapezoidal or S-curve profile, filters the "
+        "position error in each sample, and drives an amplifier by PWM or a parallel port of 12 "
+        "bits, or a stepper driver by step pulses. The part extends the HCTL-1100."
+    ),
     datasheet="datasheet",
     bus="bus:Mcp1200Watch",
     packets="packets:Mcp1200Packets",

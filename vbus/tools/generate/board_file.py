@@ -1,6 +1,7 @@
-"""Fills the tables of the board-file page: every section, every registered chip and plant."""
+"""Fills the tables of the board-file pages: every section, every registered chip and plant."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Final
 
 from msgspec import Struct
@@ -14,39 +15,65 @@ from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, rows
 from vbus.glue.table import PARTS
 from vbus.options import Option
+from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.markdown import filled, table
 from vbus.values import units
 from vbus.values.settings import allowed, quoted
 
-_SECTIONS: Final[dict[str, type[Struct]]] = {
-    "board": sections.BoardSection,
-    "chips": sections.ChipSection,
-    "plants": sections.PlantSection,
-    "switches": sections.SwitchSection,
-    "nets": sections.NetSection,
-    "glue": GlueSection,
-    "nodes": sections.NodeSection,
-    "buses": sections.BusSection,
-    "cards": CardSection,
-    "ports": CardPortSection,
-    "registers": CardRegisterSection,
-    "pinmaps": sections.PinMapSection,
-    "hosts": sections.HostSection,
-    "record": sections.RecordSection,
-    "waves": sections.WaveSection,
-    "zenoh": sections.ZenohSection,
-    "metrics": sections.MetricsSection,
-    "scope": sections.ScopeSection,
-    "faults": sections.FaultSection,
+_PAGES: Final[dict[str, dict[str, type[Struct]]]] = {
+    "board": {"board": sections.BoardSection},
+    "chips": {"chips": sections.ChipSection},
+    "plants": {"plants": sections.PlantSection, "switches": sections.SwitchSection},
+    "nets": {"nets": sections.NetSection},
+    "hosts": {"hosts": sections.HostSection},
+    "violations": {},
+    "buses": {"buses": sections.BusSection},
+    "glue": {"glue": GlueSection},
+    "cards": {
+        "cards": CardSection,
+        "ports": CardPortSection,
+        "registers": CardRegisterSection,
+    },
+    "pinmaps": {"pinmaps": sections.PinMapSection},
+    "nodes": {"nodes": sections.NodeSection},
+    "zenoh": {"zenoh": sections.ZenohSection},
+    "record": {"record": sections.RecordSection},
+    "waves": {"waves": sections.WaveSection},
+    "scope": {"scope": sections.ScopeSection},
+    "metrics": {"metrics": sections.MetricsSection},
+    "faults": {"faults": sections.FaultSection},
 }
+"""The page of each kind of section in the order of the overview, with its tables of keys."""
 
 
-def board_file() -> str:
-    """Return the board-file page with its tables up to date."""
-    tables = {name: option_table(rows(section)) for name, section in _SECTIONS.items()}
-    tables |= {"glue-parts": _glue_parts(), "card-buses": _card_buses()}
-    tables |= {"units": _units(), "parts": _parts(), "models": _models()}
-    return filled("board-file", tables)
+def targets() -> list[tuple[str, Callable[[], str]]]:
+    """Return every page and what makes it; the overview takes titles from the pages."""
+    pages = [(f"docs/board-file/{name}.md", partial(_page, name)) for name in _PAGES]
+    return [("docs/board-file.md", _overview), *pages]
+
+
+def _overview() -> str:
+    """Return the page of the board file with its tables up to date."""
+    return filled("board-file", {"sections": _sections(), "units": _units()})
+
+
+def _page(name: str) -> str:
+    """Return the page of a kind of section with its tables up to date."""
+    tables = {title: option_table(rows(keys)) for title, keys in _PAGES[name].items()}
+    for title, make in _FURTHER.get(name, {}).items():
+        tables[title] = make()
+    return filled(f"board-file/{name}", tables)
+
+
+def _sections() -> list[str]:
+    """Return a heading for each kind of section, which leads to its page, and what it is about."""
+    lines = []
+    for name in _PAGES:
+        page = (ROOT / "docs" / "board-file" / f"{name}.md").read_text()
+        title, _, text = page.removeprefix("# ").partition("\n")
+        sentence, _, _ = text.strip().partition(".\n\n")[0].replace("\n", " ").partition(". ")
+        lines += [f"### [{title}](board-file/{name}.md)", "", f"{sentence}.", ""]
+    return lines[:-1]
 
 
 def _glue_parts() -> list[str]:
@@ -145,3 +172,12 @@ def _models() -> list[str]:
         kinds = ", ".join(takes[kind] for kind in plant.TAKES)
         lines += _part(name, f"{summary} Takes: {kinds}.", plant.OPTIONS)
     return lines[:-1]
+
+
+_FURTHER: Final[dict[str, dict[str, Callable[[], list[str]]]]] = {
+    "chips": {"parts": _parts},
+    "plants": {"models": _models},
+    "glue": {"glue-parts": _glue_parts},
+    "cards": {"card-buses": _card_buses},
+}
+"""Tables of other things than keys of a section, by page."""

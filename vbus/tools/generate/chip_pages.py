@@ -18,6 +18,8 @@ from vbus.tools.generate.markdown import table
 from vbus.values import units
 
 _MADE: Final = "<!-- Made from {} by vbus.tools.generate; change {}. -->"
+PICTURES: Final = "../pictures"
+"""Where a page finds the picture of its chip, which ``docs/pictures/chips.py`` draws."""
 _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"}
 
 
@@ -38,16 +40,22 @@ def page(family: Family) -> str:
     datasheet = family.tables
     chip = plugins.chip_of(family)
     lines = [f"# {_title(family)}", "", _MADE.format("the tables of the chip", "the tables"), ""]
-    lines += ["What `vbus` knows of this chip, from its own tables."]
+    lines += [family.about, ""] if family.about else []
     own = own_families()
     if family in own:
+        lines += [f"![Between host and motor]({PICTURES}/{family.name}.svg)", ""]
+    lines += ["The tables below are those from which `vbus` makes the chip and its clients."]
+    if family in own:
         others = (f"[{one.title}]({one.name}.md)" for one in own if one is not family)
-        lines += [f"Other chips: {' · '.join(others)}. See also: [Board file](../board-file.md)."]
+        lines += [
+            f"Other chips: {' · '.join(others)}."
+            " In a board file: [`[chips.NAME]`](../board-file/chips.md)."
+        ]
     lines += [""]
     if family.rules and family.rules[0].clause in _pages():
         lines += [
-            f"What the chip has to do stands in [its clauses]({family.name}-clauses.md); ids such"
-            f" as {family.rules[0].clause} lead there.",
+            f"[Its clauses]({family.name}-clauses.md) say what the chip has to do; ids such as"
+            f" {family.rules[0].clause} lead there.",
             "",
         ]
     axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"up to {chip.AXES} axes")
@@ -157,9 +165,10 @@ def _limits(family: Family) -> list[str]:
         side = _side(row, row.symbol in family.kept)
         cells.append((f"`{rule.name}`", row.symbol, row.title, *limits, side, rule.clause))
     lines = [
-        "Each row of the manual's table is a rule of its name. *Host*: the interval is the host's,"
-        " and judged. *Chip*: the chip promises it, and a host that looks or drives too early is"
-        " told. *Kept*: the chip's own outputs keep it, and no host can break it.",
+        "Each row of the manual's table is a rule of its name. *Host*: the host makes the interval,"
+        " and breaks the rule if it is too short or too long. *Chip*: the chip makes the interval,"
+        " and a host that looks or drives earlier breaks the rule. *Kept*: the chip's own outputs"
+        " keep to the interval, and no host can break the rule.",
         "",
         *table(("rule", "row", "interval", *heads, "whose", "clause"), cells),
     ]

@@ -54,6 +54,26 @@ def add_a_chip() -> str:
     return page
 
 
+def landing() -> str:
+    """Return the first page of the site with what the README says, its links led from ``docs``."""
+    first, *sections = re.split(r"^## ", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
+    # Words and picture; the drawing between them and the first section is for terminals.
+    texts = {"what": first.partition("\n")[2].partition("```")[0]}
+    for name, section in zip(("commands", "driver"), sections, strict=False):
+        texts[name] = section.partition("\n")[2]
+    return filled(
+        "index",
+        {
+            name: [re.sub(r"\]\((?![a-z]+:)(docs/)?", _from_docs, text).strip("\n")]
+            for name, text in texts.items()
+        },
+    )
+
+
+def _from_docs(link: re.Match[str]) -> str:
+    return "](" if link[1] else "](../"
+
+
 def _code(row: Request) -> str:
     last = row.code + row.span - 1
     return f"`{row.code:02x}`" if row.span == 1 else f"`{row.code:02x}`+a (to `{last:02x}`)"

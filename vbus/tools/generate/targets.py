@@ -30,11 +30,12 @@ _GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate.
 
 DOCUMENTS: Final[list[Target]] = [
     ("docs/add-a-chip.md", documents.add_a_chip),
-    ("docs/board-file.md", board_file.board_file),
+    *board_file.targets(),
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/c-client.md", c_interface.c_interface),
     ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
+    ("docs/index.md", documents.landing),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
 """Pages with tables in them."""
