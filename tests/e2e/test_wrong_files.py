@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from vbus.board.build import load_board_text
+from vbus.server.output_file import write_file
 from vbus.tools import cli, exit_codes
-from vbus.tools.output import write_file
 from vbus.trace.journal.journal import Journal
 
 BOARD = """\
