@@ -21,9 +21,10 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,13 +138,25 @@ def lacking(block: Block) -> str:
     text = "".join(command.text for command in block.commands)
     for program, more in PROGRAMS.items():
         if re.search(rf"(?<![\w/.-]){program}(?![\w/.-])", text):
-            lacks = more() if shutil.which(program) else f"no {program}"
+            lacks = more() if shutil.which(program) else f"no {program} on this machine"
             if lacks:
                 return lacks
-    if re.search(r"(?<!\S)/opt/", text) and not os.access("/opt", os.W_OK):
-        return "nothing may be written to /opt"
     if MINUTES.search(text) and os.environ.get("VBUS_REQUIRE_ALL") != "1":
         return "it compiles or installs for minutes, which VBUS_REQUIRE_ALL=1 asks for"
+    return ""
+
+
+def ports_in_use(blocks: Iterable[Block]) -> str:
+    """Return which port of a page another program has; nothing if all are free."""
+    text = "".join(command.text for block in blocks for command in block.commands)
+    for address in sorted({*re.findall(r"127\.0\.0\.1[:/](\d+)|rfc2217:(\d+)", text)}):
+        port = "".join(address)
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", int(port)))
+            except OSError as error:
+                return f"port {port} of this machine cannot be had: {error.strerror}"
     return ""
 
 
@@ -157,7 +170,8 @@ class _Typed:
 
     def printed(self) -> str:
         """Return what has come; of a line that was written over, the last."""
-        return re.sub(r".*\r(?!\n)", "", self.place.read_text(errors="replace"))
+        text = self.place.read_bytes().decode(errors="replace").replace("\r\n", "\n")
+        return re.sub(r".*\r", "", text) + "\n" * (text[-1:] not in ("", "\n"))
 
 
 class Typist:
@@ -193,9 +207,16 @@ class Typist:
             AssertionError: a command fails, prints something else, or leaves something running.
             Starved: something has not come in time.
         """
+        blocks = blocks_of(page)
+        if taken := ports_in_use(blocks):
+            self.left_out.append(taken)
+            return
         try:
-            for block in blocks_of(page):
-                if lacks := lacking(block):
+            for block in blocks:
+                lacks = lacking(block)
+                if self.left_out and not lacks and self._gone(block):
+                    lacks = "what it needs was to be made by those"
+                if lacks:
                     self.left_out.append(f"line {block.line}: {lacks}")
                 else:
                     self._block(block)
@@ -204,6 +225,14 @@ class Typist:
             for process in self._running():
                 with suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
+
+    def _gone(self, block: Block) -> bool:
+        """Tell whether a block uses what only one that was left out would have made."""
+        text = "".join(command.text for command in block.commands)
+        return any(
+            made in text and not (self._folder / made).exists()
+            for made in (".venv", "build/compiled")
+        )
 
     def _running(self) -> dict[int, str]:
         """Return the processes that this page has started and that run, with what each is."""
@@ -229,6 +258,9 @@ class Typist:
                 os.killpg(typed.process.pid, signal.SIGINT)
             self._wait(typed)
             self._ended(block, typed)
+        for process in re.findall(r"^scope: http.* \(process (\d+)\)$", self.printed, re.MULTILINE):
+            with suppress(ProcessLookupError):  # it stays for who looks at the run
+                os.kill(int(process), signal.SIGTERM)
 
     def _start(self, command: Command) -> "_Typed":
         self._number += 1

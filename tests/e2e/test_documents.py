@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import socket
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from tests.waiting import Starved
 
 EXAMPLES = ROOT / "firmware_host_examples"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-SOURCES = ("README.md", "CONTRIBUTING.md", "docker.md", "install.md")
+SOURCES = ("README.md", "CONTRIBUTING.md", "docker.md", "install.md", "wiring.md")
 """Pages that are typed in the source tree; there pytest collects alone, for it runs already."""
 NOT_SOURCES = (".git", ".venv", "build", "__pycache__", ".*_cache", ".hypothesis")
 
@@ -159,8 +160,16 @@ def test_what_a_machine_lacks_is_looked_for_on_it(monkeypatch: pytest.MonkeyPatc
 
     assert lacks("vbus ls\n") == ""
     assert lacks("cat docker/compose.yaml\n") == ""
-    assert lacks("docker ps\n") == "no docker"
-    assert lacks("x | sigrok-cli -i x.vcd\n") == "no sigrok-cli"
+    assert lacks("docker ps\n") == "no docker on this machine"
+    assert lacks("x | sigrok-cli -i x.vcd\n") == "no sigrok-cli on this machine"
     assert lacks("release/release.py wheel dist\n").startswith("it compiles or installs for")
     monkeypatch.setenv("VBUS_REQUIRE_ALL", "1")
     assert lacks("release/release.py wheel dist\n") == ""
+
+
+def test_a_port_of_a_page_that_another_program_has_leaves_the_page_out(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        typist = Typist(tmp_path)
+        typist.type(f"```sh\nfalse 127.0.0.1:{port} 127.0.0.1:0\n```\n")
+    assert typist.left_out == [f"port {port} of this machine cannot be had: Address already in use"]
