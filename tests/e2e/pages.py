@@ -13,8 +13,9 @@ any other language     is read and not typed; a block without a language is refu
 
 In printed lines ``...`` stands for anything, and alone on a line for any lines, none included.
 ``console`` ends in ``^C`` where a command serves: then each command begins when the one before has
-ended or has printed what the page shows, and at ``^C`` what still runs is interrupted and ends
-with 0.
+ended or has printed what the page shows, and at ``^C`` what still runs is interrupted, and ends
+with 0 if it is vbus. A scope that stays for who looks at a run is ended by the process it has
+printed.
 """
 
 import os
@@ -293,11 +294,15 @@ class Typist:
         if late := re.search(r"^vbus: \w+ has not ended within .*", printed, re.MULTILINE):
             raise Starved("\n".join([late[0], *(log.read_text() for log in self._logs())]))
         where = f"line {block.line}: {command.text}"
-        assert code == 0, f"{where}ended with {code}:\n{printed}"
+        # Programs of others may die of the interrupt.
+        right = (0,) if command.text.startswith("vbus") else (0, -signal.SIGINT)
+        assert code in (right if block.interrupted else (0,)), (
+            f"{where}ended with {code}:\n{printed}"
+        )
         if command.shown is not None:
             shown = pattern(command.shown)
-            right = shown.match(printed) if block.interrupted else shown.fullmatch(printed)
-            assert right, f"{where}printed\n{printed}\nand the page shows\n{command.shown}"
+            same = shown.match(printed) if block.interrupted else shown.fullmatch(printed)
+            assert same, f"{where}printed\n{printed}\nand the page shows\n{command.shown}"
 
     def _logs(self) -> Iterator[Path]:
         return self._folder.rglob("*.log")

@@ -12,7 +12,9 @@ from tests.waiting import Starved
 
 EXAMPLES = ROOT / "firmware_host_examples"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-SOURCES = ("README.md", "CONTRIBUTING.md", "docker.md", "install.md", "wiring.md")
+SOURCES = (
+    "README.md", "CONTRIBUTING.md", "docker.md", "install.md", "viewers.md", "wiring.md",
+)  # fmt: skip
 """Pages that are typed in the source tree; there pytest collects alone, for it runs already."""
 NOT_SOURCES = (".git", ".venv", "build", "__pycache__", ".*_cache", ".hypothesis")
 
