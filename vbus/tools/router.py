@@ -1,9 +1,9 @@
 """``vbus router``: where boards and hosts of several processes or computers meet."""
 
-import asyncio
 import json
 import os
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +13,8 @@ from vbus.tools import exit_codes
 from vbus.tools.ready_lines import READY
 
 if TYPE_CHECKING:
+    import asyncio
+
     from vbus.network.session import Network
 
 DEFAULT: Final = "tcp/127.0.0.1:7447"
@@ -78,42 +80,67 @@ def _serve(network: "Network", listed: bool) -> None:
         network: where it listens, and who may use it.
         listed: whether vbus ls shows it, under :data:`NAME`.
     """
-    from vbus.errors import NameInUseError
     from vbus.network import places
     from vbus.network.access import answer_access
     from vbus.network.session import close_session, open_network
+
+    with ExitStack() as stack:
+        if listed:
+            stack.enter_context(_own_name())
+        # Before the imports of a loop: hosts wait for a router that was started anew.
+        session = open_network(network)
+        stack.callback(close_session, session)
+        place = places.register(places.router_place(), network.listen)
+        stack.callback(places.unregister, place)
+        access = answer_access(session, network.security) if network.security else None
+        _tell_until_signal(network, listed)
+        del access
+
+
+@contextmanager
+def _own_name() -> Iterator[None]:
+    """Own the name of a router in the background.
+
+    Raises:
+        NameInUseError: one runs already.
+    """
+    from vbus.errors import NameInUseError
+    from vbus.server.registry import own_board
+
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(own_board(NAME))
+        except NameInUseError as error:
+            raise NameInUseError(
+                f'a "{NAME}" runs already in the background; "vbus stop {NAME}" stops it'
+            ) from error
+        yield
+
+
+def _tell_until_signal(network: "Network", listed: bool) -> None:
+    """Say that it is ready, and answer ``vbus ls`` if it is listed."""
+    from asyncio import get_running_loop
+
     from vbus.server.local_socket import LocalSocket, Telling
     from vbus.server.loop import run_until_signal
     from vbus.server.readiness import tell_ready
-    from vbus.server.registry import own_board, status_path
+    from vbus.server.registry import status_path
 
     def status() -> bytes:
         found = {"listen": network.listen, "connect": network.connect}
         return json.dumps({"board": NAME, "pid": os.getpid(), "router": found}).encode()
 
-    async def serve(stop: asyncio.Event) -> None:
+    async def serve(stop: "asyncio.Event") -> None:
         with ExitStack() as stack:
             if listed:
-                try:
-                    stack.enter_context(own_board(NAME))
-                except NameInUseError as error:
-                    raise NameInUseError(
-                        f'a "{NAME}" runs already in the background; "vbus stop {NAME}" stops it'
-                    ) from error
                 local = LocalSocket(status_path(NAME), partial(Telling, tell=status))
                 stack.callback(local.close)
-                local.open(asyncio.get_running_loop())
-            session = open_network(network)
-            stack.callback(close_session, session)
-            place = places.register(places.router_place(), network.listen)
-            stack.callback(places.unregister, place)
-            access = answer_access(session, network.security) if network.security else None
+                local.open(get_running_loop())
             click.echo(f"router: {', '.join(network.listen)}")
             for endpoint in network.connect:
                 click.echo(f"  connected to {endpoint}")
             click.echo(READY)
             tell_ready()
             await stop.wait()
-            del access
 
     run_until_signal(serve)
