@@ -40,7 +40,7 @@ MINUTES: Final = re.compile(
     r"release\.py wheel|install\.sh|venv .*pip install|pip install .*--target"
 )
 """What compiles vbus or installs all it needs."""
-PATIENCE: Final = 100.0
+PATIENCE: Final = 300.0
 LEAVING: Final = 60.0
 """Seconds that a page's processes may take to end."""
 LONG: Final = 1800.0
