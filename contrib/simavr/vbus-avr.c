@@ -952,7 +952,13 @@ int main(int argc, char **argv)
     if (gdb) {
         sim.avr->gdb_port = (int)gdb;
         sim.avr->state = cpu_Stopped;
-        avr_gdb_init(sim.avr);
+        errno = 0;
+        if (gdb > 65535 || avr_gdb_init(sim.avr) < 0) {
+            fprintf(stderr, "vbus-avr: gdb cannot be waited for at port %llu: %s; end the program"
+                            " that has the port, or name another one, 1024 to 65535\n",
+                    (unsigned long long)gdb, gdb > 65535 ? "there is no such port" : strerror(errno));
+            return USAGE;
+        }
     }
     sim.avr->run = run_to_the_next_event;
     sim.avr->run_cycle_limit = 1;

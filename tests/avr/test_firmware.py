@@ -1,6 +1,7 @@
 """AVR firmware against chips: what real firmware does, and how a run ends."""
 
 import os
+import socket
 import subprocess
 import threading
 import time
@@ -53,6 +54,19 @@ def board(*changes: tuple[str, str]) -> str:
 @pytest.fixture
 def transcript(tmp_path: Path) -> Callable[[], list[str]]:
     return lambda: (tmp_path / "bus.txt").read_text().splitlines()
+
+
+def test_a_port_for_gdb_that_cannot_be_had_is_named(
+    run: Run, firmware: Compile, capfd: pytest.CaptureFixture[str]
+) -> None:
+    elf = firmware("int main(void) { return 0; }")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        code = run_avr(f"{UNO},gdb={port}", str(elf), str(BOARD))
+        told = capfd.readouterr().err
+    assert code == 2
+    assert f"gdb cannot be waited for at port {port}: Address already in use; end the" in told
+    assert run(elf, "gdb=70000")[0] == 2
 
 
 # -- what firmware does ----------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import select
 import shutil
 import signal
 import socket
@@ -14,7 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.command import vbus
+from tests.e2e.command import start, vbus
+from tests.ports import free_endpoint
+from tests.waiting import until
 from vbus import connect
 from vbus.client import aio
 from vbus.client.patience import starting
@@ -59,6 +62,89 @@ def test_a_board_is_ready_when_detach_returns(detached: Done, runtime: Path) -> 
         assert bus.read(0) in (0x00, 0x84, 0xC4)
     assert vbus("wait", "bench", "--timeout", "0").returncode == 0
     assert vbus("logs", "bench").stdout.endswith("ready; Ctrl-C stops it\n")
+
+
+def test_a_router_in_the_background_is_listed_and_stopped_like_a_board(runtime: Path) -> None:
+    endpoint = free_endpoint()
+    done = vbus("router", "--listen", endpoint, "--detach")
+    try:
+        assert done.stdout == f'router: {endpoint}\nready; "vbus stop router" stops it\n'
+        assert vbus("wait", "router", "--timeout", "0").returncode == 0
+        [listed] = json.loads(vbus("ls", "--json").stdout)
+        assert listed["router"] == {"listen": [endpoint], "connect": []}
+        assert vbus("ls").stdout == f"router: process {listed['pid']}, {endpoint}\n"
+        again = vbus("router", "--listen", endpoint, "--detach")
+        assert (again.returncode, again.stderr) == (
+            4, 'vbus: a "router" runs already in the background; "vbus stop router" stops it\n',
+        )  # fmt: skip
+        joined = vbus("exec", "--join", "router", "--", "true")
+        assert "router has no link a program could join by" in joined.stderr
+        assert vbus("logs", "router").stdout.startswith(f"router: {endpoint}\n")
+    finally:
+        stopped = vbus("stop", "router")
+    assert stopped.returncode == 0, stopped.stderr
+    assert vbus("ls").stdout == "no board is running\n"
+
+
+def test_a_router_whose_endpoint_is_taken_says_so_and_is_not_left_behind(runtime: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        done = vbus("router", "--listen", endpoint, "--detach")
+    assert done.returncode == 4
+    assert f"{endpoint}" in done.stderr
+    assert "in use" in done.stderr
+    assert vbus("ls").stdout == "no board is running\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("verb", ["run", "router", "attach", "up", "scope"])
+def test_what_serves_until_ctrl_c_ends_with_0(
+    verb: str, number: signal.Signals, board: Path, runtime: Path, tmp_path: Path
+) -> None:
+    journal = tmp_path / "run.vbj"
+    machine = tmp_path / "machine.toml"
+    machine.write_text(LM629.replace("[chips.x]", '[nodes.a]\n\n[chips.x]\nnode = "a"'))
+    words = {
+        "run": ["run", str(board), "--journal", str(journal)],
+        "router": ["router", "--listen", free_endpoint()],
+        "attach": ["attach", f"unix:{runtime}/bench.sock", "--pty", "here"],
+        "up": ["up", str(machine)],
+        "scope": ["scope", "bench", "--listen", "127.0.0.1:0"],
+    }[verb]
+    if verb in ("attach", "scope"):
+        board.write_text(LM629.replace("pty:$VBUS_RUNTIME/x", "unix:$VBUS_RUNTIME/bench.sock"))
+        assert vbus("run", str(board), "--detach").returncode == 0
+    process = start(*words)
+    assert process.stdout is not None
+    try:
+        begun = next(line for line in process.stdout if line.startswith(("ready", "scope: http")))
+        process.send_signal(number)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        if verb in ("attach", "scope"):
+            vbus("stop", "bench")
+    assert process.returncode == 0, begun + out + err
+    assert "Traceback" not in err
+    if verb == "run":
+        assert vbus("replay", str(journal)).returncode == 0  # whole: it was closed
+
+
+@pytest.mark.parametrize("by", ["SIGINT", "vbus stop"])
+def test_a_board_in_the_background_ends_in_order(by: str, board: Path, tmp_path: Path) -> None:
+    journal = tmp_path / "run.vbj"
+    done = vbus("run", str(board), "--detach", "--journal", str(journal))
+    process = int(done.stdout.splitlines()[0].split()[-1])
+    if by == "SIGINT":
+        ended = os.pidfd_open(process)
+        os.kill(process, signal.SIGINT)
+        until(lambda: select.select([ended], [], [], 0)[0], "the end of the board")
+        os.close(ended)
+    else:
+        stopped = vbus("stop", "bench")
+        assert (stopped.returncode, stopped.stderr) == (0, "")
+    assert vbus("ls").stdout == "no board is running\n"
+    assert vbus("replay", str(journal)).returncode == 0  # whole: it was closed
 
 
 def test_it_has_left_terminal_session_and_input(detached: Done) -> None:

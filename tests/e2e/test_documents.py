@@ -1,95 +1,64 @@
-"""What README and docs tell people to type is typed here, in order, in one shell per page."""
+"""What README and docs tell people to type is typed here, and prints what they show."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
+import socket
 from pathlib import Path
 
 import pytest
 
+from tests.e2e.pages import ROOT, Block, Command, Typist, blocks_of, lacking, pattern
 from tests.waiting import Starved
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "firmware_host_examples"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SAVE_AS = re.compile(r"(?:save this as|Save this as)\s+`([\w./-]+)`")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+SOURCES = (
+    "README.md", "CONTRIBUTING.md", "docker.md", "install.md", "viewers.md", "wiring.md",
+)  # fmt: skip
+"""Pages that are typed in the source tree; there pytest collects alone, for it runs already."""
+NOT_SOURCES = (".git", ".venv", "build", "__pycache__", ".*_cache", ".hypothesis")
 
 
-def steps(page: str) -> list[str]:
-    """Return the page as shell commands: files to save, then commands to run, as they come."""
-    commands = []
-    end = 0
-    for block in FENCE.finditer(page):
-        before = page[end : block.start()]
-        language, text = block.groups()
-        named = SAVE_AS.findall(before)
-        end = block.end()
-        if named:
-            commands.append(f"cat > {named[-1]} <<'END_OF_FILE'\n{text}END_OF_FILE\n")
-        elif language == "sh" and "venv" not in text:
-            commands.append(text)
-    return commands
-
-
-def run(commands: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Type commands in a fresh shell in ``folder``, where vbus is installed, and nothing else."""
-    environment = {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "XDG_RUNTIME_DIR": str(folder),
-    }
-    environment.pop("VBUS_RUNTIME", None)
-    try:
-        done = subprocess.run(
-            ["bash", "-c", "set -e\ntrap 'jobs -p | xargs -r kill' EXIT\n" + "".join(commands)],
-            cwd=folder, env=environment, capture_output=True, text=True, timeout=100,
-        )  # fmt: skip
-        if in_vain := re.search(r"^vbus: \w+ has not ended within .*", done.stderr, re.MULTILINE):
-            logs = [log.read_text() for log in folder.rglob("*.log")]
-            raise Starved("\n".join([in_vain[0], *logs]))
-        return done
-    finally:
-        for board in folder.rglob("boards/*.sock"):
-            home = {**environment, "VBUS_RUNTIME": str(board.parents[1])}
-            subprocess.run([sys.executable, "-m", "vbus", "stop", board.stem], env=home)
+def say_what_is_left_out(typist: Typist) -> None:
+    """Skip, though the rest was typed, if this machine could not run all of a page."""
+    if typist.left_out:
+        pytest.skip("; ".join(typist.left_out))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> None:
-    done = run(steps(page.read_text()), tmp_path)
+    typist = Typist(tmp_path)
+    if page.name in SOURCES:
+        ignore = shutil.ignore_patterns(*NOT_SOURCES)
+        shutil.copytree(ROOT, tmp_path / "sources", ignore=ignore)
+        typist = Typist(tmp_path / "sources", PYTEST_ADDOPTS="--collect-only")
 
-    assert done.returncode == 0, done.stdout + done.stderr
+    typist.type(page.read_text())
+
     if page.name == "README.md":
-        assert "status 80h\n" in done.stdout
-        assert re.search(r"^(199\d|200\d) counts$", done.stdout, re.MULTILINE), done.stdout
-        assert "LM629N-8" in done.stdout
+        assert "status 80h\n" in typist.printed
+        assert re.search(r"^(199\d|200\d) counts$", typist.printed, re.MULTILINE), typist.printed
+        assert "LM629N-8" in typist.printed
     if page.name == "time.md":
-        hashes = re.findall(r"^([0-9a-f]{64})  \d+ events$", done.stdout, re.MULTILINE)
+        hashes = re.findall(r"^([0-9a-f]{64})  \d+ events$", typist.printed, re.MULTILINE)
         assert len(hashes) == 2
         assert len(set(hashes)) == 1
-    if page.name == "byte-protocol.md":
-        assert " 44 84\n" in done.stdout
+    say_what_is_left_out(typist)
 
 
 @pytest.mark.parametrize(
     "page", sorted(EXAMPLES.glob("*/README.md")), ids=lambda page: page.parent.name
 )
 def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) -> None:
-    lacking = "avr-gcc" in page.read_text() and shutil.which("avr-gcc") is None
-    if lacking and os.environ.get("VBUS_REQUIRE_ALL") != "1":
-        pytest.skip("needs gcc-avr, and what else the page names")
     shutil.copytree(EXAMPLES, tmp_path / "examples")
+    typist = Typist(tmp_path / "examples" / page.parent.name)
 
-    done = run(steps(page.read_text()), tmp_path / "examples" / page.parent.name)
+    typist.type(page.read_text())
 
-    assert done.returncode == 0, done.stdout + done.stderr
     expected = (page.parent / "expected.txt").read_text()
-    assert expected in done.stdout or "diff" in page.read_text()
+    assert expected in typist.printed or "diff" in page.read_text()
     if page.parent.name == "firmware_project":
-        whole, broken, *reported = re.split(r"(?<= in )\d.*s\b", done.stdout)
+        whole, broken, *reported = re.split(r"(?<= in )\d.*s\b", typist.printed)
         assert whole.endswith("\n9 passed in ")
         assert broken.endswith("\n4 failed, 5 deselected in ")
         assert broken.count("\nx broke lm628.busy-write at 21") == 4
@@ -98,3 +67,111 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
         hangs = "HostStuck: the host hangs: it polled 10000 times and was told nothing new"
         assert reported[1].count(f"\nE   vbus.server.host_limits.{hangs}") == 2
         assert reported[1].count('under:   x.reset_status = "C4"') == 2
+    say_what_is_left_out(typist)
+
+
+PAGE = """\
+Save this
+as `a.txt`:
+
+```toml
+a = 1
+```
+
+```sh
+cat a.txt
+```
+
+```output
+...
+a = ...
+```
+
+```console
+$ echo one \\
+    two
+one two
+$ true
+```
+"""
+
+
+def test_a_page_is_files_commands_and_what_they_print(tmp_path: Path) -> None:
+    saved, shell, console = blocks_of(PAGE)
+
+    assert (saved.line, shell.line, console.line) == (4, 8, 17)
+    assert shell.commands == (Command("cat a.txt\n", "...\na = ...\n"),)
+    assert console.commands == (
+        Command("echo one \\\n    two\n", "one two\n"),
+        Command("true\n", ""),
+    )
+    Typist(tmp_path).type(PAGE)
+    assert (tmp_path / "a.txt").read_text() == "a = 1\n"
+    with pytest.raises(AssertionError, match=r"line 8: cat a\.txt\nprinted\na = 1\n"):
+        Typist(tmp_path).type(PAGE.replace("a = ...", "b = ..."))
+    with pytest.raises(AssertionError, match="line 17: true\nprinted\n\nand the page shows\nx\n"):
+        Typist(tmp_path).type(PAGE.replace("true\n", "true\nx\n"))
+    with pytest.raises(AssertionError, match="line 1: false\nended with 1:\n"):
+        Typist(tmp_path).type("```sh\nfalse\n```\n")
+    with pytest.raises(ValueError, match="line 1: a block without a language"):
+        blocks_of("```\nprinted\n```\n")
+
+
+@pytest.mark.parametrize("code", [0, 3])
+def test_what_serves_is_interrupted_where_the_page_says_so(code: int, tmp_path: Path) -> None:
+    serving = f"trap 'exit {code}' INT; echo ready; while :; do sleep 0.1; done"
+    page = f"```console\n$ {serving}\nready\n$ echo done\ndone\n^C\n```\n"
+
+    if code == 0:
+        Typist(tmp_path).type(page)
+    else:
+        with pytest.raises(AssertionError, match="ended with 3"):
+            Typist(tmp_path).type(page)
+
+
+def test_a_page_that_leaves_something_running_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.e2e.pages.LEAVING", 0.1)
+
+    with pytest.raises(Starved, match=r"the end of \{\d+: 'sleep 60'\}"):
+        Typist(tmp_path).type("```sh\nsleep 60 &\n```\n")
+
+
+@pytest.mark.parametrize(
+    ("printed", "shown", "same"),
+    [
+        ("a\nb\n", "a\nb\n", True),
+        ("a 17 b\n", "a ... b\n", True),
+        ("a\nb\nc\n", "a\n...\nc\n", True),
+        ("a\n", "a\n...\n", True),
+        ("a\nb\n", "a\n", False),
+        ("a.b\n", "axb\n", False),
+    ],
+)
+def test_three_dots_stand_for_anything(printed: str, shown: str, same: bool) -> None:
+    assert bool(pattern(shown).fullmatch(printed)) is same
+
+
+def test_what_a_machine_lacks_is_looked_for_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacks(text: str) -> str:
+        return lacking(Block(1, (Command(text),)))
+
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("VBUS_REQUIRE_ALL", raising=False)
+
+    assert lacks("vbus ls\n") == ""
+    assert lacks("cat docker/compose.yaml\n") == ""
+    assert lacks("docker ps\n") == "no docker on this machine"
+    assert lacks("x | sigrok-cli -i x.vcd\n") == "no sigrok-cli on this machine"
+    assert lacks("release/release.py wheel dist\n").startswith("it compiles or installs for")
+    monkeypatch.setenv("VBUS_REQUIRE_ALL", "1")
+    assert lacks("release/release.py wheel dist\n") == ""
+
+
+def test_a_port_of_a_page_that_another_program_has_leaves_the_page_out(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        typist = Typist(tmp_path)
+        typist.type(f"```sh\nfalse 127.0.0.1:{port} 127.0.0.1:0\n```\n")
+    assert typist.left_out == [f"port {port} of this machine cannot be had: Address already in use"]

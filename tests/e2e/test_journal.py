@@ -125,8 +125,8 @@ def test_what_is_no_journal_is_refused(tmp_path: Path) -> None:
     done = vbus("replay", other)
     assert done.returncode == 1
     assert done.stderr.startswith(f"vbus: {other} is no journal of version 1: it looks like")
-    assert vbus("replay", tmp_path / "none").stderr.endswith("cannot be read: No such file or"
-                                                              " directory\n")  # fmt: skip
+    refused = "cannot be read: No such file or directory; check its name\n"
+    assert vbus("replay", tmp_path / "none").stderr.endswith(refused)
 
 
 def answered_and_killed(folder: Path, *options: str) -> tuple[int, list[Entry]]:

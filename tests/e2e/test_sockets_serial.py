@@ -125,7 +125,8 @@ def test_a_port_in_use_is_a_clear_error() -> None:
         holder.bind(("127.0.0.1", 0))
         holder.listen()
         port = holder.getsockname()[1]
-        with pytest.raises(TransportError, match=rf"^tcp:{port}: Address already in use$"):
+        refused = rf"^tcp:{port}: Address already in use; stop who has it, or choose another port"
+        with pytest.raises(TransportError, match=refused):
             start(Server(toy_board(), [LinkSpec(f"tcp:{port}", "byte")]))
 
 

@@ -18,6 +18,7 @@ from vbus import connect
 from vbus.chips.packets import STATUS, Packet
 from vbus.client.lm628 import Lm628
 from vbus.events.decode import BoardPackets
+from vbus.tools import exit_codes
 from vbus.tools.sigrok_server import CHANNELS
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.view import play
@@ -85,6 +86,18 @@ def test_sigrok_cli_decodes_a_running_board_as_its_journal_says(sigrok: str, fol
     assert [text.partition(" ")[0] for text in printed] == [
         "LFIL", "UDF", "RSTI", "LTRJ", "LTRJ", "STT",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("option", ["--sigrok", "--foxglove", "--listen"])
+def test_a_port_in_use_is_named_with_what_to_do(option: str, folder: Path) -> None:
+    with running(folder / "bench.toml"), socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        done = vbus("scope", "bench", option, address)
+    assert done.returncode == exit_codes.NO_LINK
+    assert f"{address}: cannot listen: " in done.stderr
+    assert "address already in use" in done.stderr.lower()
+    assert "; free the address, or give another" in done.stderr
+    assert "(port 0 is any free one)" in done.stderr
 
 
 @pytest.mark.slow

@@ -29,11 +29,10 @@ def link_of(name: str, firmware: bool = False) -> str:
         )
     if "error" in found:
         raise TransportError(f"{name}: {found['error']}")
-    links = [
-        link for link in found["links"] if link["protocol"] == "byte" and _kind(link) in _ORDER
-    ]
+    every = found.get("links", [])  # a router has none
+    links = [link for link in every if link["protocol"] == "byte" and _kind(link) in _ORDER]
     if not links:
-        there = ", ".join(f"{link['url']} ({link['protocol']})" for link in found["links"])
+        there = ", ".join(f"{link['url']} ({link['protocol']})" for link in every)
         raise TransportError(
             f"{name} has no link a program could join by (byte protocol on a Unix socket, TCP or a"
             f" PTY); it has: {there or 'none'}; add a [[hosts]] entry to its board file"

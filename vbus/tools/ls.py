@@ -64,6 +64,8 @@ def _lines(board: dict[str, Any]) -> list[str]:
     if "error" in board:
         owner = f"; it is process {board['pid']}" if "pid" in board else ""
         return [board["error"] + owner]
+    if "router" in board:
+        return [f"{board['board']}: process {board['pid']}, {', '.join(board['router']['listen'])}"]
     if "attached" in board:
         from vbus.tools.attached_lines import lines_of
 
