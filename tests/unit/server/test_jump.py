@@ -87,7 +87,7 @@ class Hand(Bench):
         self.recording.close()
         reader = JournalReader(io.BytesIO(self.path.read_bytes()))
         entries = list(reader)
-        assert entries[-1].args[1] == f"2:{state}"
+        assert entries[-1].args[1] == state
         board = build(policy=self.board.policy)
         outcome = Replay(board, entries, reader.header.families).run()
         assert outcome.divergence is None
