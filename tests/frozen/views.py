@@ -27,6 +27,7 @@ from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text
 from vbus.trace.findings.formats import FORMATS
 from vbus.trace.findings.report import Report
 from vbus.trace.findings.suppress import suppressions_of
+from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import play
 from vbus.version import __version__
@@ -38,12 +39,12 @@ DIGITS: Final = 16
 
 def wave(path: Path) -> str:
     """Return the VCD file that ``vbus wave`` writes."""
-    header, entries = read_journal(path.read_bytes())
-    board, file = board_of(header), io.StringIO()
+    reader = JournalReader(io.BytesIO(path.read_bytes()))
+    board, file = board_of(reader.header), io.StringIO()
     section = WaveSection(name="", file="", sample=MS)
     waveform = wave_of(board, section, file, lambda _: None)
     waveform.start()
-    Replay(board, entries, header.families).run()
+    Replay(board, reader, reader.header.families).run()
     waveform.stop()
     return file.getvalue()
 
@@ -76,8 +77,8 @@ def explain(path: Path) -> str:
 
 def scope(path: Path) -> str:
     """Return the frames that a page of the scope gets, and the rows made from them."""
-    header, entries = read_journal(path.read_bytes())
-    recorded = replayed(board_of(header), entries, header.families, strobes=True)
+    reader = JournalReader(io.BytesIO(path.read_bytes()))
+    recorded = replayed(board_of(reader.header), reader, reader.header.families, strobes=True)
     frames = b"".join(recorded.frames)
     rows = [
         f"{when} {lane.full_name} {value}"
