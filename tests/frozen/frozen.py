@@ -208,9 +208,7 @@ def play_snapshot(run: Run) -> dict[str, str]:
     _, entries = read_journal((RUNS / f"{run.name}.vbj").read_bytes())
     kept = snapshot.read((RUNS / f"{run.name}.snap").read_bytes(), run.name)
     player = Player(snapshot.rebuild(kept))
-    for number, host in zip(open_sessions(entries[: run.at]), kept.hosts, strict=True):
-        player.ports[number] = player.board.open_port(host.label, host.chips, host.cycle_ps)
-    snapshot.restore(player.board, kept)
+    player.resume(kept, open_sessions(entries[: run.at]))
     stretch = Stretch(player, run.watch)
     stretch.play(entries[run.at : run.at + run.operations])
     return {f"then_{name}": value for name, value in stretch.hashes().items()}

@@ -3,6 +3,7 @@
     python -m tests.frozen.generate                      freeze the runs that are not there yet
     python -m tests.frozen.generate --update NAME ... --ruling CLAUSE --why TEXT
     python -m tests.frozen.generate --update NAME ... --state --why TEXT
+    python -m tests.frozen.generate --views              write the hashes of all views anew
 
 A frozen run and its frozen hashes are never written again. ``--update`` plays runs and writes
 beside their frozen hashes what they come to now, and which ruling changes them; with ``--state``,
@@ -19,7 +20,7 @@ from fnmatch import fnmatch
 from random import Random
 
 from tests.differential.drive import Host as RandomHost
-from tests.frozen import board_runs, lm628_runs, mc1241a_runs, mcp1200_runs  # noqa: F401
+from tests.frozen import board_runs, lm628_runs, mc1241a_runs, mcp1200_runs, views  # noqa: F401
 from tests.frozen.frozen import (
     BEGIN,
     END,
@@ -188,7 +189,11 @@ def main() -> None:
     parser.add_argument("--ruling", default="")
     parser.add_argument("--why", default="")
     parser.add_argument("--state", action="store_true")
+    parser.add_argument("--views", action="store_true")
     options = parser.parse_args()
+    if options.views:
+        views.VIEWS.write_text(views.text_of({name: views.hashes(name) for name in views.names()}))
+        return
     runs = read_runs(HASHES.read_text()) if HASHES.exists() else []
     names = {run.name for run in runs}
     if options.update:

@@ -24,7 +24,7 @@ from vbus.server.slices import SLICE_NS
 from vbus.server.steps import PAUSED, Steps
 from vbus.signals import Violation
 from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.player import Past
+from vbus.trace.journal.player import RewoundRun
 from vbus.values.settings import listed
 
 FIRST: Final = "the live board goes back only"
@@ -85,7 +85,7 @@ class Jump:
         if to > board.now:
             raise ValueError(f"it is {format_instant(board.now)}: {request['to']} is still to come")
         path = self._check(own, port)
-        past = Past(load_board_text(board.text, board.file or "board.toml"))
+        past = RewoundRun(load_board_text(board.text, board.file or "board.toml"))
         self._going = True
         self._steps.pause(f"goes back to {format_instant(to)}")
         work = self._work(past, path, to)
@@ -122,7 +122,7 @@ class Jump:
         _check_links(board, "now")
         return path
 
-    def _work(self, past: Past, path: Path, to: int) -> Iterator[None]:
+    def _work(self, past: RewoundRun, path: Path, to: int) -> Iterator[None]:
         """Bring the twin to the instant."""
         assert self.recording is not None
         assert self.recording.journal is not None
@@ -131,7 +131,7 @@ class Jump:
             yield from past.up_to(JournalReader(file), to)
 
     def _go_on(
-        self, work: Iterator[None], past: Past, to: int, own: Onlooker, port: HostBus
+        self, work: Iterator[None], past: RewoundRun, to: int, own: Onlooker, port: HostBus
     ) -> None:
         began = self._pacer.clock()
         try:
@@ -149,7 +149,7 @@ class Jump:
         if self._steps.state == PAUSED:
             self._steps.pause(said)
 
-    def _jump(self, past: Past, own: Onlooker) -> None:
+    def _jump(self, past: RewoundRun, own: Onlooker) -> None:
         board, twin = self._board, past.board
         assert self.recording is not None
         assert self.recording.journal is not None

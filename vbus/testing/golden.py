@@ -40,7 +40,7 @@ def run_of_test(tested: TestedBoard) -> Run:
         )
     reader = JournalReader(io.BytesIO(tested.journal()))
     try:
-        return recorded_run(reader, reader)
+        return recorded_run(reader)
     except VbusError as error:
         raise VbusError(
             f"vbus_golden: what the test did to its board past hosts, clock and faults is in no"

@@ -15,7 +15,6 @@ from vbus.nodes.conductor import Conductor
 from vbus.nodes.host import NodeBus
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
-from vbus.nodes.recorded_host import RecordedNodeBus
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Plant
 from vbus.testing.around_chip import host_of, plants_of
@@ -23,6 +22,7 @@ from vbus.testing.clock import coming, span_of
 from vbus.testing.in_process import Turn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
+from vbus.trace.journal.recorder import recorded
 
 
 class NodeChip:
@@ -112,7 +112,7 @@ class TestedMachine:
 
         def watch(node: Node) -> None:
             board = node.board
-            port = RecordedNodeBus
+            port = recorded(NodeBus)
             self.tested.append(TestedBoard(board, file, source, strict, budget, covered, port))
             board.waits = _refuse
 

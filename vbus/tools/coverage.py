@@ -106,6 +106,6 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
 
     with opened(path) as reader:
         observer = CoverageObserver(reader.header.families, str(path), reader.header.settings)
-        with progress(path, reader, "reading", quiet) as entries:
-            play(entries, observer)
+        with progress(path, reader, "reading", quiet):
+            play(reader, observer)
         return observer.coverage

@@ -76,9 +76,9 @@ def _runs(paths: list[Path], quiet: bool) -> "list[Run]":
         raise VbusError(f"{paths[0]} and {paths[1]} were recorded on different boards: {other}")
     runs = []
     for path in paths:
-        with opened(path) as reader, progress(path, reader, "replaying", quiet) as entries:
+        with opened(path) as reader, progress(path, reader, "replaying", quiet):
             try:
-                runs.append(recorded_run(reader, entries))
+                runs.append(recorded_run(reader))
             except VbusError as error:
                 where = "" if str(path) in str(error) else f"{path}: "
                 raise VbusError(f"{where}{error}") from error

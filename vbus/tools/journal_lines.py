@@ -1,7 +1,7 @@
 """Journals as lines for people: what ``explain`` and ``replay`` print of them."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -42,20 +42,10 @@ def opened(path: Path) -> Iterator[JournalReader]:
 
 
 @contextmanager
-def progress(
-    path: Path, reader: JournalReader, what: str, quiet: bool = False
-) -> Iterator[Iterator[Entry]]:
-    """Give the entries of a journal, and show a bar on a terminal while they are read."""
-    with bar(what, path.stat().st_size, lambda: reader.position, quiet) as move:
-        yield _moving(reader, move)
-
-
-def _moving(entries: Iterable[Entry], move: Callable[[], None]) -> Iterator[Entry]:
-    """Pass entries on and move the bar now and then."""
-    for entry in entries:
-        if not entry.number & 0xFFF:
-            move()
-        yield entry
+def progress(path: Path, reader: JournalReader, what: str, quiet: bool) -> Iterator[None]:
+    """Show a bar on a terminal while a journal is read."""
+    with bar(what, path.stat().st_size, lambda: reader.position, quiet) as reader.moved:
+        yield
 
 
 def recorded_board(path: Path, header: Header) -> Board:
@@ -81,8 +71,8 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
         header = _header(reader.header)
         yield Line(f"# {path}: {header}", journal=str(path), header=header)
         quiet = quiet or sys.stdout.isatty()
-        with bar("decoding", path.stat().st_size, lambda: reader.position, quiet) as move:
-            yield from _explained(reader, move)
+        with progress(path, reader, "decoding", quiet):
+            yield from _explained(reader)
         for text in map(_went_back, reader.jumps):
             yield Line(f"# {path}: {text}", journal=str(path), jump=text)
         if reader.damage:
@@ -96,12 +86,12 @@ def _went_back(jump: Jump) -> str:
     )
 
 
-def _explained(reader: JournalReader, move: Callable[[], None]) -> Iterator[str]:
+def _explained(reader: JournalReader) -> Iterator[str]:
     """Give a whole journal as lines; equal cycles in a row are gone through at once."""
     watch = _Lines(reader.header)
     sessions = Sessions()
     ready = watch.ready
-    for count, (number, when, span, key, value, times) in enumerate(reader.stretches()):
+    for number, when, span, key, value, times in reader.stretches():
         session = sessions.by_port.get(key // PORTS)
         if key % PORTS <= WRITE and session is not None and type(value) is int:
             write = key % PORTS == WRITE
@@ -112,8 +102,6 @@ def _explained(reader: JournalReader, move: Callable[[], None]) -> Iterator[str]
         if ready:
             yield from ready
             ready.clear()
-        if not count & 0xFFF:
-            move()
     watch.finish()
     watch.drain()
     watch.tell()

@@ -1,8 +1,6 @@
 """``vbus replay``: a recorded run again, on the code as it is now."""
 
-from collections.abc import Callable
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +9,8 @@ import click
 from vbus.nodes.machine import trace_hash
 from vbus.nodes.recorded import Recorded
 from vbus.tools import exit_codes
-from vbus.tools.journal_lines import instant, opened
-from vbus.tools.output import bar, no_progress, show
-from vbus.trace.journal.format import JournalReader
+from vbus.tools.journal_lines import instant, opened, progress
+from vbus.tools.output import no_progress, show
 from vbus.trace.journal.replay import Outcome, Replay
 from vbus.version import __version__
 
@@ -44,10 +41,8 @@ def command(
             # A trace looks at nets: only where the machine's hash comes of it.
             if recorded.node is not None and len(journals) > 1:
                 recorded.node.start_trace()
-            size = journal.stat().st_size
-            with bar("replaying", size, partial(_place, reader), no_progress) as move:
-                moved = partial(_moved, move)
-                outcome = Replay(recorded.board, reader, header.families, moved).run()
+            with progress(journal, reader, "replaying", no_progress):
+                outcome = Replay(recorded.board, reader, header.families).run()
             damage = reader.damage
         played.append(recorded)
         values.append({**asdict(outcome), "damage": damage, "recorded_with": header.vbus})
@@ -61,14 +56,6 @@ def command(
     show(as_json, value, lines)
     same = all(one["divergence"] is None for one in values)
     return exit_codes.OK if same else exit_codes.FAILURE
-
-
-def _place(reader: JournalReader) -> int:
-    return reader.position
-
-
-def _moved(move: Callable[[], None], entries: int) -> None:
-    move()
 
 
 def machine_hash(played: list[Recorded]) -> str:

@@ -57,8 +57,8 @@ def command(
             header.file,
             header.settings,
         )
-        with progress(journal, reader, "reading", no_progress) as entries:
-            play(entries, _seen_by(report, compatibility))
+        with progress(journal, reader, "reading", no_progress):
+            play(reader, _seen_by(report, compatibility))
     click.echo(FORMATS[style](report), nl=False)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)

@@ -252,8 +252,8 @@ def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
 
     with opened(path) as reader:
         board = recorded_board(path, reader.header)
-        with progress(path, reader, "replaying", quiet) as entries:
-            recorded = replayed(board, entries, reader.header.families, strobes)
+        with progress(path, reader, "replaying", quiet):
+            recorded = replayed(board, reader, reader.header.families, strobes)
         damage = reader.damage
     if damage:
         complain(f"{path}: {damage}")

@@ -51,8 +51,8 @@ def fork(
         with own_board(board.name), closing(recording):
             recording.open(RecordSection(journal=str(journal_path(board.name, 0))))
             player = Player(board)
-            with progress(journal, reader, "replaying", quiet) as entries:
-                for _ in player.up_to(entries, to):
+            with progress(journal, reader, "replaying", quiet):
+                for _ in player.up_to(reader, to):
                     pass
             for port in list(board.ports):
                 port.unclaim()

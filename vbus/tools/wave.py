@@ -135,8 +135,8 @@ def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
         with _output(section.file, True) if into is None else nullcontext(into) as file:
             wave = wave_of(board, section, file, lambda _: None)
             wave.start()
-            with progress(path, reader, "replaying", quiet or file.isatty()) as entries:
-                outcome = Replay(board, entries, reader.header.families).run()
+            with progress(path, reader, "replaying", quiet or file.isatty()):
+                outcome = Replay(board, reader, reader.header.families).run()
             wave.stop()
             if wave.error:
                 raise VbusError(f"{_shown(section.file)}: {wave.error}")

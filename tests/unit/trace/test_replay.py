@@ -370,17 +370,22 @@ def test_who_looks_at_the_nets_of_either_side_makes_no_difference(recorded: bool
     assert Replay(again, entries, header.families).run().divergence is None
 
 
-def test_progress_is_told_now_and_then() -> None:
+def test_a_reader_says_after_every_block_how_far_it_is() -> None:
     def polls(port: HostBus) -> None:
         for _ in range(10_000):
             port.read(0)
 
     data = record(LM629, polls)
-    header, entries = read(data)
-    for source in (entries, JournalReader(io.BytesIO(data))):
-        told: list[int] = []
-        Replay(board_of(header), source, header.families, told.append).run()
-        assert told == [4096, 8192]
+    places: list[list[int]] = []
+    for use in (list, lambda reader: Replay(board_of(reader.header), reader, {}).run()):
+        reader = JournalReader(io.BytesIO(data))
+        seen: list[int] = []
+        reader.moved = lambda reader=reader, seen=seen: seen.append(reader.position)  # type: ignore[misc]
+        use(reader)
+        places.append(seen)
+    assert places[0] == places[1] == sorted(places[0])
+    assert len(places[0]) > 2
+    assert places[0][-1] == len(data)
 
 
 def test_a_cycle_called_before_the_present_instant_is_a_difference() -> None:

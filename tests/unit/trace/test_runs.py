@@ -43,7 +43,7 @@ def mover(
 
 def run_of(data: bytes) -> Run:
     reader = JournalReader(io.BytesIO(data))
-    return recorded_run(reader, reader)
+    return recorded_run(reader)
 
 
 def moved(**keywords: int) -> Run:

@@ -1,7 +1,7 @@
 """Equal bus cycles of a journal, made again: a replay does nothing as often."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from mypy_extensions import i64
@@ -17,23 +17,25 @@ from vbus.trace.journal.view import Sessions
 
 Stretch = tuple[Any, ...]
 """What :meth:`~vbus.trace.journal.format.JournalReader.stretches` gives."""
+Made = tuple[str, bool, int, int, int, int, int]
+"""Bus cycles that have been made: chips, whether written, address, byte, instant of the first, what
+each took (ps), and how many."""
 
 
-class Again(Observer):
+class StretchReplayer(Observer):
     """Makes stretches of equal bus cycles, each as long as it comes out as it was recorded.
 
     It also takes the bus cycles that come of strobes.
 
     Args:
         board: the board.
-        found: what is found on it beside the cycles; it ends a stretch.
         ports: of the sessions, by their numbers.
         sessions: what is known of them.
-        past: takes the cycles that have been made: chips, whether written, address, byte, instant
-            of the first, what each took (ps), and how many.
-        progress: called with the entries played, now and then.
+        past: takes the cycles that have been made.
 
     Attributes:
+        found: chip, whether written, address and byte of cycles that strobes have made; one ends a
+            stretch.
         entry: number of the entry that is played.
         played: entries played.
         cycles: bus cycles among them.
@@ -45,12 +47,11 @@ class Again(Observer):
     def __init__(
         self,
         board: Board,
-        found: list[Any],
         ports: dict[int, HostBus],
         sessions: Sessions,
-        past: deque[tuple[str, bool, int, int, int, int, int]],
-        progress: Callable[[int], None] | None,
+        past: deque[Made],
     ) -> None:
+        self.found: list[Any] = []
         self.entry: int = 0
         self.played: i64 = 0
         self.cycles: i64 = 0
@@ -58,24 +59,15 @@ class Again(Observer):
         self.reply: int | None = None
         self.error: int = 0
         self._board: Board = board
-        self._found: list[Any] = found
         self._ports: dict[int, HostBus] = ports
         self._sessions: Sessions = sessions
-        self._past: deque[tuple[str, bool, int, int, int, int, int]] = past
-        self._progress: Callable[[int], None] | None = progress
+        self._past: deque[Made] = past
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Take a cycle that strobes have made."""
-        self._found.append((chip, write, address, data))
-
-    def play(self, number: i64) -> None:
-        """Entry ``number`` is played now."""
-        self.entry = number
-        self.played += 1
-        if self._progress is not None and self.played & 0xFFF == 0:
-            self._progress(self.played)
+        self.found.append((chip, write, address, data))
 
     def run(self, stretches: Iterator[Stretch]) -> Stretch | None:
         """Make stretches as long as all of their cycles come out as they were recorded.
@@ -104,13 +96,9 @@ class Again(Observer):
                 chips = self._sessions.by_port[session].selected
                 self._past.append((chips, write, value >> 8, value & 0xFF, when + span, span, same))
             self.cycles += same
-            before = self.played
             self.played = number + same
             if same < times:
                 self.played += 1
-            if self._progress is not None and (before ^ self.played) >> 12 != 0:
-                self._progress(self.played & ~0xFFF)
-            if same < times:
                 return stretch
         return None
 
@@ -128,7 +116,7 @@ class Again(Observer):
             span: what each takes (ps).
             times: how many there are.
         """
-        board, found = self._board, self._found
+        board, found = self._board, self.found
         kernel = board.kernel
         address, byte = int(value >> 8), int(value & 0xFF)
         if when > kernel.now:

@@ -9,7 +9,7 @@ from typing import Any
 
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.signals import Observer, Violation
-from vbus.trace.journal.again import Again
+from vbus.trace.journal.again import StretchReplayer
 from vbus.trace.journal.format import Entry
 from vbus.trace.journal.view import violation_of
 
@@ -48,10 +48,10 @@ class Findings(Observer):
         making: knows which entry is played.
     """
 
-    def __init__(self, making: Again) -> None:
+    def __init__(self, making: StretchReplayer) -> None:
         self.recorded: dict[str, deque[tuple[int, Violation]]] = {}
         self.found: dict[str, deque[tuple[int, Violation]]] = {}
-        self._making: Again = making
+        self._making: StretchReplayer = making
         self.expecting: int = 0
         """How much the journal has that the run has not found yet."""
         self.ordered: deque[tuple[int, tuple[Any, ...]]] = deque()

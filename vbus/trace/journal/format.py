@@ -19,7 +19,7 @@ is the course that holds.
 """
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from struct import error as StructError
 from typing import Any, BinaryIO, Final
 
@@ -180,6 +180,8 @@ class JournalReader:
         """What is wrong with the end of the file, once it has been reached; or ""."""
         self.position: int = len(MAGIC)
         """Bytes read so far."""
+        self.moved: Callable[[], None] = lambda: None
+        """Called after every block."""
         self.jumps: tuple[Jump, ...] = ()
         """The jumps of the file in their order, once anything has been read."""
         magic = file.read(len(MAGIC))
@@ -228,6 +230,7 @@ class JournalReader:
                 f"{self._name()}: the block at byte {self.position} makes no sense: {error}"
             ) from None
         self.position += 8 + size
+        self.moved()
         return value
 
     def __iter__(self) -> Iterator[Entry]:

@@ -122,8 +122,8 @@ class History:
         self._player.play(self.entries[self.position])
         self.position += 1
         if self.position % self._every == 0 and self.position not in self._snapshots:
-            open_ports = [n for n, port in self._player.ports.items() if port in self.board.ports]
-            self._snapshots[self.position] = (snapshots.take(self.board), open_ports)
+            taken = snapshots.take(self.board), self._player.open_sessions()
+            self._snapshots[self.position] = taken
             if len(self._snapshots) > self._keep:
                 self._every *= 2
                 for place in [p for p in self._snapshots if p % self._every]:
@@ -134,12 +134,7 @@ class History:
         place = max((p for p in self._snapshots if p <= position), default=0)
         self._player = Player(self._make())
         if place:
-            snapshot, numbers = self._snapshots[place]
-            for number, host in zip(numbers, snapshot.hosts, strict=True):
-                self._player.ports[number] = self.board.open_port(
-                    host.label, host.chips, host.cycle_ps
-                )
-            snapshots.restore(self.board, snapshot)
+            self._player.resume(*self._snapshots[place])
         self.position = place
         while self.position < position:
             self._forward()

@@ -4,8 +4,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
+from vbus.board import snapshot as snapshots
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
+from vbus.board.snapshot import Snapshot
 from vbus.kernel import END, MS
 from vbus.options import Value
 from vbus.protocols.port import NotYet, PortError
@@ -20,7 +22,11 @@ STRETCH: Final = 10 * MS
 
 
 class Player:
-    """Makes the calls of journal entries, at their instants.
+    """A board and its recorded calls: makes the calls of journal entries, at their instants.
+
+    What plays a journal again is a use of it: a replay compares, :class:`RewoundRun` is for a board
+    that goes back, :class:`~vbus.trace.journal.history.History` goes to and fro, and a copy of a
+    board (``vbus scope``, fork) goes on from an instant.
 
     Args:
         board: a board built from the journal's board file.
@@ -106,6 +112,24 @@ class Player:
         if to is not None:
             yield from self._pass(to)
 
+    def open_sessions(self) -> list[int]:
+        """Return the numbers of the sessions that are open, in the order of their opening."""
+        return [number for number, port in self.ports.items() if port in self.board.ports]
+
+    def resume(self, snapshot: Snapshot, sessions: Iterable[int]) -> None:
+        """Go on from a snapshot of the run.
+
+        Args:
+            snapshot: of the board.
+            sessions: numbers of the sessions that were open, in the order of their opening.
+
+        Raises:
+            ValueError: the snapshot has more sessions than numbers, or fewer.
+        """
+        for number, host in zip(sessions, snapshot.hosts, strict=True):
+            self.ports[number] = self.board.open_port(host.label, host.chips, host.cycle_ps)
+        snapshots.restore(self.board, snapshot)
+
     def _pass(self, when: int) -> Iterator[None]:
         while self.board.now < when:
             self.board.pass_until(min(when, self.board.now + STRETCH))
@@ -116,7 +140,7 @@ Finding = Violation | tuple[Any, ...]
 """A violation, or the evidence of a fault as entries have it."""
 
 
-class Past(Player):
+class RewoundRun(Player, Observer):
     """A journal played up to an instant, for the board it is of to go back there.
 
     Args:
@@ -129,26 +153,31 @@ class Past(Player):
     def __init__(self, board: Board) -> None:
         super().__init__(board)
         self.kept: int = 0
-        self._found: _Found = _Found()
-        self._recorded: list[Finding] = []
-        self._later: list[Finding] = []
-        board.listen(self._found)
+        self._found: list[Finding] = []
+        self._recorded: list[tuple[int, Finding]] = []
+        """What the journal has, with the number of the entry."""
+        board.listen(self)
 
     def play(self, entry: Entry) -> None:
         """Play an entry; note what was found before it."""
         super().play(entry)
-        if entry.op == "violation":
-            self._later.append(violation_of(entry))
-        elif entry.op == "fault":
-            self._later.append(entry.args)
+        if entry.op in ("violation", "fault"):
+            finding = violation_of(entry) if entry.op == "violation" else entry.args
+            self._recorded.append((entry.number, finding))
         elif entry.op not in FINDINGS:
             self.kept = entry.number + 1
-            self._recorded += self._later
-            self._later.clear()
+
+    def violation(self, violation: Violation) -> None:
+        """Note a breach."""
+        self._found.append(violation)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Note the evidence of a fault."""
+        self._found.append((when, name, target, what, text))
 
     def leave(self) -> list[int]:
         """End every session; return the numbers of those that were open."""
-        numbers = [number for number, port in self.ports.items() if port in self.board.ports]
+        numbers = self.open_sessions()
         for number in numbers:
             self.ports[number].close()
         self.board.catch_up()
@@ -156,29 +185,14 @@ class Past(Player):
 
     def findings(self) -> list[Finding]:
         """Return what has been found and is not among the entries that are kept."""
-        recorded = Counter(self._recorded)
+        recorded = Counter(finding for number, finding in self._recorded if number < self.kept)
         rest = []
-        for finding in self._found.findings:
+        for finding in self._found:
             if recorded[finding]:
                 recorded[finding] -= 1
             else:
                 rest.append(finding)
         return rest
-
-
-class _Found(Observer):
-    """What is found on a board."""
-
-    def __init__(self) -> None:
-        self.findings: list[Finding] = []
-
-    def violation(self, violation: Violation) -> None:
-        """Note a breach."""
-        self.findings.append(violation)
-
-    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
-        """Note the evidence of a fault."""
-        self.findings.append((when, name, target, what, text))
 
 
 class _NoLinks:

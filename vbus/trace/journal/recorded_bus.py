@@ -1,4 +1,8 @@
-"""A host's port that writes down every call made on it."""
+"""Hosts' ports under a journal: how calls are written down, and the fast port that does it.
+
+:class:`RecordedBus` is what :func:`~vbus.trace.journal.recorder.recorded` makes of a
+:class:`HostBus`, compiled: a test holds their journals equal, byte for byte. RATIO
+"""
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Final, TypeVar
@@ -10,11 +14,11 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.kernel import Kernel
-from vbus.protocols.port import PortError
+from vbus.protocols.port import NotYet, PortError
 from vbus.signals import Observer
 from vbus.state import Names
-from vbus.trace.journal.format import CODE
-from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, PORTS, JournalRows
+from vbus.trace.journal.format import CODE, NOT_YET
+from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, PORTS, WRITE, JournalRows
 
 T = TypeVar("T")
 
@@ -22,33 +26,112 @@ LINES: Final = CODE["lines"]
 DRIVE: Final = CODE["drive"]
 RELEASE: Final = CODE["release"]
 SAMPLE: Final = CODE["sample"]
-PIN: Final = CODE["pin"]
-GETPIN: Final = CODE["getpin"]
 DELAY: Final = CODE["delay"]
 CYCLE: Final = CODE["cycle"]
+FORMS: Final = {
+    LINES: 2,
+    DRIVE: 1,
+    RELEASE: 0,
+    SAMPLE: PAIR << 2,
+    CODE["pin"]: 2,
+    CODE["getpin"]: 1 | NUMBER << 2,
+    DELAY: 1 | FLAG << 2,
+}
+"""Form (:class:`~vbus.trace.journal.rows.Call`) of the calls that are a word when they come again,
+by operation."""
 
 
-class RecordedStrobes(Observer):
-    """Writes down the bus cycles that a host makes by strobes.
+class SessionRows(Observer):
+    """Writes down the calls of one session, and the bus cycles that its host makes by strobes.
 
     Args:
         board: the board.
         rows: where they are written down.
-        key: of such a cycle of its session.
+        number: of the session in the journal.
+        label: the host's name.
+        chips: what the session may select, in order.
+        cycle_ps: cost of a whole cycle; 0 for the default.
     """
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def __init__(self, board: Circuit, rows: JournalRows, key: i64) -> None:
+    def __init__(
+        self, board: Circuit, rows: JournalRows, number: int, label: str, chips: list[Chip],
+        cycle_ps: int,
+    ) -> None:  # fmt: skip
+        self._board: Circuit = board
         self._kernel: Kernel = board.kernel
         self._rows: JournalRows = rows
-        self._key: i64 = key
+        self._session: i64 = number
+        self._key: i64 = number * PORTS
+        self._closed: bool = False
+        self.note(board.now, "open", [label, [chip.name for chip in chips], cycle_ps], None)
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
-        """Write a cycle down."""
-        self._rows.strobed(self._key, chip, write, address, data, when, self._kernel.now)
+        """Write a cycle down that strobes have made."""
+        self._rows.strobed(self._key + CYCLE, chip, write, address, data, when, self._kernel.now)
+
+    def note(
+        self, when: int, op: str, args: list[Any], reply: Any, error: int = 0, limit: int = -1
+    ) -> None:
+        """Write a call down, in the shortest form that it has.
+
+        Args:
+            when: instant at which it was made (ps).
+            op: one of :data:`~vbus.trace.journal.format.OPERATIONS`.
+            args: what was asked.
+            reply: what was answered, if anything.
+            error: number of the refusal; 0: it was not refused.
+            limit: of a call that is not finished: how far time was allowed to go (ps); else -1.
+        """
+        code = CODE[op]
+        now = self._kernel.now
+        if error != 0 or limit >= 0 or (code > WRITE and code not in FORMS):
+            self._rows.other(self._key + code, [args, reply, error, limit], when, now)
+        elif code <= WRITE:
+            data = args[1] & 0xFF if code == WRITE else reply
+            self._rows.cycle(self._session, args[0] << 9 | code << 8 | data, when, now)
+        elif args and args[0] > LARGEST:
+            self._rows.other(self._key + code, [args, reply, error, limit], when, now)
+        else:
+            first, second = [*args, 0, 0][:2]
+            answer, more = reply if code == SAMPLE else (int(reply or 0), 0)
+            self._rows.call(self._key + code, FORMS[code], first, second, answer, more, when, now)
+
+    def call(self, port: HostBus, op: str, args: list[Any], call: Callable[..., T]) -> T:
+        """Make a call of the session's port and write it down, also if it is refused or unfinished.
+
+        Args:
+            port: whose call it is.
+            op: its operation.
+            args: what is asked.
+            call: the method that makes it; of edges it gives none, nothing is written.
+        """
+        if self._closed:  # what a session lets go of when it ends is part of its end
+            return call(port, *args)
+        when = self._kernel.now
+        try:
+            reply = call(port, *args)
+        except NotYet:
+            self.note(when, op, args, None, NOT_YET, self._board.limit)
+            raise
+        except PortError as error:
+            self.note(when, op, args, None, error.code)
+            raise
+        if reply or op != "edges":
+            waits = op in ("wait", "delay") and not reply
+            self.note(when, op, args, reply, 0, self._board.limit if waits else -1)
+        return reply
+
+    def end(self, port: HostBus, close: Callable[..., None]) -> None:
+        """Close the session's port; write it down the first time."""
+        when, first = self._kernel.now, not self._closed
+        self._closed = True
+        close(port)
+        if first:
+            self.note(when, "close", [], None)
 
 
 class RecordedBus(HostBus):
@@ -77,32 +160,12 @@ class RecordedBus(HostBus):
         number: int,
     ) -> None:
         super().__init__(board, hosts, label, chips, cycle_ps, card)
+        self._notes: SessionRows = SessionRows(board, rows, number, label, chips, cycle_ps)
         self.polls.every_cycle = True
-        self.strobes.found = RecordedStrobes(board, rows, number * PORTS + CYCLE)
+        self.strobes.found = self._notes
         self._rows: JournalRows = rows
         self._session: i64 = number
         self._key: i64 = number * PORTS
-        self._closed: bool = False
-        self._note(board.now, "open", [label, [chip.name for chip in chips], cycle_ps], None)
-
-    def _note(
-        self, when: int, op: str, args: list[Any], reply: Any, error: int = 0, limit: int = -1
-    ) -> None:
-        key = self._key + CODE[op]
-        self._rows.other(key, [args, reply, error, limit], when, self._kernel.now)
-
-    def _called(
-        self, op: str, args: list[int], call: Callable[..., T], may_wait: bool = False
-    ) -> T:
-        """Make a call of :class:`HostBus` and write it down, also if it is refused."""
-        when = self._kernel.now
-        try:
-            reply = call(self, *args)
-        except PortError as error:
-            self._note(when, op, args, None, error.code)
-            raise
-        self._note(when, op, args, reply, 0, self.board.limit if may_wait and not reply else -1)
-        return reply
 
     # -- bus cycles: the hot path -------------------------------------------------------------
 
@@ -113,7 +176,7 @@ class RecordedBus(HostBus):
         try:
             data = HostBus.read(self, address)
         except PortError as error:
-            self._note(when, "read", [address], None, error.code)
+            self._notes.note(when, "read", [address], None, error.code)
             raise
         self._rows.cycle(self._session, address << 9 | data, when, kernel.now)
         return data
@@ -125,60 +188,11 @@ class RecordedBus(HostBus):
         try:
             HostBus.write(self, address, data)
         except PortError as error:
-            self._note(when, "write", [address, data], None, error.code)
+            self._notes.note(when, "write", [address, data], None, error.code)
             raise
         self._rows.cycle(self._session, address << 9 | 0x100 | data & 0xFF, when, kernel.now)
 
-    # -- everything else ----------------------------------------------------------------------
-
-    def select(self, mask: int) -> None:
-        """Choose the chips of following cycles."""
-        self._called("select", [mask], HostBus.select)
-
-    def claim(self) -> bool:
-        """Hold the selected chips' bus."""
-        return self._called("claim", [], HostBus.claim)
-
-    def unclaim(self) -> None:
-        """Let the bus go."""
-        if self._closed:
-            super().unclaim()
-        else:
-            self._called("unclaim", [], HostBus.unclaim)
-
-    def wait(self, longest: int) -> tuple[bool, int] | None:
-        """Let time pass until the selected chips can take a cycle."""
-        return self._called("wait", [longest], HostBus.wait, may_wait=True)
-
-    def delay(self, duration: int) -> bool:
-        """Let time pass for this host."""
-        when = self._kernel.now
-        if duration > LARGEST:
-            return self._called("delay", [duration], HostBus.delay, may_wait=True)
-        try:
-            passed = HostBus.delay(self, duration)
-        except PortError as error:
-            self._note(when, "delay", [duration], None, error.code)
-            raise
-        if passed:
-            self._rows.call(
-                self._key | DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when, self._kernel.now
-            )
-        else:
-            self._note(when, "delay", [duration], False, 0, self.board.limit)
-        return passed
-
-    def at(self, when: int) -> None:
-        """Set the host's own clock."""
-        self._called("at", [when], HostBus.at)
-
-    def now(self) -> int:
-        """Return chip time."""
-        return self._called("now", [], HostBus.now)
-
-    def sync(self) -> tuple[int, int]:
-        """Bring the chips up to the host's time."""
-        return self._called("sync", [], HostBus.sync)
+    # -- what strobes are made of: hot, too ---------------------------------------------------
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels."""
@@ -186,7 +200,7 @@ class RecordedBus(HostBus):
         try:
             HostBus.lines(self, mask, levels)
         except PortError as error:
-            self._note(when, "lines", [mask, levels], None, error.code)
+            self._notes.note(when, "lines", [mask, levels], None, error.code)
             raise
         self._rows.call(self._key | LINES, 2, mask, levels, 0, 0, when, self._kernel.now)
 
@@ -196,7 +210,7 @@ class RecordedBus(HostBus):
         try:
             HostBus.drive(self, data)
         except PortError as error:
-            self._note(when, "drive", [data], None, error.code)
+            self._notes.note(when, "drive", [data], None, error.code)
             raise
         self._rows.call(self._key | DRIVE, 1, data, 0, 0, 0, when, self._kernel.now)
 
@@ -206,7 +220,7 @@ class RecordedBus(HostBus):
         try:
             HostBus.release(self)
         except PortError as error:
-            self._note(when, "release", [], None, error.code)
+            self._notes.note(when, "release", [], None, error.code)
             raise
         self._rows.call(self._key | RELEASE, 0, 0, 0, 0, 0, when, self._kernel.now)
 
@@ -216,51 +230,75 @@ class RecordedBus(HostBus):
         try:
             data, outputs = HostBus.sample(self)
         except PortError as error:
-            self._note(when, "sample", [], None, error.code)
+            self._notes.note(when, "sample", [], None, error.code)
             raise
         self._rows.call(self._key | SAMPLE, PAIR << 2, 0, 0, data, outputs, when, self._kernel.now)
         return data, outputs
 
+    def delay(self, duration: int) -> bool:
+        """Let time pass for this host."""
+        when = self._kernel.now
+        if duration > LARGEST:
+            return self._notes.call(self, "delay", [duration], HostBus.delay)
+        try:
+            passed = HostBus.delay(self, duration)
+        except PortError as error:
+            self._notes.note(when, "delay", [duration], None, error.code)
+            raise
+        if passed:
+            self._rows.call(
+                self._key | DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when, self._kernel.now
+            )
+        else:
+            self._notes.note(when, "delay", [duration], False, 0, self.board.limit)
+        return passed
+
+    # -- everything else ----------------------------------------------------------------------
+
+    def select(self, mask: int) -> None:
+        """Choose the chips of following cycles."""
+        self._notes.call(self, "select", [mask], HostBus.select)
+
+    def claim(self) -> bool:
+        """Hold the selected chips' bus."""
+        return self._notes.call(self, "claim", [], HostBus.claim)
+
+    def unclaim(self) -> None:
+        """Let the bus go."""
+        self._notes.call(self, "unclaim", [], HostBus.unclaim)
+
+    def wait(self, longest: int) -> tuple[bool, int] | None:
+        """Let time pass until the selected chips can take a cycle."""
+        return self._notes.call(self, "wait", [longest], HostBus.wait)
+
+    def at(self, when: int) -> None:
+        """Set the host's own clock."""
+        self._notes.call(self, "at", [when], HostBus.at)
+
+    def now(self) -> int:
+        """Return chip time."""
+        return self._notes.call(self, "now", [], HostBus.now)
+
+    def sync(self) -> tuple[int, int]:
+        """Bring the chips up to the host's time."""
+        return self._notes.call(self, "sync", [], HostBus.sync)
+
     def pin(self, number: int, level: int) -> None:
         """Drive a side pin."""
-        when = self._kernel.now
-        try:
-            HostBus.pin(self, number, level)
-        except PortError as error:
-            self._note(when, "pin", [number, level], None, error.code)
-            raise
-        self._rows.call(self._key | PIN, 2, number, level, 0, 0, when, self._kernel.now)
+        self._notes.call(self, "pin", [number, level], HostBus.pin)
 
     def getpin(self, number: int) -> int:
         """Return the level of a side pin."""
-        when = self._kernel.now
-        try:
-            level = HostBus.getpin(self, number)
-        except PortError as error:
-            self._note(when, "getpin", [number], None, error.code)
-            raise
-        self._rows.call(
-            self._key | GETPIN, 1 | NUMBER << 2, number, 0, level, 0, when, self._kernel.now
-        )
-        return level
+        return self._notes.call(self, "getpin", [number], HostBus.getpin)
 
     def events(self, mask: int) -> None:
         """Report edges of these output lines from now on."""
-        self._called("events", [mask], HostBus.events)
+        self._notes.call(self, "events", [mask], HostBus.events)
 
     def take_events(self) -> list[tuple[int, int]]:
         """Return and forget the edges seen since the last call."""
-        when = self._kernel.now
-        edges = super().take_events()
-        if edges:
-            self._note(when, "edges", [], edges)
-        return edges
+        return self._notes.call(self, "edges", [], HostBus.take_events)
 
     def close(self) -> None:
         """The session has ended."""
-        when = self._kernel.now
-        first = not self._closed
-        self._closed = True
-        super().close()
-        if first:
-            self._note(when, "close", [], None)
+        self._notes.end(self, HostBus.close)

@@ -1,7 +1,7 @@
 """A journal played again: the same calls at the same instants, and the first difference."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, zip_longest
 from typing import Any, Final
@@ -9,7 +9,7 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.chips.packets import PATIENCE, Cycle, Decoder
 from vbus.events.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal.again import Again, Stretch
+from vbus.trace.journal.again import Made, Stretch, StretchReplayer
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import end_of
@@ -42,44 +42,35 @@ class Outcome:
     ended: bool
 
 
-class Replay:
-    """Plays a journal on a board built from the same file.
+class Replay(Player):
+    """Plays a journal on a board built from the same file, and compares.
 
     Args:
         board: the board, at instant 0, with no ports open.
         entries: the journal's entries, in order; from a reader they are played a stretch of equal
             bus cycles at a time.
         families: chip families by name of chip, for decoding.
-        progress: called with the entries played, now and then.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        entries: Iterable[Entry],
-        families: dict[str, str],
-        progress: Callable[[int], None] | None = None,
-    ) -> None:
-        self.board: Board = board
+    def __init__(self, board: Board, entries: Iterable[Entry], families: dict[str, str]) -> None:
+        super().__init__(board)
         settings = settings_for_decoders(board.chips)
         self._reader: JournalReader | None = entries if isinstance(entries, JournalReader) else None
-        self._stretches: Iterator[Stretch] = iter(self._reader.stretches() if self._reader else ())
-        self._entries: Iterator[Entry] = iter(()) if self._reader else iter(entries)
-        """What follows, as entries."""
-        self._past: deque[tuple[str, bool, int, int, int, int, int]] = deque(maxlen=LOOKBACK)
-        """Bus cycles nobody has decoded yet: chips, whether written, address, byte, instant of the
-        first, what each took (ps), and how many."""
+        self._stretches: Iterator[Stretch] = (
+            iter(self._reader.stretches()) if self._reader else map(_alone, entries)
+        )
+        self._left: Iterator[Entry] = iter(())
+        """What follows of the stretch that is played."""
+        self._past: deque[Made] = deque(maxlen=LOOKBACK)
+        """Bus cycles nobody has decoded yet."""
         self._decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
         }
-        self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
         self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
-        self._found: list[tuple[Any, ...]] = []
-        """Those of the run."""
-        self._making: Again = Again(
-            board, self._found, self._player.ports, self._sessions, self._past, progress
+        self._making: StretchReplayer = StretchReplayer(
+            board, self.ports, self._sessions, self._past
         )
         self._findings: Findings = Findings(self._making)
         self._ended: bool = False
@@ -87,27 +78,23 @@ class Replay:
 
     def run(self) -> Outcome:
         """Play everything, or up to the first difference."""
-        outcome = None
+        making = self._making
         while (stretch := self._next()) is not None:
-            if self._making.same >= 0:
-                outcome = self._differs(stretch)
-            else:
-                mine = self._expand(stretch)
-                self._entries = chain(mine, self._others())
-                for entry in mine:
-                    outcome = self._take(entry)
-                    if outcome is not None:
-                        break
-            if outcome is not None:
-                return outcome
-        for entry in self._entries if self._reader is None else ():
-            outcome = self._take(entry)
-            if outcome is not None:
-                return outcome
+            self._left = self._expand(stretch, making.same)
+            for entry in self._left:
+                outcome = self._take(entry) if making.same < 0 else self._differs(entry)
+                if outcome is not None:
+                    return outcome
         if not self._ended:
             self.board.catch_up()
-        making = self._making
         return Outcome(making.played, making.cycles, self._findings.compare(), self._ended)
+
+    def call(self, entry: Entry) -> tuple[Any, int]:
+        """Make one call; return its reply and the number of its refusal, 0 if there was none."""
+        answer = super().call(entry)
+        if entry.op == "open":
+            self.ports[entry.port].strobes.found = self._making
+        return answer
 
     def _take(self, entry: Entry) -> Outcome | None:
         """Play an entry; return what came of it all if it differs."""
@@ -119,7 +106,8 @@ class Replay:
                     f"entry {entry.number} stands where {making.played} belongs", "",
                 )
             )  # fmt: skip
-        making.play(entry.number)
+        making.entry = entry.number
+        making.played += 1
         if self._ended:
             return self._stop(
                 Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
@@ -147,30 +135,27 @@ class Replay:
     def _next(self) -> Stretch | None:
         """Return the next stretch of anything but cycles that come out as they were recorded."""
         making = self._making
-        if self._ended or self._strobed or self._found or self._findings.expecting:
+        if self._ended or self._strobed or making.found or self._findings.expecting:
             # Something is left to be compared before any cycle.
             making.same = -1
             return next(self._stretches, None)
         return making.run(self._stretches)
 
-    def _differs(self, stretch: Stretch) -> Outcome | None:
-        """Return what came of it all: one of the cycles of a stretch differs."""
-        number, when, span, key, value, times = stretch
+    def _differs(self, entry: Entry) -> Outcome | None:
+        """Return what came of it all: a cycle of a stretch differs."""
         making = self._making
-        same = making.same
-        left = self._expand((number + same, when + same * span, span, key, value, times - same))
-        entry = next(left)
-        self._entries = chain(left, self._others())
+        making.same = -1
         return self._judge(entry, self._compare(entry, making.reply, making.error))
 
-    def _others(self) -> Iterator[Entry]:
-        return chain.from_iterable(self._expand(stretch) for stretch in self._stretches)
-
-    def _expand(self, stretch: Stretch) -> Iterator[Entry]:
-        assert self._reader is not None
+    def _expand(self, stretch: Stretch, made: int = 0) -> Iterator[Entry]:
+        """Give the entries of a stretch, but for the first of them, which have been made."""
         number, when, span, key, value, times = stretch
-        for turn in range(times):
-            yield self._reader.entry(number + turn, when + turn * span, span, key, value)
+        for turn in range(max(made, 0), times):
+            yield (
+                self._reader.entry(number + turn, when + turn * span, span, key, value)
+                if self._reader
+                else value
+            )
 
     def _stop(self, difference: Divergence) -> Outcome:
         """Return ``difference``, unless a violation was missed before it."""
@@ -188,7 +173,7 @@ class Replay:
                 entry.number, entry.when, "unconsumed", "the end", f"{count} entries before it",
                 f"{entry.number} entries before it",
             )  # fmt: skip
-        self._player.run_to(entry)
+        self.run_to(entry)
         self.board.catch_up()
         left = self._findings.compare() or self._findings.rest()
         if left is not None:
@@ -205,14 +190,14 @@ class Replay:
         return None
 
     def _entry(self, entry: Entry) -> Divergence | None:
-        self._player.run_to(entry)
+        self.run_to(entry)
         if self.board.now != entry.when:
             where = f"{self._sessions.host(entry)}: {entry.op}"
             return Divergence(
                 entry.number, entry.when, "instant", where, f"called at {entry.when} ps",
                 f"it is {self.board.now} ps already",
             )  # fmt: skip
-        reply, error = self._call(entry)
+        reply, error = self.call(entry)
         self._sessions.follow(entry)
         return self._compare(entry, reply, error)
 
@@ -242,9 +227,9 @@ class Replay:
 
     def _compare_strobed(self, call: Entry) -> Divergence | None:
         """Compare the bus cycles that strobes have made in a call."""
-        pairs = list(zip_longest(self._strobed, self._found))
+        pairs = list(zip_longest(self._strobed, self._making.found))
         self._strobed.clear()
-        self._found.clear()
+        self._making.found.clear()
         for was, now in pairs:
             if was is not None and was.args == now:
                 self._making.cycles += 1
@@ -287,13 +272,6 @@ class Replay:
         asked = " ".join(f"{arg:X}" if isinstance(arg, int) else str(arg) for arg in entry.args)
         return f"{self._sessions.host(entry)}, {self._sessions.chip(entry)}: {entry.op} {asked}"
 
-    def _call(self, entry: Entry) -> tuple[Any, int]:
-        """Make one call; return its reply and the number of its refusal."""
-        answer = self._player.call(entry)
-        if entry.op == "open":
-            self._player.ports[entry.port].strobes.found = self._making
-        return answer
-
     def _decoded(self, entry: Entry, reply: int) -> Divergence:
         """Play on until the packet with the difference is whole on both sides."""
         self._decode_past()
@@ -302,12 +280,13 @@ class Replay:
             self._side(chips, Cycle(entry.after, False, entry.args[0], data), f"{data:02X}H")
             for data in (entry.reply, reply)
         ]
+        left = chain(self._left, chain.from_iterable(map(self._expand, self._stretches)))
         for _ in range(LOOKAHEAD):
-            following = None if all(side.known() for side in sides) else next(self._entries, None)
+            following = None if all(side.known() for side in sides) else next(left, None)
             if following is None or following.op not in ("read", "write") or following.error:
                 break
-            self._player.run_to(following)
-            again, error = self._call(following)
+            self.run_to(following)
+            again, error = self.call(following)
             if self._sessions.chip(following) != chips or error:
                 continue
             write = following.op == "write"
@@ -315,6 +294,11 @@ class Replay:
                 data = following.args[1] if write else data
                 side.feed(Cycle(following.after, write, following.args[0], data))
         return difference_of(entry.number, entry.after, "reply", self._where(entry), sides)
+
+
+def _alone(entry: Entry) -> Stretch:
+    """Return an entry as a stretch of itself."""
+    return entry.number, entry.when, 0, -1, entry, 1
 
 
 def _settled(op: str, reply: Any) -> Any:

@@ -1,6 +1,6 @@
 """A journal as observers see a run: bus cycles with their chips, and violations."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
@@ -77,12 +77,18 @@ def show(entry: Entry, sessions: Sessions, observer: Observer) -> None:
         sessions.follow(entry)
 
 
-def play(entries: Iterable[Entry], observer: Observer) -> int:
-    """Show ``observer`` what a journal holds; return the number of entries."""
+def shown(entries: Iterable[Entry], observer: Observer) -> Iterator[Entry]:
+    """Give the entries of a journal, and show ``observer`` first what each holds."""
     sessions = Sessions()
-    count = last = 0
     for entry in entries:
         show(entry, sessions, observer)
+        yield entry
+
+
+def play(entries: Iterable[Entry], observer: Observer) -> int:
+    """Show ``observer`` what a journal holds; return the number of entries."""
+    count = last = 0
+    for entry in shown(entries, observer):
         count += 1
         last = max(last, entry.after)
     observer.settled(last)

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -14,9 +14,9 @@ from vbus.chips.packets import STATUS, WHOLE, Packet
 from vbus.errors import VbusError
 from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Violation
-from vbus.trace.journal.format import Entry, Header, JournalReader
+from vbus.trace.journal.format import Header, JournalReader
 from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.view import Sessions, show
+from vbus.trace.journal.view import shown
 from vbus.trace.runs.motion import Course, Motion
 from vbus.version import __version__
 
@@ -105,12 +105,11 @@ class _Host(BoardPackets):
         self._run.violations[violation.chip, violation.rule] += 1
 
 
-def recorded_run(reader: JournalReader, entries: Iterable[Entry]) -> Run:
+def recorded_run(reader: JournalReader) -> Run:
     """Return what happened in a run, from its journal: its motors move as it is played again.
 
     Args:
         reader: the journal.
-        entries: its entries.
 
     Raises:
         VbusError: the journal is damaged or not closed, or its run is another one when it is
@@ -124,7 +123,7 @@ def recorded_run(reader: JournalReader, entries: Iterable[Entry]) -> Run:
     run = Run(models=models_of(file))
     host = _Host(run, header.families, header.settings)
     motion = Motion(board)
-    outcome = Replay(board, _shown(entries, host), header.families).run()
+    outcome = Replay(board, shown(reader, host), header.families).run()
     axes = motion.stop()
     found = outcome.divergence
     if found is not None:
@@ -139,14 +138,6 @@ def recorded_run(reader: JournalReader, entries: Iterable[Entry]) -> Run:
     run.axes = axes
     run.duration = board.now
     return run
-
-
-def _shown(entries: Iterable[Entry], host: _Host) -> Iterator[Entry]:
-    """Give entries, and show each to somebody else first."""
-    sessions = Sessions()
-    for entry in entries:
-        show(entry, sessions, host)
-        yield entry
 
 
 def models_of(file: BoardFile) -> dict[str, str]:

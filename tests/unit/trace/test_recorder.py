@@ -1,0 +1,88 @@
+"""The recorder of a port, and the fast one beside it: both write the same bytes."""
+
+import io
+from collections.abc import Callable
+
+import pytest
+
+from tests.frozen.frozen import RUNS, board_of, read_journal
+from tests.unit.trace.conftest import LM629
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
+from vbus.kernel import END, MS
+from vbus.protocols.port import PortError
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.player import Player
+from vbus.trace.journal.recorded_bus import RecordedBus
+from vbus.trace.journal.recorder import recorded
+
+Port = Callable[..., HostBus]
+
+
+def recorded_again(name: str, port: Port) -> bytes:
+    """Return the journal of a board that a frozen run is played on again."""
+    header, entries = read_journal((RUNS / f"{name}.vbj").read_bytes())
+    player = Player(board_of(header))
+    file = io.BytesIO()
+    journal = Journal(player.board, file, header.text, header.file, port=port)
+    for entry in entries:
+        player.play(entry)
+    journal.close()
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "board-two-hosts-claim",
+        "board-wired-lines",
+        "faults-mcp1200",
+        "lm628-random-strobed-126",
+        "lm629-strobed-too-fast",
+        "lm629-violations-strict",
+        "mc1241a-random-strobed-102",
+        "mc1241a-slaved",
+        "mcp1200-encoder-pins",
+        "mcp1200-random-cycles-104",
+        "mcp1200-realtime",
+    ],
+)
+def test_the_fast_recorder_writes_the_bytes_of_the_plain_one(name: str) -> None:
+    data = recorded_again(name, RecordedBus)
+    assert data == recorded_again(name, recorded(HostBus))
+    assert read_journal(data)[1] == read_journal((RUNS / f"{name}.vbj").read_bytes())[1]
+
+
+def refused_and_unfinished(port: Port) -> bytes:
+    board = load_board_text(LM629.replace("lockstep", "slaved"))
+    file = io.BytesIO()
+    journal = Journal(board, file, LM629, port=port)
+    host = board.open_port("h")
+    calls: list[tuple[str, list[int]]] = [
+        ("read", [0]), ("at", [MS]), ("read", [0]), ("write", [1, 0x155]), ("lines", [1, 0]),
+        ("pin", [99, 1]), ("getpin", [99]), ("delay", [1 << 62]), ("delay", [MS]), ("at", [0]),
+        ("events", [7]), ("take_events", []), ("select", [0]), ("drive", [1]), ("sample", []),
+        ("release", []), ("claim", []), ("unclaim", []), ("sync", []), ("now", []),
+    ]  # fmt: skip
+    board.limit = 5 * MS
+    for name, args in calls:
+        try:
+            getattr(host, name)(*args)
+        except PortError:
+            continue
+    board.limit = END
+    host.claim()
+    host.close()
+    host.close()
+    journal.close()
+    return file.getvalue()
+
+
+def test_refused_and_unfinished_calls_and_the_end_are_the_same_bytes() -> None:
+    data = refused_and_unfinished(RecordedBus)
+    assert data == refused_and_unfinished(recorded(HostBus))
+    entries = read_journal(data)[1]
+    assert [entry.op for entry in entries].count("close") == 1
+    assert entries[-2].op == "close"
+    assert any(entry.error for entry in entries)
+    assert any(entry.limit >= 0 for entry in entries)
