@@ -9,9 +9,13 @@ import pytest
 from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
 from vbus.board.build import build
+from vbus.board.config import read_board_text
 from vbus.client import Bus
 from vbus.errors import VbusError
-from vbus.kernel import NS
+from vbus.kernel import MS, NS
+from vbus.nodes.machine import Machine
+from vbus.nodes.plan import pins_of
+from vbus.nodes.scenario import read_scenario
 from vbus.server.pacer import Pacer
 from vbus.testing.bench import Bench
 from vbus.testing.boards import for_test, of_part
@@ -131,6 +135,16 @@ def test_a_pulse_at_a_node_is_judged_whoever_moves_the_machine() -> None:
         way(machine, x, y)
         x.bus.pin("/RST", 1)
         assert [one.rule for one in x.board.violations] == ["lm628.T6"]
+
+
+def test_a_pulse_of_a_scenario_is_judged() -> None:
+    file, source = read_board_text(TWO)
+    text = "3ms x pin /RST 0\n3000.1us x pin /RST 1\nend 6ms\n"
+    scenario = read_scenario(text, "f", pins_of(file), MS)
+    machine = Machine(file, source, scenario)
+    machine.run()
+    found = machine.nodes[0].board.violations
+    assert [(one.rule, one.measured) for one in found] == [("lm628.T6", SHORT)]
 
 
 def test_in_real_time_the_same_pulse_is_judged() -> None:
