@@ -99,7 +99,7 @@ def test_a_journal_is_explained_as_packets_or_as_entries(tmp_path: Path) -> None
     served(tmp_path, "lockstep", signal.SIGINT)
     lines = vbus("explain", tmp_path / "file.vbj").stdout.splitlines()
     assert f'file.vbj: board "bench" of {tmp_path}/board.toml (SHA-256 ' in lines[0]
-    assert lines[0].endswith("format 3")
+    assert lines[0].endswith("format 1")
     assert any(" x LFIL kp=300 kd=2000 ds=1 samples  [LM-CMD-19]" in line for line in lines)
     assert any(" x LTRJ pos=+400" in line for line in lines)
     entries = vbus("explain", f"{tmp_path}/file.vbj:0-2").stdout.splitlines()
@@ -123,7 +123,7 @@ def test_what_is_no_journal_is_refused(tmp_path: Path) -> None:
     other.write_bytes(b"something else")
     done = vbus("replay", other)
     assert done.returncode == 1
-    assert done.stderr == f"vbus: {other} is no journal of version 1 to 3\n"
+    assert done.stderr == f"vbus: {other} is no journal of version 1\n"
     assert vbus("replay", tmp_path / "none").stderr.endswith("cannot be read: No such file or"
                                                               " directory\n")  # fmt: skip
 
