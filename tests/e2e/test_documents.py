@@ -11,7 +11,7 @@ from tests.e2e.pages import ROOT, Block, Command, Typist, blocks_of, lacking, pa
 from tests.waiting import Starved
 
 EXAMPLES = ROOT / "firmware_host_examples"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOURCES = (
     "README.md", "CONTRIBUTING.md", "docker.md", "install.md", "viewers.md", "wiring.md",
 )  # fmt: skip
@@ -25,7 +25,7 @@ def say_what_is_left_out(typist: Typist) -> None:
         pytest.skip("; ".join(typist.left_out))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> None:
     typist = Typist(tmp_path)
     if page.name in SOURCES:

@@ -378,8 +378,8 @@ def _serve_boards(
             with ExitStack() as at_end:
                 server, take = made(feeds, at_end)
                 ended = asyncio.Event()
-                feeds.follow(asyncio.get_running_loop(), take, ended.set)
                 await server.start()
+                feeds.follow(asyncio.get_running_loop(), take, ended.set)
                 try:
                     await _over(server, stop, ended, stay)
                 finally:
