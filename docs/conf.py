@@ -112,8 +112,10 @@ def list_pages(app: Sphinx, name: str, content: list[str]) -> None:
 def _tree(text: str, caption: str = "", made: Sequence[str] = ()) -> str:
     """Return a table of contents of the pages that a text links to, and of pages that are made."""
     lines = ["", "", "```{toctree}", ":hidden:", *([f":caption: {caption}"] if caption else []), ""]
-    for link in re.findall(r"\]\(([\w./-]+)\.md\)", text):
-        lines.append(f"/docs/{link}" if "../" not in link else f"/{link[3:]}")
+    for title, link in re.findall(r"(?:\[([^\[\]]+))?\]\(([\w./-]+)\.md\)", text):
+        page = f"/docs/{link}" if "../" not in link else f"/{link[3:]}"
+        # The README has the title of the first page.
+        lines.append(f"{title} <{page}>" if page == "/README" else page)
     return "\n".join([*lines, *(f"/docs/{page}" for page in made), "```", ""])
 
 
