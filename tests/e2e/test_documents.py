@@ -16,7 +16,7 @@ SOURCES = (
     "README.md", "CONTRIBUTING.md", "docker.md", "install.md", "viewers.md", "wiring.md",
 )  # fmt: skip
 """Pages that are typed in the source tree; there pytest collects alone, for it runs already."""
-NOT_SOURCES = (".git", ".venv", "build", "__pycache__", ".*_cache", ".hypothesis")
+NOT_SOURCES = (".git", ".venv*", "build", "__pycache__", ".*_cache", ".hypothesis")
 
 
 def say_what_is_left_out(typist: Typist) -> None:
