@@ -94,25 +94,28 @@ def seen_by_a_page(link: str, enough: Callable[[Seen], object], **order: Any) ->
     return asyncio.run(look())
 
 
-def orders(link: str, *wanted: dict[str, Any]) -> tuple[list[Any], list[Any]]:
-    """Open a link and order something; return the bookmarks there were, and what is told."""
+def orders(link: str, then: list[Any], *wanted: dict[str, Any]) -> list[Any]:
+    """Open a link and order something, until the bookmarks are so; return those there were.
 
-    async def look() -> tuple[list[Any], list[Any]]:
+    A page is sent the newest bookmarks, not each change.
+    """
+
+    async def look() -> list[Any]:
         url, _, code = link.partition("#")
         own = {"Origin": url.rstrip("/")}
         async with ClientSession(cookie_jar=CookieJar(unsafe=True)) as browser:
             async with browser.post(f"{url}enter", data=code, headers=own) as answer:
                 assert answer.status == 204
             async with browser.ws_connect(f"{url}live", headers=own, max_msg_size=0) as page:
-                had = json.loads(await page.receive_str())["bookmarks"]
-                told: list[Any] = []
+                had: list[Any] = json.loads(await page.receive_str())["bookmarks"]
                 for order in wanted:
                     await page.send_str(json.dumps(order))
-                while len(told) < len(wanted):
+                now = had
+                while now != then:
                     message = await page.receive(timeout=20)
                     if isinstance(message.data, str):
-                        told.append(json.loads(message.data))
-                return had, told
+                        now = json.loads(message.data).get("bookmarks", now)
+                return had
 
     return asyncio.run(look())
 
@@ -258,15 +261,10 @@ def test_bookmarks_are_kept_beside_the_journal_and_in_its_page(folder: Path) -> 
     assert process.stdout is not None
     link = link_in(process.stdout.readline())
     set_, gone = ({"do": "bookmark", "bookmark": HERE}, {"do": "forget", "bookmark": THERE})
-    had, told = orders(
-        link, set_, {"do": "bookmark", "bookmark": THERE}, {"do": "bookmark", "bookmark": HERE},
-    )  # fmt: skip
+    had = orders(link, [THERE, HERE], set_, {"do": "bookmark", "bookmark": THERE}, set_)
     assert had == []
-    assert told[-1] == {"bookmarks": [THERE, HERE]}
     link = link_in(process.stdout.readline())
-    had, told = orders(link, gone)
-    assert had == [THERE, HERE]
-    assert told == [{"bookmarks": [HERE]}]
+    assert orders(link, [HERE], gone) == [THERE, HERE]
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
     (runs,) = json.loads((folder / "run.vbj.bookmarks.json").read_text())["runs"].values()
@@ -281,8 +279,7 @@ def test_bookmarks_of_a_board_are_those_of_its_run_and_stay_with_its_journal(fol
         process = start("scope", "bench")
         assert process.stdout is not None
         link = link_in(process.stdout.readline())
-        had, _ = orders(link, {"do": "bookmark", "bookmark": HERE})
-        assert had == expected
+        assert orders(link, [HERE], {"do": "bookmark", "bookmark": HERE}) == expected
         return process
 
     def end(process: subprocess.Popen[str]) -> None:
