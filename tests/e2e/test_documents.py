@@ -1,5 +1,6 @@
 """What README and docs tell people to type is typed here, and prints what they show."""
 
+import os
 import re
 import shutil
 import socket
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.pages import ROOT, Block, Command, Typist, blocks_of, lacking, pattern
+from tests.e2e.pages import NO_PACKAGE, ROOT, Block, Command, Typist, blocks_of, lacking, pattern
 from tests.waiting import Starved
 
 EXAMPLES = ROOT / "firmware_host_examples"
@@ -20,9 +21,15 @@ NOT_SOURCES = (".git", ".venv*", "build", "__pycache__", ".*_cache", ".hypothesi
 
 
 def say_what_is_left_out(typist: Typist) -> None:
-    """Skip, though the rest was typed, if this machine could not run all of a page."""
-    if typist.left_out:
-        pytest.skip("; ".join(typist.left_out))
+    """Skip, though the rest was typed, if this machine could not run all of a page.
+
+    Where nothing may be left out, an engine of Docker and a display still may.
+    """
+    left = typist.left_out
+    if os.environ.get("VBUS_REQUIRE_ALL") == "1":
+        left = [one for one in left if not one.endswith(NO_PACKAGE)]
+    if left:
+        pytest.skip("; ".join(left))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -33,7 +40,9 @@ def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> N
         shutil.copytree(ROOT, tmp_path / "sources", ignore=ignore)
         typist = Typist(tmp_path / "sources", PYTEST_ADDOPTS="--collect-only")
 
-    typist.type(page.read_text())
+    # What takes minutes is typed once: VBUS_TYPED names pages of which .ci/run types it.
+    name = str(page.relative_to(ROOT))
+    typist.type(page.read_text(), name in os.environ.get("VBUS_TYPED", "").split())
 
     if page.name == "README.md":
         assert "status 80h\n" in typist.printed
