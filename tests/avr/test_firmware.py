@@ -14,7 +14,7 @@ from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
 from tests.e2e.command import start
 from tests.shims.conftest import compile_for
 from tests.waiting import until
-from vbus.errors import ConfigError
+from vbus.errors import ConfigError, ProgramError
 from vbus.server.registry import running
 from vbus.tools import exec as exec_module
 from vbus.tools.exec_avr import parse, run_avr, simulator
@@ -642,12 +642,10 @@ def test_a_comma_in_a_value_has_a_backslash() -> None:
     assert parse(r"until=one\, two,stats") == ["--until", "one, two", "--stats"]
 
 
-def test_something_else_than_firmware_is_refused(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_something_else_than_firmware_is_refused(tmp_path: Path) -> None:
     (tmp_path / "main.elf").write_text("no program")
-    assert run_avr(UNO, str(tmp_path / "main.elf"), str(BOARD)) == 2
-    assert "is no AVR program in ELF format" in capfd.readouterr().err
+    with pytest.raises(ProgramError, match="is no AVR firmware"):
+        run_avr(UNO, str(tmp_path / "main.elf"), str(BOARD))
 
 
 def test_the_example_gives_what_it_says(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -20,11 +20,15 @@ from vbus.tools.demos import NAMES
 
 pytestmark = pytest.mark.slow
 
+SLOW = "more moves than this machine can follow"
+
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_demo_moves_its_motors_from_another_process_and_says_so(name: str, runtime: Path) -> None:
     done = vbus("demo", name, "--headless")
-    assert (done.returncode, done.stderr) == (0, "")
+    # That the machine is too slow at the moment says nothing of the demo.
+    errors = [line for line in done.stderr.splitlines() if SLOW not in line]
+    assert (done.returncode, errors) == (0, [])
     first, link, *said, numbers, last = done.stdout.splitlines()
     board, host = re.findall(r"process (\d+)", first)
     assert board != host
