@@ -97,7 +97,7 @@ def test_the_model_may_be_described_by_options_or_by_a_board_file(folder: Path) 
     ("arguments", "code", "message"),
     [
         (("LM629N-8", "none.vcd", *CLOCK), 6, "none.vcd: cannot be read: No such file"),
-        (("LM629N-8", "good.txt", *CLOCK), 6, "captures end in .vcd, .sr or .csv"),
+        (("LM629N-8", "good.txt", *CLOCK), 6, "cannot be read: No such file"),
         (("LM629N-8", "good.vcd"), 2, "say at which clock the chip runs"),
         (("LM629N-8", "good.vcd", "--clock", "fast"), 3, "clock"),
         (("LM629", "good.vcd", *CLOCK), 3, 'found "LM629"'),

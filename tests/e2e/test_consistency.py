@@ -65,9 +65,9 @@ def test_a_board_that_does_not_run_is_one_exit_code(
 
 
 def test_the_hash_of_traces_as_json(tmp_path: Path) -> None:
-    (tmp_path / "empty.trace").write_text("")
-    plain = vbus("trace", tmp_path / "empty.trace")
-    told = json.loads(vbus("trace", tmp_path / "empty.trace", "--json").stdout)
+    (tmp_path / "node.trace").write_text("1000 0 x./CS 0\n")
+    plain = vbus("trace", tmp_path / "node.trace")
+    told = json.loads(vbus("trace", tmp_path / "node.trace", "--json").stdout)
 
     assert plain.stdout == f"{told['hash']}  {told['events']} events\n"
 
