@@ -90,9 +90,7 @@ def check_promise(table: AcTable, promise: Promise, hz: int) -> None:
     assert row.max_ps == promise.most
 
 
-def check_complete(
-    table: AcTable, cases: Iterable[Case], promises: Iterable[Promise] = ()
-) -> None:
+def check_complete(table: AcTable, cases: Iterable[Case], promises: Iterable[Promise] = ()) -> None:
     """Assert that each row has a case, or stands among the chip's own promises; none in both."""
     tried = {case.symbol for case in cases}
     promised = {promise.symbol for promise in promises}

@@ -358,6 +358,21 @@ def test_a_word_is_stored_and_hi_moves_when_busy_falls(bench):
     assert (bench.pin("HI"), bench.chip.status()) == (LOW, 0x80)
 
 
+@pytest.mark.spec("LM-BUS-9")
+@pytest.mark.parametrize("on", [False, True])
+def test_the_status_byte_after_busy_is_known_while_busy_lasts(bench, on):
+    if on:
+        bench.move(0x1800, accel=1, velocity=1)
+        bench.next_sample()
+    bench.write(0, COMMANDS["LTRJ"].code)
+    end = bench.chip.ready_at()
+    foreseen = bench.chip.foresee(0, end)
+    assert foreseen is not None
+    bench.ready()
+    assert bench.chip.status() == foreseen[0]
+    assert bool(foreseen[0] & 0x80) != on, "motor off"
+
+
 @pytest.mark.spec("LM-BUS-10")
 def test_bytes_written_while_busy_are_ignored_and_reported(bench):
     bench.write(0, LPES)

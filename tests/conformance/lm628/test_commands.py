@@ -4,7 +4,7 @@ from operator import attrgetter
 
 import pytest
 
-from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower
+from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower, Log
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW
@@ -204,7 +204,7 @@ def test_each_bit_of_a_threshold_counts(bench, name, bit):
     assert bench.violations == []
 
 
-@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16")
+@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16", "LM-TRJ-2")
 @pytest.mark.parametrize("name", ["LPEI", "LPES"])
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
     bench.command(name, 0x8123)
@@ -240,6 +240,25 @@ def test_each_mask_bit_enables_its_flag_and_bits_7_and_0_none(bench, bit):
 
     assert bench.pin("HI") == (HIGH if 1 <= bit <= 6 else LOW)
     assert axis.status() == 0xFE
+
+
+@pytest.mark.spec("LM-STA-7")
+@pytest.mark.parametrize("on_node", [False, True])
+def test_hi_rises_at_the_very_sample_that_raises_a_flag_whatever_masked_flag_is_up(on_node):
+    bench = Bench("strobe")
+    bench.chip.on_node = on_node
+    bench.command("RSTI", 0)
+    bench.command("MSKI", 0x0004)
+    bench.write(1, 0)
+    bench.ready()
+    assert bench.chip.status() & 0x7F == 0x02, "a command error, which is masked"
+    bench.move(0, accel=ONE, velocity=ONE, position=3)
+    bench.next_sample()
+    log = Log()
+    bench.chip.pins["HI"].net.observe(log)
+    first = bench.now
+    bench.run(5 * SAMPLE)
+    assert log.edges == [(first + 2 * SAMPLE, "x.HI", HIGH)]
 
 
 @pytest.mark.spec("LM-CMD-18", "LM-STA-3")

@@ -186,8 +186,13 @@ CASES = (
     Case("T10", 50 * NS, reading("strobe_on", lambda gap: -gap), output=True),
     Case("T12", 50 * NS, driven_after_a_read, output=True),
     # Whoever looks too early writes while the chip is busy, and too soon after the last strobe.
-    Case("T13", 70 * NS, looked_at_ready, beside=frozenset({"not-ready", "T18", "floating-write"}),
-         output=True),
+    Case(
+        "T13",
+        70 * NS,
+        looked_at_ready,
+        beside=frozenset({"not-ready", "T18", "floating-write"}),
+        output=True,
+    ),
     Case("T14", 50 * NS, writing("strobe_on", lambda gap: -gap)),
     Case("T15", 35 * NS, writing("data_on", lambda gap: -gap)),
     Case("T16", 30 * NS, writing("data_off", lambda gap: gap)),

@@ -124,6 +124,7 @@ def test_without_velocity_or_acceleration_the_flag_stays_until_there_is_one(
     start(bench)
     bench.samples(5)
     assert (bench.seen("FLAG"), bench.seen("COMMAND_POSITION")) == (0x05, 0)
+    assert bench.seen("PHASE") == 0, "no move has begun"
     bench.put("PROFILE_VELOCITY", 10)
     bench.put("ACCELERATION", 0x180)
     assert run(bench) == T_10

@@ -81,7 +81,7 @@ def test_goals_more_than_seven_bits_apart_are_reported_and_followed(
     bench.samples(3)
     assert bench.rules() == (["goal-step"] if told else [])
     if told:
-        assert bench.violations[0].measured == 128
+        assert (bench.violations[0].measured, bench.violations[0].limit) == (128, 127)
     # 127 less in the first sample, then the goal.
     speeds = [first - 127 if told else second, second, second]
     assert bench.seen("COMMAND_POSITION") - before == sum(speeds)
@@ -95,7 +95,8 @@ def test_high_resolution_goals_may_be_15_bits_apart(bench: Bench, second: int, t
     bench.samples(2)
     bench.put("VELOCITY", second)
     bench.samples(1)
-    assert bench.rules() == (["goal-step"] if told else [])
+    found = [(it.rule, it.measured, it.limit) for it in bench.violations]
+    assert found == [("mcp1200.goal-step", 32768, 32767)] * told
 
 
 @pytest.mark.spec("MCP-VEL-3")
