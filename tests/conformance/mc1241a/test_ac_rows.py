@@ -203,7 +203,7 @@ CASES = (
 DAC_PORT = "the chip writes its own DAC: test_microstep.py measures the edges against the row"
 PROMISES = (
     Promise("T11", 10 * NS, 0,
-            "the chip holds the byte itself: test_timing.py looks at the bus 10 ns after the strobe"),
+            "the chip holds the byte itself: test_timing.py looks 10 ns after the strobe"),
     Promise("T19", 35 * NS, 0, DAC_PORT),
     Promise("T20", 56 * NS, 95 * NS, DAC_PORT),
     Promise("T21", 17 * NS, 0, DAC_PORT),

@@ -173,7 +173,7 @@ class HostPins:
             self._chip.data_pin.release()
 
     def _released(self, now: int) -> None:
-        """~HostSlct has risen (T6)."""
+        """~HostSlct has risen (T6, PMD-TIM-8)."""
         chip = self._chip
         held = now - self._strobe_ended
         self._after_strobe("T6", held)
@@ -194,7 +194,9 @@ class HostPins:
             self._too_short("T12", now - self._read_ended)
 
     def _reset_moved(self) -> None:
-        """~Reset has moved: it takes hold after T-reset, and is over when it rises."""
+        """~Reset has moved: it takes hold after T-reset, and is over when it rises
+        (PMD-TIM-5).
+        """
         chip = self._chip
         now = chip.kernel.now
         chip.advance()
