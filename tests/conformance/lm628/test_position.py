@@ -142,6 +142,9 @@ def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
 
     assert bench.report("RDDP") == -LARGEST - 1 + 4
     assert bench.status() == 0x10
+    bench.command("RSTI", 0)
+    bench.next_sample()
+    assert bench.status() == 0x00, "once"
 
 
 @pytest.mark.spec("LM-POS-2", "LM-TRJ-13")

@@ -320,6 +320,18 @@ def test_the_frame_in_which_idle_begins_is_finished() -> None:
     assert unseen(bench, idle + 1600 - (idle - frame) % 1600) == 0
 
 
+@pytest.mark.spec("MCP-EXC-7", "MCP-OUT-7")
+def test_a_limit_low_at_the_very_start_of_a_frame_takes_that_frame_away() -> None:
+    bench = Bench()
+    bench.write(0x09, 0x7F)
+    frame = long_frames(bench) + 3200
+    bench.kernel.run_until(bench.clock.ps(frame - 100))
+    assert unseen(bench, frame - 100) == 1
+    bench.kernel.run_until(bench.clock.ps(frame))
+    bench.drive("/LIMIT", 0)
+    assert unseen(bench, frame + 100) == 0
+
+
 @pytest.mark.spec("MCP-OUT-7", "MCP-MOD-4")
 def test_the_frame_in_which_a_limit_takes_the_output_away_is_finished() -> None:
     bench = Bench()

@@ -195,6 +195,18 @@ def test_at_rest_in_the_middle_of_a_move_every_end_can_be_reached(
     assert len(course) == max(abs(ahead), 1)
 
 
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_trapezoid_that_takes_over_without_a_velocity_shows_no_phase(bench: Bench) -> None:
+    prepare(bench, 1000, jerk=0x0100)
+    start(bench)
+    bench.samples(5)
+    assert bench.seen("PHASE") != 0
+    bench.put("PROFILE_VELOCITY", 0)
+    bench.write(0x01, 0x00)
+    bench.samples(1)
+    assert (bench.seen("PHASE"), bench.seen("FLAG") & 1) == (0, 1)
+
+
 @pytest.mark.spec("MCP-TRP-6")
 @pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
 @pytest.mark.parametrize(("ahead", "reached"), [(20, True), (19, False), (0, False), (-43, False)])

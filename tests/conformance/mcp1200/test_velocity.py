@@ -46,6 +46,23 @@ def test_velocity_with_a_fraction(bench: Bench) -> None:
     assert bench.trace("COMMAND_POSITION", 2) == [-5, -4]
 
 
+@pytest.mark.spec("MCP-VEL-1", "MCP-POS-2")
+@pytest.mark.parametrize(
+    ("start", "goal", "course"),
+    [(0x7FFFFC, 0x0001C0, (0x7FFFFD, 0x7FFFFF, -0x7FFFFF, -0x7FFFFD)),
+     (-0x7FFFFD, 0xFFFE40, (-0x7FFFFF, 0x7FFFFF, 0x7FFFFD, 0x7FFFFC))],
+)  # fmt: skip
+def test_velocity_goes_on_at_the_other_end_of_the_range(
+    bench: Bench, start: int, goal: int, course: tuple[int, ...]
+) -> None:
+    bench.write(0x01, 0x20)
+    bench.put("COMMAND_POSITION", start & 0xFFFFFF)
+    bench.put("VELOCITY", goal)
+    velocity_mode(bench, accel=0x7FFF)
+    # 1.75 counts a sample.
+    assert tuple(bench.trace("COMMAND_POSITION", 4)) == course
+
+
 @pytest.mark.spec("MCP-VEL-1")
 def test_acceleration_may_change_under_way(bench: Bench) -> None:
     velocity_mode(bench, accel=0x0100, goal=100)

@@ -258,7 +258,7 @@ class Axis:
             if ahead == 0 or ahead != self.breakpoint_side:
                 self.flags |= ds.BREAKPOINT
                 self.breakpoint_armed = False
-        if self.profile.wrapped:
+        if self.profile.wrapped:  # LM-POS-2
             self.profile.wrapped = False
             self.flags |= ds.WRAPAROUND
         return command

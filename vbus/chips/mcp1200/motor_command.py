@@ -47,9 +47,9 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
     else:
         code = (~limit & 0xFF) << 4
     code += sampled.dac_offset  # MCP-OUT-3
-    if code < 0:
+    if code < 0:  # MCP-OUT-3
         return 0
-    if code > 0xFFF:
+    if code > 0xFFF:  # MCP-OUT-3
         return 0xFFF
     return code
 
