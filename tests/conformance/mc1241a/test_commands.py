@@ -448,6 +448,10 @@ def test_set_actl_pos_takes_in_the_counts_made_until_it_acts(chip: Bench) -> Non
     chip.send("SET_ACTL_POS", 100)
     chip.next_cycle()
     assert chip.seen("actual") == 100
+    chip.drive("QuadB1", 1)
+    chip.next_cycle()
+    assert abs(chip.seen("actual") - 100) == 1
+    assert chip.status() & 0x0002 == 0, "the position has not wrapped"
 
 
 @spec("PMD-CMD-49")

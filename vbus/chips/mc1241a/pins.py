@@ -20,7 +20,7 @@ LONG_AGO: Final = -1_000_000_000_000
 
 
 class HostPins:
-    """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-1 to PMD-BUS-4).
+    """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-2 to PMD-BUS-4).
 
     A write is latched, and a read ends, at the trailing edge of select and strobe together, with
     the levels before that edge.
