@@ -421,6 +421,17 @@ def test_a_command_cuts_a_packet_short_and_keeps_the_words_that_were_complete(be
 
 
 @pytest.mark.spec("LM-BUS-11")
+def test_complete_words_of_a_trajectory_stay_when_a_command_cuts_the_rest(bench):
+    bench.command("LTRJ", 0x0038, 0x1111, 0x2222, 0x3333)
+    bench.write(1, 0x44)
+    bench.command("SIP")
+
+    profile = bench.axis.profile
+    assert profile.raw == [0x11112222, 0x33330000, 0]
+    assert profile.relative == [True, False, False]
+
+
+@pytest.mark.spec("LM-BUS-11")
 def test_a_command_ends_a_report_that_was_not_read_to_its_end(bench):
     bench.axis.real = 0x11223344
     bench.axis.index = 0x55667788

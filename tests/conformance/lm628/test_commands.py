@@ -181,6 +181,11 @@ def test_real_position_and_its_change_over_the_last_sample(make):
 @pytest.mark.spec("LM-CMD-13")
 def test_signals_are_read_as_one_word(bench):
     assert bench.report("RDSIGS") == 0x8184
+    bench.load(0x1800, accel=ONE, velocity=ONE)
+    assert bench.report("RDSIGS") == 0xC184, "acceleration loaded"
+    bench.command("STT")
+    bench.next_sample()
+    assert bench.report("RDSIGS") == 0x9904, "velocity mode, forward"
 
 
 @pytest.mark.spec("LM-CMD-15", "LM-CMD-16", "LM-STA-2")

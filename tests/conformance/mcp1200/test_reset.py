@@ -78,7 +78,9 @@ def test_pulse_is_high_for_exactly_one_clock_after_reset(chip: Bench) -> None:
 @pytest.mark.spec("MCP-RST-3", "MCP-AMB-9", "MCP-AMB-19")
 def test_hard_reset_loads_every_default(bench: Bench) -> None:
     fill(bench)
+    bench.chip.axis.counter.preset(77, bench.cycle)
     bench.drive("/RESET", LOW)
+    assert bench.seen("ACTUAL_POSITION") == 0
     bench.wait(2)
     bench.drive("/RESET", HIGH)
     bench.wait(320)

@@ -300,7 +300,7 @@ def test_a_point_written_while_a_segment_begins_from_the_registers_keeps_its_lat
     assert bench.trace("COMMAND_POSITION", 4) == [356, 428, 500, 500]
 
 
-@pytest.mark.spec("MCP-INT-2")
+@pytest.mark.spec("MCP-INT-2", "MCP-REG-24")
 def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_latch(
     bench: Bench,
 ) -> None:

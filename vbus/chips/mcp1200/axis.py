@@ -186,7 +186,7 @@ class Axis(Blocks):
     # -- reset --------------------------------------------------------------------------------
 
     def hold(self, cycle: int) -> None:
-        """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
+        """Hard reset: everything as after power-on, until it is released (MCP-RST-1, 3)."""
         self.state = HELD
         self.registers.reset()
         self.stepper.clear(cycle)
