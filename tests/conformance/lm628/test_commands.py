@@ -89,6 +89,18 @@ def test_of_several_udfs_in_one_sample_the_last_counts(bench):
     assert bench.axis.pid.kp == 1000
 
 
+@pytest.mark.spec("LM-CMD-5")
+@pytest.mark.parametrize("bit", [0x0008, 0x0004, 0x0002])
+def test_a_filter_that_udf_has_not_taken_is_no_filter_yet(bench, bit):
+    bench.command("LFIL", 0x0F01, 5)  # the sampling interval and il drive nothing
+    assert bench.chip.undriven(0) == "it has no filter: all coefficients are 0 until LFIL and UDF"
+    bench.command("LFIL", bit, 5)
+    assert bench.chip.undriven(0) == "its filter has not taken effect: UDF has not followed LFIL"
+    bench.command("UDF")
+    bench.next_sample()
+    assert bench.chip.undriven(0) == ""
+
+
 @pytest.mark.spec("LM-CMD-5", "LM-BUS-9")
 def test_udf_takes_what_is_loaded_when_its_busy_time_ends(bench):
     bench.command("LFIL", 0x0008, 200)
