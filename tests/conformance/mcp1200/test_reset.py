@@ -380,7 +380,7 @@ def test_limit_low_in_idle_keeps_the_outputs_off(bench: Bench) -> None:
     assert bench.seen("MOTOR_COMMAND") == 0xC0
 
 
-@pytest.mark.spec("MCP-MOD-4")
+@pytest.mark.spec("MCP-MOD-4", "MCP-REG-40", "MCP-REG-41")
 @pytest.mark.parametrize("action", range(4))
 def test_limit_low_in_idle_takes_the_outputs_away_whatever_r04_says(
     bench: Bench, action: int
