@@ -179,7 +179,7 @@ class Profile:
             Whether motion is complete at once: the axis rests on the destination given.
         """
         if self.mode in (VELOCITY, GEAR):
-            self._smooth = False
+            self._smooth = False  # PMD-TRJ-10
             self._state = RUNNING
             return False
         running = self._state == RUNNING
