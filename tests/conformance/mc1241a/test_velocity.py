@@ -275,9 +275,10 @@ def test_each_axis_follows_its_own_encoder(chip: Bench) -> None:
 
 
 @spec("PMD-TRJ-10", "PMD-TRJ-6")
-def test_an_update_during_a_smooth_stop_brings_the_velocity_back(chip: Bench) -> None:
-    chip.send("SET_PRFL_VEL")
-    chip.move(vel=8 << 16, acc=1 << 16)
+@pytest.mark.parametrize("mode", ["TRAP", "VEL"])
+def test_an_update_during_a_smooth_stop_brings_the_velocity_back(chip: Bench, mode: str) -> None:
+    chip.send(f"SET_PRFL_{mode}")
+    chip.move(pos=100_000, vel=8 << 16, acc=1 << 16)
     chip.next_cycle(20)
     chip.send("SMOOTH_STOP")
     chip.move()
