@@ -50,6 +50,9 @@ RANDOM: Final = (
 APART: Final = ("tests/e2e/", "tests/properties/", "tests/unit/testing/")
 """Tests of whole systems, in processes that do not see a mutant, or of any host whatever."""
 
+WORDS: Final = ("clause", "title", "unit")
+"""Fields of a row that name no function."""
+
 EACH: Final = 2
 """Mutants tried for a clause, as far as its code has so many places."""
 
@@ -279,14 +282,22 @@ def _of_rows(
             around = [it for it in rows if _within(text, it)]
             row = min(around, key=lambda it: _size(it), default=text)
             yield Place(frozenset(names), row.lineno, row.end_lineno or 0)
-            for part in ast.walk(row):
-                if isinstance(part, ast.Constant) and isinstance(part.value, str):
-                    called[part.value.rpartition(".")[2]] |= names
+            for name in _calls(row):
+                called[name] |= names
             if isinstance(statement, ast.Assign | ast.AnnAssign) and statement.value is row:
                 target = statement.targets[0] if isinstance(statement, ast.Assign) else (
                     statement.target)  # fmt: skip
                 if isinstance(target, ast.Name):
                     rules[target.id] |= names
+
+
+def _calls(row: ast.expr) -> Iterator[str]:
+    """Return what may be a function's name: a unit or an option's kind is another word."""
+    for part in ast.walk(row):
+        if isinstance(part, ast.keyword) and part.arg not in WORDS:
+            for text in ast.walk(part.value):
+                if isinstance(text, ast.Constant) and isinstance(text.value, str):
+                    yield text.value.rpartition(".")[2]
 
 
 def _within(inner: ast.expr, outer: ast.expr) -> bool:

@@ -65,9 +65,11 @@ def test_a_text_names_clauses(text: str, names: set[str]) -> None:
         # The hook of two rows.
         ("lm628", "commands.py", "self._axis.threshold = word", {"LM-CMD-15", "LM-CMD-16"}),
         # A docstring.
-        ("mc1241a", "commands.py", "axis.limits.forget()", {"PMD-CMD-72", "PMD-CMD-73"}),
+        ("mc1241a", "commands.py", "shared.sensing = bool(on)", {"PMD-CMD-72", "PMD-CMD-73"}),
         # A row of a table.
         ("lm628", "datasheet.py", 'Command("LPES", 0x1A', {"LM-CMD-15"}),
+        # Not that of the rows whose option is a "count", as this function is called.
+        ("lm628", "encoder.py", "return self._to", {"LM-POS-1", "LM-POS-3"}),
         # A comment at a statement.
         ("mc1241a", "axis.py", 'refused = "acceleration changed in a trap', {"PMD-ERR-1"}),
     ],

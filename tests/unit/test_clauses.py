@@ -240,7 +240,7 @@ assert "vbus.chips.clauses" not in sys.modules
     [
         "import vbus.client.lm628, vbus.client.mc1241a, vbus.client.mcp1200, vbus.client.aio",
         "from vbus.tools.cli import cli; cli.main(['--version'], standalone_mode=False)",
-        "from vbus.board import plugins; plugins.chip_classes()",
+        "from vbus import plugins; plugins.chip_classes()",
     ],
 )
 def test_clauses_are_read_by_nobody_who_does_not_ask(code: str) -> None:

@@ -358,6 +358,21 @@ def test_a_word_is_stored_and_hi_moves_when_busy_falls(bench):
     assert (bench.pin("HI"), bench.chip.status()) == (LOW, 0x80)
 
 
+@pytest.mark.spec("LM-BUS-9")
+@pytest.mark.parametrize("on", [False, True])
+def test_the_status_byte_after_busy_is_known_while_busy_lasts(bench, on):
+    if on:
+        bench.move(0x1800, accel=1, velocity=1)
+        bench.next_sample()
+    bench.write(0, COMMANDS["LTRJ"].code)
+    end = bench.chip.ready_at()
+    foreseen = bench.chip.foresee(0, end)
+    assert foreseen is not None
+    bench.ready()
+    assert bench.chip.status() == foreseen[0]
+    assert bool(foreseen[0] & 0x80) != on, "motor off"
+
+
 @pytest.mark.spec("LM-BUS-10")
 def test_bytes_written_while_busy_are_ignored_and_reported(bench):
     bench.write(0, LPES)
@@ -403,6 +418,17 @@ def test_a_command_cuts_a_packet_short_and_keeps_the_words_that_were_complete(be
     assert bench.axis.pid.loaded == [0, 0x0111, 0, 0, 0], "the odd byte is dropped"
     bench.command("LFIL", 0x04, 0x0222)
     assert bench.axis.pid.loaded == [0, 0x0111, 0x0222, 0, 0]
+
+
+@pytest.mark.spec("LM-BUS-11")
+def test_complete_words_of_a_trajectory_stay_when_a_command_cuts_the_rest(bench):
+    bench.command("LTRJ", 0x0038, 0x1111, 0x2222, 0x3333)
+    bench.write(1, 0x44)
+    bench.command("SIP")
+
+    profile = bench.axis.profile
+    assert profile.raw == [0x11112222, 0x33330000, 0]
+    assert profile.relative == [True, False, False]
 
 
 @pytest.mark.spec("LM-BUS-11")

@@ -4,7 +4,7 @@ from operator import attrgetter
 
 import pytest
 
-from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower
+from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower, Log
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW
@@ -87,6 +87,18 @@ def test_of_several_udfs_in_one_sample_the_last_counts(bench):
     assert bench.axis.udf, "all of this within one sample"
     bench.next_sample()
     assert bench.axis.pid.kp == 1000
+
+
+@pytest.mark.spec("LM-CMD-5")
+@pytest.mark.parametrize("bit", [0x0008, 0x0004, 0x0002])
+def test_a_filter_that_udf_has_not_taken_is_no_filter_yet(bench, bit):
+    bench.command("LFIL", 0x0F01, 5)  # the sampling interval and il drive nothing
+    assert bench.chip.undriven(0) == "it has no filter: all coefficients are 0 until LFIL and UDF"
+    bench.command("LFIL", bit, 5)
+    assert bench.chip.undriven(0) == "its filter has not taken effect: UDF has not followed LFIL"
+    bench.command("UDF")
+    bench.next_sample()
+    assert bench.chip.undriven(0) == ""
 
 
 @pytest.mark.spec("LM-CMD-5", "LM-BUS-9")
@@ -181,6 +193,11 @@ def test_real_position_and_its_change_over_the_last_sample(make):
 @pytest.mark.spec("LM-CMD-13")
 def test_signals_are_read_as_one_word(bench):
     assert bench.report("RDSIGS") == 0x8184
+    bench.load(0x1800, accel=ONE, velocity=ONE)
+    assert bench.report("RDSIGS") == 0xC184, "acceleration loaded"
+    bench.command("STT")
+    bench.next_sample()
+    assert bench.report("RDSIGS") == 0x9904, "velocity mode, forward"
 
 
 @pytest.mark.spec("LM-CMD-15", "LM-CMD-16", "LM-STA-2")
@@ -204,7 +221,7 @@ def test_each_bit_of_a_threshold_counts(bench, name, bit):
     assert bench.violations == []
 
 
-@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16")
+@pytest.mark.spec("LM-CMD-25", "LM-CMD-15", "LM-CMD-16", "LM-TRJ-2")
 @pytest.mark.parametrize("name", ["LPEI", "LPES"])
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
     bench.command(name, 0x8123)
@@ -240,6 +257,25 @@ def test_each_mask_bit_enables_its_flag_and_bits_7_and_0_none(bench, bit):
 
     assert bench.pin("HI") == (HIGH if 1 <= bit <= 6 else LOW)
     assert axis.status() == 0xFE
+
+
+@pytest.mark.spec("LM-STA-7")
+@pytest.mark.parametrize("on_node", [False, True])
+def test_hi_rises_at_the_very_sample_that_raises_a_flag_whatever_masked_flag_is_up(on_node):
+    bench = Bench("strobe")
+    bench.chip.on_node = on_node
+    bench.command("RSTI", 0)
+    bench.command("MSKI", 0x0004)
+    bench.write(1, 0)
+    bench.ready()
+    assert bench.chip.status() & 0x7F == 0x02, "a command error, which is masked"
+    bench.move(0, accel=ONE, velocity=ONE, position=3)
+    bench.next_sample()
+    log = Log()
+    bench.chip.pins["HI"].net.observe(log)
+    first = bench.now
+    bench.run(5 * SAMPLE)
+    assert log.edges == [(first + 2 * SAMPLE, "x.HI", HIGH)]
 
 
 @pytest.mark.spec("LM-CMD-18", "LM-STA-3")

@@ -61,19 +61,29 @@ def test_every_rule_has_its_own_name_and_a_clause_of_this_chip():
     assert all(rule.clause.startswith("LM-") for rule in LM628.RULES)
 
 
-@pytest.mark.spec("LM-CMD-1")
-def test_the_table_counts_data_bytes_as_the_manual_prints_them():
-    printed = {
-        "RESET": "0", "PORT8": "0", "PORT12": "0", "DFH": "0", "SIP": "0", "LPEI": "2",
-        "LPES": "2", "SBPA": "4", "SBPR": "4", "MSKI": "2", "RSTI": "2", "LFIL": "2 to 10",
-        "UDF": "0", "LTRJ": "2 to 14", "STT": "0", "RDSIGS": "2", "RDIP": "4", "RDDP": "4",
-        "RDRP": "4", "RDDV": "4", "RDRV": "2", "RDSUM": "2",
-    }  # fmt: skip
-    for row in ds.COMMANDS:
-        words = row.write + row.read
-        text = f"{2 * words} to {2 * row.up_to}" if row.up_to else str(2 * words)
-        assert (row.name, text) == (row.name, printed.pop(row.name))
-    assert printed == {}
+PRINTED = {
+    "RESET": "0", "PORT8": "0", "PORT12": "0", "DFH": "0", "SIP": "0", "LPEI": "2", "LPES": "2",
+    "SBPA": "4", "SBPR": "4", "MSKI": "2", "RSTI": "2", "LFIL": "2 to 10", "UDF": "0",
+    "LTRJ": "2 to 14", "STT": "0", "RDSIGS": "2", "RDIP": "4", "RDDP": "4", "RDRP": "4",
+    "RDDV": "4", "RDRV": "2", "RDSUM": "2",
+}  # fmt: skip
+"""Data bytes of each command."""
+SIGNED = {"SBPA", "SBPR", "RDIP", "RDDP", "RDRP", "RDDV", "RDRV", "RDSUM"}
+
+
+@pytest.mark.parametrize(
+    "row",
+    [pytest.param(row, id=row.name, marks=pytest.mark.spec(row.clause)) for row in ds.COMMANDS],
+)
+def test_a_row_of_the_table_counts_data_bytes_as_the_manual_prints_them(row):
+    words = row.write + row.read
+    assert (f"{2 * words} to {2 * row.up_to}" if row.up_to else str(2 * words)) == PRINTED[row.name]
+    assert row.signed == (row.name in SIGNED)
+
+
+def test_the_table_has_the_manual_s_commands():
+    assert [row.name for row in ds.COMMANDS] == list(dict.fromkeys(row.name for row in ds.COMMANDS))
+    assert {row.name for row in ds.COMMANDS} == PRINTED.keys()
 
 
 def test_the_shortest_whole_cycle_holds_every_limit_when_played_as_strobes():

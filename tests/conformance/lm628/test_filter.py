@@ -71,7 +71,7 @@ def test_every_lfil_stores_the_derivative_interval_and_udf_uses_it(bench):
     assert bench.axis.pid.ds == 3
 
 
-@pytest.mark.spec("LM-PID-1")
+@pytest.mark.spec("LM-PID-1", "LM-TRJ-2")
 def test_bit_15_of_a_coefficient_is_masked_and_reported(bench):
     bench.command("LFIL", 0x0008, 0x8007)
     assert bench.axis.pid.loaded[1] == 7

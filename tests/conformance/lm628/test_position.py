@@ -131,7 +131,7 @@ def test_the_real_position_wraps_and_sets_its_flag(make, start, step, after):
     assert bench.status() == 0x80
 
 
-@pytest.mark.spec("LM-POS-2", "LM-TRJ-13")
+@pytest.mark.spec("LM-POS-2", "LM-TRJ-11", "LM-TRJ-13")
 def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
     bench.move(0x1800, accel=8 * ONE, velocity=8 * ONE)
     bench.next_sample()
@@ -141,7 +141,11 @@ def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
     bench.next_sample()
 
     assert bench.report("RDDP") == -LARGEST - 1 + 4
+    assert bench.axis.profile.target == -LARGEST - 1 + 4
     assert bench.status() == 0x10
+    bench.command("RSTI", 0)
+    bench.next_sample()
+    assert bench.status() == 0x00, "once"
 
 
 @pytest.mark.spec("LM-POS-2", "LM-TRJ-13")

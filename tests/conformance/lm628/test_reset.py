@@ -110,6 +110,22 @@ def test_reset_forgets_what_was_to_be_read(bench):
 
 
 @pytest.mark.spec("LM-RST-2")
+def test_the_end_of_a_data_read_that_a_reset_has_interrupted_is_no_command_error():
+    bench = Bench("strobe")
+    bench.set(**{"/PS": HIGH, "/CS": LOW})
+    bench.run(US)
+    bench.set(**{"/RD": LOW})
+    bench.run(US)
+    pulse(bench)
+    bench.run(2 * MS)
+    bench.set(**{"/RD": HIGH})
+    bench.run(US)
+    bench.set(**{"/CS": HIGH})
+    bench.run(US)
+    assert bench.status() == 0x84
+
+
+@pytest.mark.spec("LM-RST-2")
 def test_position_is_zero_where_the_motor_is_when_the_reset_ends(make):
     bench = make(plant=Course([0, 0, 0, 100, 200, 300, 400, 500, 600, 700]), done=False)
     bench.chip.advance()

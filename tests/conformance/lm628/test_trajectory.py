@@ -228,7 +228,7 @@ def test_velocity_and_position_may_be_changed_in_motion(bench):
     assert bench.axis.profile.target == 2000
 
 
-@pytest.mark.spec("LM-TRJ-5")
+@pytest.mark.spec("LM-TRJ-5", "LM-CMD-2")
 @pytest.mark.parametrize(
     ("control", "off", "velocity"),
     [(0x0F00, True, 0), (0x0E00, False, 0), (0x0B00, True, 0), (0x0D00, True, 0)],

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.conformance.ac import Case, check, check_complete, parameters
+from tests.conformance.ac import Case, Promise, check, check_complete, check_promise, parameters
 from tests.conformance.mc1241a.conftest import Bench
 from tests.conformance.mc1241a.test_timing import READ, WRITE, Step, changed, judged
 from vbus.chips.mc1241a.datasheet import AC
@@ -183,10 +183,16 @@ CASES = (
     Case("T8w", 10 * NS, writing("cmd_on", lambda gap: BEFORE - gap)),
     Case("T8r", -20 * NS, command_line_of_a_read),
     Case("T9", 25 * NS, writing("cmd_off", lambda gap: gap)),
-    Case("T10", 50 * NS, reading("strobe_on", lambda gap: -gap)),
-    Case("T12", 50 * NS, driven_after_a_read),
+    Case("T10", 50 * NS, reading("strobe_on", lambda gap: -gap), output=True),
+    Case("T12", 50 * NS, driven_after_a_read, output=True),
     # Whoever looks too early writes while the chip is busy, and too soon after the last strobe.
-    Case("T13", 70 * NS, looked_at_ready, beside=frozenset({"not-ready", "T18", "floating-write"})),
+    Case(
+        "T13",
+        70 * NS,
+        looked_at_ready,
+        beside=frozenset({"not-ready", "T18", "floating-write"}),
+        output=True,
+    ),
     Case("T14", 50 * NS, writing("strobe_on", lambda gap: -gap)),
     Case("T15", 35 * NS, writing("data_on", lambda gap: -gap)),
     Case("T16", 30 * NS, writing("data_off", lambda gap: gap)),
@@ -195,10 +201,19 @@ CASES = (
 )
 
 DAC_PORT = "the chip writes its own DAC: test_microstep.py measures the edges against the row"
-PROMISES = {
-    "T11": "the chip holds the byte itself: test_timing.py looks at the bus 10 ns after the strobe",
-    **{f"T{n}": DAC_PORT for n in range(19, 28)},
-}
+PROMISES = (
+    Promise("T11", 10 * NS, 0,
+            "the chip holds the byte itself: test_timing.py looks 10 ns after the strobe"),
+    Promise("T19", 35 * NS, 0, DAC_PORT),
+    Promise("T20", 56 * NS, 95 * NS, DAC_PORT),
+    Promise("T21", 17 * NS, 0, DAC_PORT),
+    Promise("T22", 10 * NS, 40 * NS, DAC_PORT),
+    Promise("T23", 75 * NS, 92 * NS, DAC_PORT),
+    Promise("T24", 0, 92 * NS, DAC_PORT),
+    Promise("T25", 160 * NS, 0, DAC_PORT),
+    Promise("T26", 0, 66 * NS, DAC_PORT),
+    Promise("T27", 0, 44_500, DAC_PORT),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", parameters(AC, CASES))
@@ -206,6 +221,11 @@ def test_a_row_is_kept_on_its_limit_and_broken_inside_it(case: Case) -> None:
     check(AC, case)
 
 
+@pytest.mark.parametrize("promise", parameters(AC, PROMISES))
+def test_a_row_of_an_output_has_the_manual_s_numbers(promise: Promise) -> None:
+    check_promise(AC, promise, 25_000_000)
+
+
 def test_no_row_is_forgotten() -> None:
     check_complete(AC, CASES, PROMISES)
-    assert set(PROMISES) == FAMILY.kept
+    assert {promise.symbol for promise in PROMISES} == FAMILY.kept

@@ -416,6 +416,16 @@ def test_the_adapter_shows_host_rdy_of_the_very_instant(chip: Bench) -> None:
 
 
 @spec("PMD-BUS-12")
+def test_the_adapter_s_status_byte_stays_until_the_busy_time_ends(chip: Bench) -> None:
+    chip.next_cycle()
+    chip.byte_out(COMMAND, 0x33)
+    ready = chip.chip.ready_at()
+    assert chip.now < chip.chip.steady_until(COMMAND) <= ready
+    chip.kernel.run_until(ready)
+    assert chip.chip.steady_until(COMMAND) > ready
+
+
+@spec("PMD-BUS-12")
 def test_reading_the_adapter_moves_no_strobe_and_no_pointer(bench: Bench) -> None:
     assert bench.chip.strobes(False, COMMAND, 0) == []
     bench.command(0x6C)

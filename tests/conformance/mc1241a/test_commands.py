@@ -250,6 +250,22 @@ def test_profile_modes_take_effect_at_once(chip: Bench, name: str, word: int) ->
     assert chip.send("GET_MODE") == 0x0080
 
 
+@spec("PMD-CMD-5", "PMD-CMD-6", "PMD-CMD-7", "PMD-TRJ-13")
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [("VEL", "TRAP", ["axis 2 is in motion"]), ("TRAP", "VEL", []), ("TRAP", "GEAR", [])],
+)
+def test_a_mode_chosen_in_motion_is_reported_if_the_axis_should_rest(
+    chip: Bench, first: str, second: str, told: list[str]
+) -> None:
+    chip.send("SET_2")
+    chip.send(f"SET_PRFL_{first}")
+    chip.move(pos=10_000, vel=4 << 16, acc=1 << 16)
+    chip.next_cycle(10)
+    chip.send(f"SET_PRFL_{second}")
+    assert [it.detail for it in chip.violations] == told
+
+
 @spec("PMD-CMD-60", "PMD-CMD-61", "PMD-CMD-68")
 def test_output_mode_is_of_both_axes(chip: Bench) -> None:
     chip.send("SET_2")
@@ -448,6 +464,10 @@ def test_set_actl_pos_takes_in_the_counts_made_until_it_acts(chip: Bench) -> Non
     chip.send("SET_ACTL_POS", 100)
     chip.next_cycle()
     assert chip.seen("actual") == 100
+    chip.drive("QuadB1", 1)
+    chip.next_cycle()
+    assert abs(chip.seen("actual") - 100) == 1
+    assert chip.status() & 0x0002 == 0, "the position has not wrapped"
 
 
 @spec("PMD-CMD-49")
@@ -487,6 +507,14 @@ def test_home_levels(chip: Bench) -> None:
     assert chip.send("GET_HOME") == 1
     chip.drive("~Home1", 0)
     assert chip.send("GET_HOME") == 0
+
+
+@spec("PMD-VER-2")
+def test_a_version_word_has_16_bits() -> None:
+    assert Bench(version_word=0xFFFF).send("GET_VRSN") == 0xFFFF
+    for word in (-1, 0x1_0000):
+        with pytest.raises(ValueError, match=rf"^version_word = {word}: at "):
+            Bench(version_word=word)
 
 
 @spec("PMD-CMD-76", "PMD-VER-2", "PMD-AMB-4")

@@ -459,7 +459,7 @@ def test_motor_on_waits_for_an_update(chip: Bench) -> None:
     assert chip.seen("target") == at + 4
 
 
-@spec("PMD-MTR-1")
+@spec("PMD-MTR-1", "PMD-CMD-62")
 def test_motor_on_in_motion_stops_the_axis_too(chip: Bench) -> None:
     chip.move(pos=1000, vel=4 << 16, acc=4 << 16)
     chip.next_cycle(3)

@@ -183,13 +183,15 @@ def test_sensing_is_switched_for_all_axes_whichever_is_selected(chip: Bench, axi
 
 
 @spec("PMD-LIM-4", "PMD-CMD-72")
-def test_lmts_on_with_an_active_switch_is_a_hit(chip: Bench) -> None:
+@pytest.mark.parametrize(("switch", "status"), [("PosLimit1", 0x0321), ("NegLimit1", 0x0341)])
+def test_lmts_on_with_an_active_switch_is_a_hit(chip: Bench, switch: str, status: int) -> None:
     chip.send("LMTS_OFF")
-    chip.drive("NegLimit1", 1)
+    chip.drive(switch, 1)
     chip.next_cycle(2)
+    assert chip.status() == 0x0300
     chip.send("LMTS_ON")
     chip.next_cycle()
-    assert chip.status() == 0x0341
+    assert chip.status() == status
 
 
 @spec("PMD-LIM-1")

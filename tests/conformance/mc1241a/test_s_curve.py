@@ -264,6 +264,21 @@ def test_after_a_stop_a_plain_update_goes_on_to_the_buffered_position(chip: Benc
         assert chip.seen("target") == 2000
 
 
+@spec("PMD-TRJ-9", "PMD-TRJ-10")
+def test_a_smooth_stop_after_a_stop_moves_nothing(chip: Bench) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(60)
+    chip.send("STOP")
+    chip.move()
+    chip.next_cycle()
+    at = chip.seen("target")
+    chip.send("CLR_STATUS")
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle(50)
+    assert (chip.seen("target"), chip.status()) == (at, 0x0301)
+
+
 @spec("PMD-TRJ-13", "PMD-TRJ-10")
 def test_an_s_curve_that_was_left_is_forgotten(chip: Bench) -> None:
     s_curve(chip, 2000)

@@ -45,6 +45,20 @@ def test_events_stay_until_the_host_clears_them(chip: Bench) -> None:
     assert chip.status() == 0x0300
 
 
+@spec("PMD-STA-2", "PMD-CMD-45", "PMD-CMD-46")
+@pytest.mark.parametrize("bit", range(8))
+def test_a_zero_clears_its_event_and_a_one_leaves_it(chip: Bench, bit: int) -> None:
+    axis = chip.chip.axes[0]
+    axis.events = 0xFF
+    chip.send("RST_STATUS", 0xFF00 | 1 << bit)
+    assert chip.status() == 0x0300 | 1 << bit
+    axis.events = 0xFF
+    chip.send("RST_STATUS", ~(1 << bit) & 0xFFFF)
+    assert chip.status() == 0x03FF & ~(1 << bit)
+    chip.send("CLR_STATUS")
+    assert chip.status() == 0x0300
+
+
 @spec("PMD-STA-2")
 def test_clearing_is_for_the_current_axis(chip: Bench) -> None:
     stop(chip, 2)
@@ -105,7 +119,7 @@ def test_a_motion_error_cannot_be_cleared_while_it_lasts(chip: Bench) -> None:
     assert chip.status() & 0x00FF == 0
 
 
-@spec("PMD-STA-5")
+@spec("PMD-STA-5", "PMD-CMD-48")
 def test_mode_word_bits(chip: Bench) -> None:
     chip.send("SET_PRFL_S_CRV")
     assert chip.send("GET_MODE") == 0x1080

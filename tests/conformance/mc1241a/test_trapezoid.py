@@ -214,7 +214,7 @@ def test_an_update_to_the_present_position_completes_in_the_next_cycle(chip: Ben
     assert chip.seen("status") == 0x0301
 
 
-@spec("PMD-TRJ-12")
+@spec("PMD-TRJ-12", "PMD-CMD-36")
 def test_an_update_that_moves_nothing_does_not(chip: Bench) -> None:
     chip.move(vel=1 << 16, acc=1 << 16)
     chip.next_cycle(3)

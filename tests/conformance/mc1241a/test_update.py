@@ -506,6 +506,21 @@ def test_time_breakpoint_fires_in_the_cycle_of_that_number(chip: Bench) -> None:
     assert chip.seen("status") == 0x0305
 
 
+@spec("PMD-CMD-27")
+@pytest.mark.parametrize("time", [0x7FFF_FFFF, 0xFFFF_FFFF])
+@pytest.mark.parametrize("before", [0, 1])
+def test_a_time_breakpoint_counts_all_32_bits(chip: Bench, time: int, before: int) -> None:
+    cruise(chip)
+    stop_at(chip, "SET_TIME_BRK", time - before)
+    for bit in range(32):
+        chip.chip.shared.time = (time - before ^ 1 << bit) - 1 & 0xFFFF_FFFF
+        chip.next_cycle()
+        assert speed(chip) == 4
+    chip.chip.shared.time = time - before - 1
+    chip.next_cycle()
+    assert speed(chip) == 0
+
+
 @spec("PMD-UPD-2")
 def test_a_time_that_has_passed_does_not_fire(chip: Bench) -> None:
     chip.next_cycle(50)
@@ -522,6 +537,16 @@ def test_positive_target_breakpoint(chip: Bench, value: int, stopped: int) -> No
     chip.next_cycle(200)
     # Reached at the end of one cycle, seen at the start of the next.
     assert chip.seen("target") == stopped
+    assert chip.status() == 0x0305
+
+
+@spec("PMD-CMD-28", "PMD-CMD-29", "PMD-UPD-3")
+@pytest.mark.parametrize(("mode", "beyond"), [("SET_POS_BRK", -50), ("SET_NEG_BRK", 50)])
+def test_a_target_that_is_beyond_the_breakpoint_already_fires(
+    chip: Bench, mode: str, beyond: int
+) -> None:
+    stop_at(chip, mode, beyond)
+    chip.next_cycle()
     assert chip.status() == 0x0305
 
 

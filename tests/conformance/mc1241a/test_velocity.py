@@ -274,6 +274,22 @@ def test_each_axis_follows_its_own_encoder(chip: Bench) -> None:
     assert (chip.seen("target", 2), chip.seen("actual", 2)) == (0, 0)
 
 
+@spec("PMD-TRJ-10", "PMD-TRJ-6")
+@pytest.mark.parametrize("mode", ["TRAP", "VEL"])
+def test_an_update_during_a_smooth_stop_brings_the_velocity_back(chip: Bench, mode: str) -> None:
+    chip.send(f"SET_PRFL_{mode}")
+    chip.move(pos=100_000, vel=8 << 16, acc=1 << 16)
+    chip.next_cycle(20)
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle(4)
+    chip.move()
+    chip.next_cycle(10)
+    before = chip.seen("target")
+    chip.next_cycle()
+    assert chip.seen("target") - before == 8
+
+
 @spec("PMD-TRJ-9")
 def test_stop_pauses_the_gear_until_the_next_update(chip: Bench) -> None:
     chip.send("SET_PRFL_GEAR")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.conformance.ac import Case, check, check_complete, parameters
+from tests.conformance.ac import Case, Promise, check, check_complete, check_promise, parameters
 from tests.conformance.mcp1200.conftest import Bench, low_pulse
 from tests.conformance.mcp1200.test_timing import (
     HZ,
@@ -34,14 +34,16 @@ def cases(supply: str, k: int, low: int, latch: int, valid: int, oe_low: int, hi
           period: int) -> tuple[Case, ...]:  # fmt: skip
     """Return the cases at one supply, with the numbers of its column of the manual."""
 
-    def bus(symbol: str, limit: int, make: Make, name: str = "", *beside: str) -> Case:
+    def bus(
+        symbol: str, limit: int, make: Make, name: str = "", *beside: str, output: bool = False
+    ) -> Case:
         def run(gap: int) -> list[Violation]:
             bench = Bench(hz=HZ, supply=supply)
             play(bench, make(gap))
             bench.wait_ps(US)
             return bench.violations
 
-        return Case(symbol, limit, run, name, beside=frozenset(beside))
+        return Case(symbol, limit, run, name, beside=frozenset(beside), output=output)
 
     def pulse(symbol: str, limit: int, pin: str, r1a: int = 0) -> Case:
         def run(width: int) -> list[Violation]:
@@ -131,8 +133,8 @@ def cases(supply: str, k: int, low: int, latch: int, valid: int, oe_low: int, hi
         bus("tCSCS", latch, next_latch),
         bus("tWC", 4 * CLK + k, lambda gap: separate(True) + later(separate(True), gap), "",
             "tCSAL"),
-        bus("tOEDB", valid, oe),
-        bus("tALDB", valid, lambda gap: oe(gap + 10 * NS, after_latch=gap)),
+        bus("tOEDB", valid, oe, output=True),
+        bus("tALDB", valid, lambda gap: oe(gap + 10 * NS, after_latch=gap), output=True),
         bus("tIPWOE", oe_low, oe, "", "tOEDB"),
         bus("tALAL", 2 * CLK + k, lambda gap: separate(False) + later(separate(False), gap)),
         bus("tALH", k,
@@ -147,12 +149,22 @@ CASES = {
     "5 V": cases("5 V", 2_100, 2_500, 3_500, 25_000, 14_200, 3_100, 50_000),
     "3.3 V": cases("3.3 V", 3_100, 3_800, 5_300, 36_000, 17_200, 5_300, 70_000),
 }
-PROMISES = {
-    "tDOEH": "test_timing.py looks at the bus to the picosecond before and after it is let go",
-    "tOF": "outputs move at clock edges only (test_timing.py): no pulse is shorter than a clock",
-    "tOR": "levels change at once: a rise takes no time",
-    "tEP": "outputs move at the clock edge itself (test_timing.py): no delay",
-}
+
+
+def promises(k: int, valid: int) -> tuple[Promise, ...]:
+    """Return the rows of the chip's own outputs, with the numbers of one column of the manual."""
+    return (
+        Promise("tDOEH", k, 0,
+                "test_timing.py looks at the bus to the picosecond before and after it is let go"),
+        Promise("tOF", CLK, 0,
+                "outputs move at clock edges only (test_timing.py): no pulse is shorter than one"),
+        Promise("tOR", 0, valid, "levels change at once: a rise takes no time"),
+        Promise("tEP", 0, valid,
+                "outputs move at the clock edge itself (test_timing.py): no delay"),
+    )  # fmt: skip
+
+
+PROMISES = {"5 V": promises(2_100, 25_000), "3.3 V": promises(3_100, 36_000)}
 
 
 @pytest.mark.parametrize("case", parameters(AC["5 V"], CASES["5 V"]))
@@ -165,6 +177,16 @@ def test_a_row_at_3_3_v_is_kept_on_its_limit_and_broken_inside_it(case: Case) ->
     check(AC["3.3 V"], case)
 
 
+@pytest.mark.parametrize("promise", parameters(AC["5 V"], PROMISES["5 V"]))
+def test_a_row_of_an_output_at_5_v_has_the_manual_s_numbers(promise: Promise) -> None:
+    check_promise(AC["5 V"], promise, HZ)
+
+
+@pytest.mark.parametrize("promise", parameters(AC["3.3 V"], PROMISES["3.3 V"]))
+def test_a_row_of_an_output_at_3_3_v_has_the_manual_s_numbers(promise: Promise) -> None:
+    check_promise(AC["3.3 V"], promise, HZ)
+
+
 @pytest.mark.parametrize("supply", AC)
 def test_no_row_is_forgotten(supply: str) -> None:
-    check_complete(AC[supply], CASES[supply], PROMISES)
+    check_complete(AC[supply], CASES[supply], PROMISES[supply])

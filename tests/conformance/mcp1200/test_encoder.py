@@ -82,7 +82,7 @@ def test_the_index_pin_passes_the_same_filter(rising: int, first: int) -> None:
     assert bench.seen("CAPTURE_CONTROL") == 0x10 | rising
 
 
-@pytest.mark.spec("MCP-ENC-1")
+@pytest.mark.spec("MCP-ENC-1", "MCP-REG-20")
 def test_swapped_channels_turn_a_plant_round() -> None:
     follower = Follower()
     bench = Bench(plant=follower)

@@ -251,6 +251,30 @@ def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.spec("MCP-OUT-7")
+@pytest.mark.parametrize(
+    ("command", "edges"),
+    [
+        (0x9C, [(0, "SIGN", 1)]),
+        (0x32, [(50, "PULSE", 0), (100, "PULSE", 1), (150, "PULSE", 0)]),
+        (0x00, [(0, "PULSE", 0)]),
+    ],
+)
+def test_a_pin_that_has_been_high_for_frames_changes_with_the_next_one(
+    chip: Bench, command: int, edges: list[tuple[int, str, int]]
+) -> None:
+    chip.write(0x09, 0x64)
+    chip.wait(300)
+    log = chip.watch("PULSE", "SIGN")
+    frame = chip.chip.axis.pwm.start + 100
+    while frame <= chip.cycle + 5:
+        frame += 100
+    chip.until(frame + 10)
+    chip.write(0x09, command)
+    chip.until(frame + 290)
+    assert [(when - frame - 100, name, level) for when, name, level in log.seen] == edges
+
+
 def long_frames(bench: Bench) -> int:
     """Frames of 1600 clocks; return the start of the one under way."""
     bench.write(0x1A, 0x08)
@@ -318,6 +342,18 @@ def test_the_frame_in_which_idle_begins_is_finished() -> None:
     assert unseen(bench, idle + 5) == 1
     assert bench.pin("IDLE") == 1
     assert unseen(bench, idle + 1600 - (idle - frame) % 1600) == 0
+
+
+@pytest.mark.spec("MCP-EXC-7", "MCP-OUT-7")
+def test_a_limit_low_at_the_very_start_of_a_frame_takes_that_frame_away() -> None:
+    bench = Bench()
+    bench.write(0x09, 0x7F)
+    frame = long_frames(bench) + 3200
+    bench.kernel.run_until(bench.clock.ps(frame - 100))
+    assert unseen(bench, frame - 100) == 1
+    bench.kernel.run_until(bench.clock.ps(frame))
+    bench.drive("/LIMIT", 0)
+    assert unseen(bench, frame + 100) == 0
 
 
 @pytest.mark.spec("MCP-OUT-7", "MCP-MOD-4")

@@ -239,8 +239,10 @@ def test_the_deadband_does_not_hide_an_error_from_the_maximum(bench: Bench) -> N
 
 @pytest.mark.spec("MCP-ERR-4", "MCP-REG-28")
 @pytest.mark.parametrize(
-    ("error", "shown"), [(32767, 32767), (32768, 32767), (-32768, -32768), (-32769, -32768)]
-)
+    ("error", "shown"),
+    [(32767, 32767), (32768, 32767), (-32768, -32768), (-32769, -32768), (16385, 16385),
+     (-16385, -16385)],
+)  # fmt: skip
 def test_the_position_error_register_saturates_at_16_bits(
     bench: Bench, error: int, shown: int
 ) -> None:

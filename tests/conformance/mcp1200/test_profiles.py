@@ -124,6 +124,7 @@ def test_without_velocity_or_acceleration_the_flag_stays_until_there_is_one(
     start(bench)
     bench.samples(5)
     assert (bench.seen("FLAG"), bench.seen("COMMAND_POSITION")) == (0x05, 0)
+    assert bench.seen("PHASE") == 0, "no move has begun"
     bench.put("PROFILE_VELOCITY", 10)
     bench.put("ACCELERATION", 0x180)
     assert run(bench) == T_10
@@ -192,6 +193,18 @@ def test_at_rest_in_the_middle_of_a_move_every_end_can_be_reached(
     course = run(bench)
     assert course[-1] == end
     assert len(course) == max(abs(ahead), 1)
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_trapezoid_that_takes_over_without_a_velocity_shows_no_phase(bench: Bench) -> None:
+    prepare(bench, 1000, jerk=0x0100)
+    start(bench)
+    bench.samples(5)
+    assert bench.seen("PHASE") != 0
+    bench.put("PROFILE_VELOCITY", 0)
+    bench.write(0x01, 0x00)
+    bench.samples(1)
+    assert (bench.seen("PHASE"), bench.seen("FLAG") & 1) == (0, 1)
 
 
 @pytest.mark.spec("MCP-TRP-6")

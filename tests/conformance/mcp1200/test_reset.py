@@ -53,7 +53,7 @@ def test_outputs_while_reset_is_low_and_after(bench: Bench) -> None:
     assert bench.pin("SIGN") == 0
 
 
-@pytest.mark.spec("MCP-RST-1")
+@pytest.mark.spec("MCP-RST-1", "MCP-RST-3")
 def test_a_byte_on_its_way_to_a_register_is_lost_in_a_reset(chip: Bench) -> None:
     chip.chip.write(0x10, 0x55)
     assert chip.seen("PRESCALER") == 0x3F, "a byte takes four clocks"
@@ -78,7 +78,9 @@ def test_pulse_is_high_for_exactly_one_clock_after_reset(chip: Bench) -> None:
 @pytest.mark.spec("MCP-RST-3", "MCP-AMB-9", "MCP-AMB-19")
 def test_hard_reset_loads_every_default(bench: Bench) -> None:
     fill(bench)
+    bench.chip.axis.counter.preset(77, bench.cycle)
     bench.drive("/RESET", LOW)
+    assert bench.position == 0
     bench.wait(2)
     bench.drive("/RESET", HIGH)
     bench.wait(320)
@@ -368,16 +370,17 @@ def test_limit_low_in_idle_keeps_the_outputs_off(bench: Bench) -> None:
     for name, value in (("MOTOR_COMMAND", 0x80), ("MOTOR_COMMAND_LOW", 0), ("PWM_COMMAND", 0)):
         assert bench.seen(name) == value
     bench.write(0x08, 0xC0)
+    assert bench.seen("MOTOR_COMMAND") == 0x80
     bench.write(0x09, 0x20)
+    assert bench.seen("PWM_COMMAND") == 0
     bench.write(0x4D, 0x10)
-    assert (bench.seen("MOTOR_COMMAND"), bench.seen("PWM_COMMAND")) == (0x80, 0)
     assert bench.seen("PWM_FRACTION") == 0
     bench.drive("/LIMIT", HIGH)
     bench.write(0x08, 0xC0)
     assert bench.seen("MOTOR_COMMAND") == 0xC0
 
 
-@pytest.mark.spec("MCP-MOD-4")
+@pytest.mark.spec("MCP-MOD-4", "MCP-REG-40", "MCP-REG-41")
 @pytest.mark.parametrize("action", range(4))
 def test_limit_low_in_idle_takes_the_outputs_away_whatever_r04_says(
     bench: Bench, action: int

@@ -256,6 +256,20 @@ def test_backlash_gives_no_steps() -> None:
     assert bench.seen("POSITION_ERROR") == -10
 
 
+@pytest.mark.spec("MCP-STP-1", "MCP-REG-3")
+def test_the_way_of_the_encoder_in_step_mode_does_not_count_afterwards_either() -> None:
+    rail = Rail()
+    rail.speed = 50_000.0
+    bench = stepper(rail)
+    bench.put("COMMAND_POSITION", 10)
+    bench.samples(4)
+    rail.speed = 0.0
+    bench.samples(2)
+    bench.write(0x02, 0x01)
+    bench.samples(2)
+    assert bench.position == 10
+
+
 @pytest.mark.spec("MCP-STP-1")
 def test_switching_step_mode_keeps_the_counter() -> None:
     rail = Rail()

@@ -46,6 +46,23 @@ def test_velocity_with_a_fraction(bench: Bench) -> None:
     assert bench.trace("COMMAND_POSITION", 2) == [-5, -4]
 
 
+@pytest.mark.spec("MCP-VEL-1", "MCP-POS-2")
+@pytest.mark.parametrize(
+    ("start", "goal", "course"),
+    [(0x7FFFFC, 0x0001C0, (0x7FFFFD, 0x7FFFFF, -0x7FFFFF, -0x7FFFFD)),
+     (-0x7FFFFD, 0xFFFE40, (-0x7FFFFF, 0x7FFFFF, 0x7FFFFD, 0x7FFFFC))],
+)  # fmt: skip
+def test_velocity_goes_on_at_the_other_end_of_the_range(
+    bench: Bench, start: int, goal: int, course: tuple[int, ...]
+) -> None:
+    bench.write(0x01, 0x20)
+    bench.put("COMMAND_POSITION", start & 0xFFFFFF)
+    bench.put("VELOCITY", goal)
+    velocity_mode(bench, accel=0x7FFF)
+    # 1.75 counts a sample.
+    assert tuple(bench.trace("COMMAND_POSITION", 4)) == course
+
+
 @pytest.mark.spec("MCP-VEL-1")
 def test_acceleration_may_change_under_way(bench: Bench) -> None:
     velocity_mode(bench, accel=0x0100, goal=100)
@@ -81,7 +98,7 @@ def test_goals_more_than_seven_bits_apart_are_reported_and_followed(
     bench.samples(3)
     assert bench.rules() == (["goal-step"] if told else [])
     if told:
-        assert bench.violations[0].measured == 128
+        assert (bench.violations[0].measured, bench.violations[0].limit) == (128, 127)
     # 127 less in the first sample, then the goal.
     speeds = [first - 127 if told else second, second, second]
     assert bench.seen("COMMAND_POSITION") - before == sum(speeds)
@@ -95,7 +112,8 @@ def test_high_resolution_goals_may_be_15_bits_apart(bench: Bench, second: int, t
     bench.samples(2)
     bench.put("VELOCITY", second)
     bench.samples(1)
-    assert bench.rules() == (["goal-step"] if told else [])
+    found = [(it.rule, it.measured, it.limit) for it in bench.violations]
+    assert found == [("mcp1200.goal-step", 32768, 32767)] * told
 
 
 @pytest.mark.spec("MCP-VEL-3")
@@ -282,7 +300,7 @@ def test_a_point_written_while_a_segment_begins_from_the_registers_keeps_its_lat
     assert bench.trace("COMMAND_POSITION", 4) == [356, 428, 500, 500]
 
 
-@pytest.mark.spec("MCP-INT-2")
+@pytest.mark.spec("MCP-INT-2", "MCP-REG-24")
 def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_latch(
     bench: Bench,
 ) -> None:

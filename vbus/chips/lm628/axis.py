@@ -30,8 +30,7 @@ class Axis:
 
     Args:
         settings: the chip's: ``pid_overflow``, ``integral_limit``, and ``reset_status``, where
-            ``C4`` is the part whose breakpoint flag cannot be reset until a breakpoint was loaded
-            (LM-RST-5).
+            ``C4`` is the part whose breakpoint flag cannot be reset until a breakpoint was loaded.
 
     Attributes:
         profile: the generator.
@@ -144,10 +143,10 @@ class Axis:
         state.load(self, state.save(fresh))
 
     def finish_reset(self, count: int) -> None:
-        """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""
+        """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-2)."""
         self.count = count
         self.stuck = self.stuck_part
-        # LM-STA-4: motor-off has just risen.
+        # LM-RST-5, LM-STA-4: motor-off has just risen.
         self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
 
     def mask_interrupts(self, enable: int) -> None:
@@ -237,9 +236,10 @@ class Axis:
         else:
             profile = self.profile
             if profile.step():
-                self.flags |= ds.TRAJECTORY_COMPLETE
+                self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4
+            # LM-PID-2: a difference of 31 bits.
             error = (profile.position >> 16) - real
-            if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
+            if error < ds.POSITION_MIN or error > ds.POSITION_MAX:  # LM-PID-2
                 error = wrap_word(error, _HALF)
             self.following = error
             if error > 32767:
@@ -252,18 +252,22 @@ class Axis:
                 command = self.pid.step(error)
         self.command = command
 
+        # LM-POS-5: reached or passed.
         if self.breakpoint_armed:
             ahead = (self.breakpoint > real) - (self.breakpoint < real)
             if ahead == 0 or ahead != self.breakpoint_side:
                 self.flags |= ds.BREAKPOINT
                 self.breakpoint_armed = False
-        if self.profile.wrapped:
+        if self.profile.wrapped:  # LM-POS-2
             self.profile.wrapped = False
             self.flags |= ds.WRAPAROUND
         return command
 
     def _wrap(self, real: i64, change: i64) -> None:
-        """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
+        """The real position comes round to ``real``: it passes the breakpoint, or changes sides.
+
+        Either counts as LM-POS-5 says.
+        """
         place, before = self.breakpoint, self.real
         if change > 0:
             passed = place >= before or place <= real

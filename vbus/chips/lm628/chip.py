@@ -178,8 +178,9 @@ class LM628(HostInterface):
         return self.clock.cycle_at(when - 1) + 1 if when else 0
 
     def _reset(self, mode: int = _RESET_BY_COMMAND) -> None:
-        """A reset begins (LM-RST-2 to LM-RST-4, LM-RST-9)."""
+        """A reset begins (LM-RST-2)."""
         self._mode = mode
+        # LM-RST-9, LM-RST-4: a reset that fails never ends.
         if self._fails_left:
             self._fails_left -= 1
             self._mode, self._reset_end = _RESET_BY_PIN, NEVER
@@ -190,7 +191,7 @@ class LM628(HostInterface):
         self.axis.reset()
         self.encoder.index_at = NEVER
         self.output.zero()
-        self._outputs.begin(self._cycle_from(self._when))
+        self._outputs.begin(self._cycle_from(self._when))  # LM-RST-3
 
     def _finish_reset(self) -> None:
         self._mode, self._reset_end = _RUNNING, NEVER

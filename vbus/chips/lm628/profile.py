@@ -65,7 +65,7 @@ def approach(way: i64, speed: i64, top: i64, accel: i64) -> i64:
 
 
 class Profile:
-    """Desired position and velocity, sample by sample (LM-TRJ-11).
+    """Desired position and velocity, sample by sample.
 
     Positions are in 1/65536 counts, wrapped to 31 bits of counts; velocities in 1/65536 counts per
     sample, accelerations in 1/65536 counts per sample squared. The target is in counts.
@@ -74,18 +74,18 @@ class Profile:
         position: desired position.
         velocity: desired velocity, signed.
         target: active target: where the position move under way or ended goes; the desired position
-            in velocity mode, and in and after a smooth stop (LM-AMB-5).
+            in velocity mode, and in and after a smooth stop.
         top: active velocity limit.
         accel: active acceleration.
         velocity_mode: active mode.
         forward: active direction of velocity mode.
         stopping: a smooth stop is under way.
-        done: the last STT is completed: signals bit 10 (LM-STA-5).
-        wrapped: the desired position has left its range since this was cleared (LM-POS-2).
+        done: the last STT is completed: signals bit 10.
+        wrapped: the desired position has left its range since this was cleared.
         control: bits 12-8 of the last LTRJ control word; stop bits go when STT uses them.
         raw: 32-bit acceleration, velocity and position as written.
         relative: which of them are relative to the active values.
-        accel_loaded: acceleration was written and not yet taken: signals bit 14 (LM-STA-8).
+        accel_loaded: acceleration was written and not yet taken: signals bit 14.
         started: what an STT that waits for its sample has taken of :attr:`control`.
     """
 
@@ -134,7 +134,7 @@ class Profile:
         self.relative[number] = relative
         self._newer[number] = True
         if number == ACCELERATION:
-            self.accel_loaded = True
+            self.accel_loaded = True  # LM-STA-8
 
     def in_range(self, number: int) -> bool:
         """Whether the buffered parameter lies within the manual's range."""
@@ -169,7 +169,7 @@ class Profile:
             self._resolve(POSITION, self.target & 0xFFFFFFFF)
         if self.velocity_mode:
             self.target = self.position >> 16
-        self.accel_loaded = self._newer[ACCELERATION]
+        self.accel_loaded = self._newer[ACCELERATION]  # LM-STA-8
 
     def _rate(self, number: int, active: int) -> int:
         if self._sent_relative[number]:
@@ -199,7 +199,7 @@ class Profile:
         self.stopping = False
 
     def step(self) -> bool:
-        """Run one sample; tell whether it completed the motion."""
+        """Run one sample; tell whether it completed the motion (LM-TRJ-12, -13)."""
         if self.done:
             return False
         if self.stopping:
@@ -213,12 +213,12 @@ class Profile:
             # LM-TRJ-9: the axis comes to rest on a whole count.
             self.position = self.target << 16
             self.stopping = False
-            self.done = True
+            self.done = True  # LM-STA-5
             return True
         if self.velocity_mode:
             goal = self.top if self.forward else -self.top
             self.velocity = toward(self.velocity, goal, self.accel)
-            self.target = self._move()
+            self.target = self._move()  # LM-AMB-5
             return False
         target = self.target << 16
         way = target - self.position
@@ -231,12 +231,12 @@ class Profile:
         self._move()
         if arrived(target - self.position, self.velocity, self.accel):
             self.velocity = 0
-            self.done = True
+            self.done = True  # LM-STA-5
             return True
         return False
 
     def _move(self) -> i64:
-        """Go on by a sample's velocity; return the whole counts."""
+        """Go on by a sample's velocity; return the whole counts (LM-TRJ-11, LM-POS-2)."""
         position = self.position + self.velocity
         counts = position >> 16
         if counts < ds.POSITION_MIN or counts > ds.POSITION_MAX:

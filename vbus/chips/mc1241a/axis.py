@@ -202,24 +202,24 @@ class Axis:
         return positive != sense & 1, negative != sense >> 1 & 1
 
     def _breakpoint_met(self) -> bool:
-        """Tell whether the breakpoint's condition holds (PMD-CMD-27 to PMD-CMD-33)."""
+        """Tell whether the breakpoint's condition holds."""
         mode, value = self.breakpoint_mode, self.breakpoint_value
         if mode == BRK_OFF:
             return False
         if mode == BRK_TIME:
-            return self._shared.time == value & 0xFFFFFFFF
+            return self._shared.time == value & 0xFFFFFFFF  # PMD-CMD-27
         if mode == BRK_MTN_CMPLT:
-            return self.events & MOTION_COMPLETE != 0
+            return self.events & MOTION_COMPLETE != 0  # PMD-CMD-32
         if mode == BRK_EXT:
-            return self.encoder.home_level() == 0
+            return self.encoder.home_level() == 0  # PMD-CMD-33
         limit = sign_extend(value, 32)
         if mode == BRK_POS:
-            return self.profile.target_position >= limit
+            return self.profile.target_position >= limit  # PMD-CMD-28
         if mode == BRK_NEG:
-            return self.profile.target_position <= limit
+            return self.profile.target_position <= limit  # PMD-CMD-29
         if mode == BRK_ACTL_POS:
-            return self.encoder.actual >= limit
-        return mode == BRK_ACTL_NEG and self.encoder.actual <= limit
+            return self.encoder.actual >= limit  # PMD-CMD-30
+        return mode == BRK_ACTL_NEG and self.encoder.actual <= limit  # PMD-CMD-31
 
     def _check_error(self) -> None:
         """Compare target and actual position (PMD-STL-1)."""
@@ -373,7 +373,7 @@ class Axis:
 
     def renumber(self, value: int) -> None:
         """SET_ACTL_POS: both positions take a number, and nothing moves (PMD-CMD-69)."""
-        self.encoder.set_position(value)
+        self.encoder.renumber(value)
         self._renumber(value)
 
     def _renumber(self, target: int) -> None:

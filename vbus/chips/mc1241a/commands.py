@@ -150,7 +150,7 @@ class Commands:
     def set_sensing(self, on: int) -> None:
         """Sense limit switches from now on, or no longer; bits set stay (PMD-CMD-72, -73)."""
         self._cycles.shared.sensing = bool(on)
-        if on:
+        if on:  # PMD-CMD-72
             for axis in self._axes:
                 axis.limits.forget()
 

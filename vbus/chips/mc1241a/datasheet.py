@@ -356,7 +356,7 @@ FAMILY_CODES: Final[dict[int, tuple[str, int, int]]] = {
 def version_word(
     generation: int, axes: int, part: int, dash: int, major: int, minor: int
 ) -> int:  # fmt: skip
-    """Return a GET_VRSN word from its fields.
+    """Return a GET_VRSN word from its fields (PMD-VER-1).
 
     Args:
         generation: bits 15-14.

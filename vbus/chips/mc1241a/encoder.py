@@ -226,8 +226,8 @@ class Encoder:
         self.actual = wrap_word(self.counted, _HALF)
         return moved
 
-    def set_position(self, value: int) -> None:
-        """Make the present place ``value`` (SET_ACTL_POS)."""
+    def renumber(self, value: int) -> None:
+        """Make the present place ``value`` (PMD-CMD-69)."""
         self._zero = self.count - value
         self.counted = self.actual = value
         self._turn = 0

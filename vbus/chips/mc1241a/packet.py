@@ -194,7 +194,7 @@ class HostPort:
             self._begin_packet(value)
         elif pending == WORD:
             self._take_word(value)
-        elif pending == TAKEN and self._word_is_data:
+        elif pending == TAKEN and self._word_is_data:  # PMD-PKT-2
             self._checksum = (self._checksum + self._word) & 0xFFFF
             self._taken += 1
 

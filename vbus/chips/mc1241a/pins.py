@@ -20,7 +20,7 @@ LONG_AGO: Final = -1_000_000_000_000
 
 
 class HostPins:
-    """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-1 to PMD-BUS-4).
+    """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-2 to PMD-BUS-4).
 
     A write is latched, and a read ends, at the trailing edge of select and strobe together, with
     the levels before that edge.
@@ -173,7 +173,7 @@ class HostPins:
             self._chip.data_pin.release()
 
     def _released(self, now: int) -> None:
-        """~HostSlct has risen (T6)."""
+        """~HostSlct has risen (T6, PMD-TIM-8)."""
         chip = self._chip
         held = now - self._strobe_ended
         self._after_strobe("T6", held)
@@ -194,7 +194,9 @@ class HostPins:
             self._too_short("T12", now - self._read_ended)
 
     def _reset_moved(self) -> None:
-        """~Reset has moved: it takes hold after T-reset, and is over when it rises."""
+        """~Reset has moved: it takes hold after T-reset, and is over when it rises
+        (PMD-TIM-5).
+        """
         chip = self._chip
         now = chip.kernel.now
         chip.advance()

@@ -179,7 +179,7 @@ class Profile:
             Whether motion is complete at once: the axis rests on the destination given.
         """
         if self.mode in (VELOCITY, GEAR):
-            self._smooth = False
+            self._smooth = False  # PMD-TRJ-10
             self._state = RUNNING
             return False
         running = self._state == RUNNING
@@ -187,7 +187,7 @@ class Profile:
             if self._retarget(active.position):
                 self._destination = active.position
             return False
-        self._smooth = False
+        self._smooth = False  # PMD-TRJ-10
         self._destination = active.position
         way = (active.position << 32) - self.position
         if way == 0 and self.velocity == 0 and not given and not running:

@@ -14,6 +14,7 @@ from vbus.chips.mcp1200.blocks import (
     Blocks,
     Report,
 )
+from vbus.chips.mcp1200.command import widest
 from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
@@ -185,7 +186,7 @@ class Axis(Blocks):
     # -- reset --------------------------------------------------------------------------------
 
     def hold(self, cycle: int) -> None:
-        """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
+        """Hard reset: everything as after power-on, until it is released (MCP-RST-1, 3)."""
         self.state = HELD
         self.registers.reset()
         self.stepper.clear(cycle)
@@ -296,7 +297,13 @@ class Axis(Blocks):
         loop.finish()
         self._aiming = True
         if loop.goal_step:
-            self._report(ds.GOAL_STEP, loop.goal_step, 127, "", self._clock.ps(cycle))
+            self._report(
+                ds.GOAL_STEP,
+                loop.goal_step,
+                widest(self.registers.sampled),
+                "",
+                self._clock.ps(cycle),
+            )
         stepping = self.registers.step_mode
         if stepping:
             period = self.timer.period

@@ -13,14 +13,20 @@ from vbus.state import Names
 
 WIDEST: Final = 127
 WIDEST_HIGH: Final = 32767
-"""Largest change between two velocity commands, counts per sample (MCP-VEL-2)."""
+
+
+def widest(sampled: SampledRegisters) -> i64:
+    """Return the largest change between two velocity commands, counts per sample (MCP-VEL-2)."""
+    if sampled.feature & ds.HIGH_RESOLUTION:
+        return WIDEST_HIGH
+    return WIDEST
 
 
 class Command:
     """Where the axis is told to be, and how fast; every generator moves this.
 
     Attributes:
-        position: 24-bit command position (MCP-POS-2).
+        position: 24-bit command position.
         fraction: 1/256 counts beyond it, 0..255.
         velocity: 1/256 count per sample in the last sample.
         moving: a profile or interpolation runs: the in-motion flag F2.
@@ -54,7 +60,7 @@ class Command:
         self.left = 0
 
     def move(self, velocity: i64) -> None:
-        """Go on by ``velocity``."""
+        """Go on by ``velocity`` (MCP-POS-2)."""
         total = self.fraction + velocity
         self.position = wrap_word(self.position + (total >> 8), 0x800000)
         self.fraction = total & 0xFF
@@ -89,10 +95,7 @@ class IntegralVelocity:
         self._goal = goal
         command.move(toward(command.velocity, goal, sampled.accel))
         command.moving = goal != 0 or command.velocity != 0
-        widest: i64 = WIDEST
-        if sampled.feature & ds.HIGH_RESOLUTION:
-            widest = WIDEST_HIGH
-        if change <= widest << 8:
+        if change <= widest(sampled) << 8:
             return 0
         return change >> 8
 

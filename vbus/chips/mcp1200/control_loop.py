@@ -40,12 +40,12 @@ class ControlLoop:
     Attributes:
         mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
         mc: motor command before any limit, in 1/16 of an R08 step.
-        halted: the host has halted motion; position control holds until R05 = 03 (MCP-MOD-7).
+        halted: the host has halted motion; position control holds until R05 = 03.
         abrupt: this sample makes the present place the command position.
         steps: command change of the sample, for step mode.
         goal_step: by how much a velocity command changed too far, else 0.
         last_position: actual position at the sample before.
-        point: R2B-R29 as they were when R29 was last written (MCP-INT-2).
+        point: R2B-R29 as they were when R29 was last written.
         velocity_point: R23-R25 as they were when R25 was last written.
         command_written: the host has written the command position during this sample.
         increment_written: the host has written R0B during this sample.
@@ -170,7 +170,7 @@ class ControlLoop:
             return IDLE
         registers.sample()
         if halt:
-            self.halted = True
+            self.halted = True  # MCP-MOD-7
             action = ds.ABRUPT
         flags = registers.flag
         if self.halted or action == ds.ABRUPT:
@@ -194,7 +194,7 @@ class ControlLoop:
             self.command.velocity = 0
             self.command.fraction = 0
         self._dropped = 0
-        self._sampled_point = self.point
+        self._sampled_point = self.point  # MCP-INT-2
         self._sampled_velocity = self.velocity_point
         self.command_written = False
         self.increment_written = False
@@ -376,7 +376,7 @@ class ControlLoop:
 
     def _show(self, command: Command, following: Following) -> None:
         registers = self.registers
-        registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
+        registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE  # MCP-MOD-7
         registers.phase = command.phase
         registers.interpolator_count = command.left & 0xFF
         registers.accel_delta = command.accel_delta & 0xFFFFFF

@@ -79,7 +79,7 @@ class PidFilter:
         Args:
             sampled: the registers at the sample's start.
             error: position error after the deadband (16 bits).
-            velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
+            velocity: command velocity in 1/256 count per sample.
         """
         if not self._saturated:
             self.integral += error
@@ -107,8 +107,8 @@ class PidFilter:
         self._error_3 = self._error_2
         self._error_2 = self._error_1
         self._error_1 = error
-        acceleration = velocity - self._velocity
-        self._velocity = velocity
+        acceleration = velocity - self._velocity  # MCP-FLT-4
+        self._velocity = velocity  # MCP-FLT-4
         command = (
             256 * sampled.kp * error
             + sampled.ki * self.integral

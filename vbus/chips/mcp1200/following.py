@@ -14,10 +14,10 @@ class Following:
     """Position error of one sample, and the backlash offset hidden in it.
 
     Attributes:
-        offset: counts added to the command by backlash compensation (MCP-ERR-1).
-        error: PE, 16 bits, after the deadband (MCP-ERR-4).
-        in_position: the error before the deadband is at most R45 + 1 (MCP-STA-4).
-        too_large: it exceeds R4A:R49 (MCP-ERR-2).
+        offset: counts added to the command by backlash compensation.
+        error: PE, 16 bits, after the deadband.
+        in_position: the error before the deadband is at most R45 + 1.
+        too_large: it exceeds R4A:R49.
     """
 
     STATE: ClassVar[Names] = (
@@ -61,8 +61,9 @@ class Following:
         self._command = command
         backlash = sampled.backlash
         if backlash == 0:
-            self.offset = 0
-        # Kept without compensation too: R44 is written once a move has taken the backlash out.
+            self.offset = 0  # MCP-ERR-1
+        # MCP-ERR-1; kept without compensation too: R44 is written once a move has taken the
+        # backlash out.
         if change != 0:
             direction: i64 = -1
             if change > 0:
@@ -74,10 +75,11 @@ class Following:
         size = error
         if error < 0:
             size = -error
-        # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF.
+        # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF (MCP-ERR-2).
         self.too_large = size > sampled.max_error and sampled.max_error < 0xFFFF
         deadband = sampled.deadband
-        self.in_position = size <= deadband + 1
+        self.in_position = size <= deadband + 1  # MCP-STA-4
+        # MCP-ERR-4: 16 bits.
         if size <= deadband:
             error = 0
         elif error > 0x7FFF:

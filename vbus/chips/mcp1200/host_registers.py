@@ -149,7 +149,7 @@ class HostRegisters:
         self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
 
     def guard_outputs(self, cycle: int) -> None:
-        """A motor command of the host's (MCP-MOD-3, 4)."""
+        """A motor command of the host's (MCP-MOD-4)."""
         self._side.guard()
 
     def write_output_low(self, address: int, data: int, cycle: int) -> None:

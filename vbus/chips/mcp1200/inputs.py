@@ -202,11 +202,11 @@ class SidePins:
             blocks.registers.outputs_off()
 
     def _fault(self, level: int, flag: int, cycle: int) -> None:
-        """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
+        """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-7)."""
         blocks = self._blocks
         blocks.rest.disturb()
         if level == 0 and blocks.state >= STANDING:
-            blocks.registers.fault(flag)
+            blocks.registers.fault(flag)  # MCP-EXC-4
             if flag == ds.LIMIT_OK:
                 blocks.loop.faults.limit = True
                 blocks.pwm.roll(cycle - 1)

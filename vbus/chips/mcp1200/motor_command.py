@@ -17,7 +17,7 @@ def pwm_command(sampled: SampledRegisters, command: i64, error: i64) -> i64:
 
 
 def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) -> i64:
-    """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1 to 3, 9).
+    """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1).
 
     Args:
         sampled: the registers at the sample's start.
@@ -26,6 +26,7 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
         clip: of a negative command a unipolar output gives zero, not the magnitude (NOTES 22).
     """
     unipolar = sampled.feature & ds.UNIPOLAR
+    # MCP-OUT-9, MCP-OUT-2: either takes the place of the command.
     if sampled.feature & ds.DIAGNOSTIC_DAC:
         unipolar = 0
         command = limited(error * 16)
@@ -36,7 +37,7 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
         limit = ~limit & 0xFF
     code: i64
     if MC_MIN <= command <= MC_MAX:
-        if unipolar and command < 0:
+        if unipolar and command < 0:  # MCP-OUT-2
             # 800h more than -2048 would need a 13th bit.
             code = ds.DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
         else:
@@ -45,10 +46,10 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
         code = limit << 4
     else:
         code = (~limit & 0xFF) << 4
-    code += sampled.dac_offset
-    if code < 0:
+    code += sampled.dac_offset  # MCP-OUT-3
+    if code < 0:  # MCP-OUT-3
         return 0
-    if code > 0xFFF:
+    if code > 0xFFF:  # MCP-OUT-3
         return 0xFFF
     return code
 

@@ -104,7 +104,7 @@ class OutputPins:
         axis = self._axis
         if axis.state == HELD:
             self._pulse.drive(LOW)
-            self._sign.drive(HIGH)
+            self._sign.drive(HIGH)  # MCP-RST-2
         elif axis.registers.step_mode:
             self._pulse.drive(axis.stepper.level(cycle))
             self._sign.drive(axis.stepper.sign)

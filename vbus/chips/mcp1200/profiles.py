@@ -55,14 +55,14 @@ class Trapezoid:
 
         Returns:
             1 when it is over, 0 while it lasts, -1 if it must stop short of a final position
-            that was moved too near (MCP-TRP-6): nothing has been done in this sample then.
+            that was moved too near: nothing has been done in this sample then.
         """
         accel = sampled.accel
         top = sampled.top_velocity
         final = sampled.final_position
         if not self.begun:
-            waits = accel == 0 or top == 0
-            if waits:
+            waits = accel == 0 or top == 0  # MCP-TRP-5
+            if waits:  # MCP-TRP-5
                 command.velocity = 0
                 command.phase = 0
             if final == command.position and command.velocity == 0:
@@ -75,6 +75,7 @@ class Trapezoid:
             self._origin = command.position
             command.phase = ACCELERATING
         elif final != self._final and command.phase < DECELERATING:
+            # MCP-TRP-6
             if not _reachable(command, final, accel):
                 return -1
             self._final = final
