@@ -92,7 +92,11 @@ def test_an_interrupt_is_passed_on(board: Path) -> None:
         (["--board", "BOARD", "/no/program"], 127, "/no/program: there is no such program"),
         (["--board", "none.toml", "true"], 3, "none.toml: cannot be read"),
         (["--board", "BOARD", "--pinmap", "p", "true"], 3, "there is no [pinmaps.p]"),
-        (["--board", "BOARD", "--transcript", "/no/t", "true"], 1, "/no/t: cannot be written: No such file"),
+        (
+            ["--board", "BOARD", "--transcript", "/no/t", "true"],
+            1,
+            "/no/t: cannot be written: No such file",
+        ),
         (["--board", "BOARD", "--avr", "mcu=x", "a.elf"], 2, 'unknown key "mcu"'),
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf", "b"], 2, "--avr takes one firmware file"),
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf"], 3, "chip time must follow the AVR"),
