@@ -296,7 +296,6 @@ BY_HAND = {
     "tools/cli.py": "the null device",
     "testing/github.py": "GitHub's file, which every step of a job adds to",
     "transports/runtime.py": "locks and marks",
-    "transports/pty.py": "terminals",
     "client/links.py": "terminals",
 }
 """Files that open something to write without an output file, and why."""
