@@ -13,13 +13,13 @@ from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, said
 
 Programs = Callable[[str, int], Path]
 
-# What the main thread prints, by what it does meanwhile; the interrupt comes 58.26 ms after STT.
+# What the main thread prints, by what it does meanwhile; the interrupt comes 58.5 ms after STT.
 SERVED = {
-    "poll": (58367, 58227, 58623, 217),
-    "clock": (58367, 58227, 58623, 217),
+    "poll": (58623, 58483, 58879, 217),
+    "clock": (58623, 58483, 58879, 217),
     "sleep": (58619, 195, 58937, 1),
-    "condition": (58360, 0, 58616, 0),
-    "semaphore": (58360, 0, 58616, 0),
+    "condition": (58616, 0, 58872, 0),
+    "semaphore": (58616, 0, 58872, 0),
 }
 
 
