@@ -298,7 +298,7 @@ def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
     while not made.conductors[0].participant.reported:
         made.conductors[0].poll()
     other = conductor_of(FILE, SOURCE, "b", played(8))
-    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 2; this is node b"):
+    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 1; this is node b"):
         other.load(made.conductors[0].save())
     with pytest.raises(SnapshotError, match="this is no snapshot of a node"):
         other.load(b"\xc1")
@@ -397,11 +397,11 @@ GOOD = encode(GOOD_REPORT)
     ("data", "message"),
     [
         (b"", "an empty message"),
-        (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 3"),
+        (b"\x03" + GOOD[1:], "version 3; this vbus speaks version 1"),
         (GOOD[:-3], "bytes that are no message"),
-        (b"\x03\xc1\xff", "bytes that are no message"),
-        (b"\x03\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
-        (b"\x03\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
+        (b"\x01\xc1\xff", "bytes that are no message"),
+        (b"\x01\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
+        (b"\x01\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),
@@ -411,7 +411,7 @@ GOOD = encode(GOOD_REPORT)
             "horizon 9, next event 5",
         ),
         (encode(Reports("1", 1, 0, (Report("1", 4, 0, 0, 0, -1, ()),))), "node 4 of 4"),
-        (b"\x03" + b"\x91" * 5000, "bytes that are no message"),
+        (b"\x01" + b"\x91" * 5000, "bytes that are no message"),
         (bytes(17 << 20), "a message of 17825792 bytes"),
     ],
 )

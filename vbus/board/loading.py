@@ -44,9 +44,13 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         raise
 
     def go() -> None:
-        _load(board, loading, fields["wires"], breaking)
-        if seen is not None:
-            seen.apply()
+        try:
+            _load(board, loading, fields["wires"], breaking)
+            if seen is not None:
+                seen.apply()
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            # Each field fits by itself; together they do not.
+            raise SnapshotError(f"the state does not fit: {error!r}") from error
 
     return go
 
