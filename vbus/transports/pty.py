@@ -110,8 +110,12 @@ class _Terminal:
             self._made: ExitStack = made.pop_all()
 
     def close(self) -> None:
-        """Free all descriptors; again is harmless."""
-        self._made.close()
+        """Free all descriptors; again is harmless.
+
+        Linux frees a descriptor even where ``close`` reports an error; nothing more can be done.
+        """
+        with suppress(OSError):
+            self._made.close()
 
     def look(self) -> int:
         """Return what ``poll`` says of the master: POLLHUP while no client has it open."""
