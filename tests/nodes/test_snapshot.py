@@ -327,7 +327,7 @@ def test_a_file_that_is_damaged_or_of_another_format_is_refused() -> None:
     data = write(snapshot)
     assert read(data) == snapshot
     with pytest.raises(
-        SnapshotError, match=r"^x\.snap is no snapshot of a machine of nodes: it looks like a snapshot"
+        SnapshotError, match=r"^x\.snap is no snapshot of a machine of nodes: it looks like "
     ):
         read(b"vbus snapshot\n", "x.snap")
     for cut in (len(MAGIC), len(MAGIC) + 20, len(data) - 1):

@@ -201,12 +201,12 @@ def test_where_in_a_sample_a_host_begins_is_part_of_it(suite: pytest.Pytester) -
 
         @pytest.mark.vbus_matrix(hostile=60)
         def test_it(vbus_lm629):
-            assert vbus_lm629.clock.now - vbus_lm629.chip.ready_at() < 34 * 10**6
+            assert not 34 * 10**6 <= vbus_lm629.clock.now < 10**9
         """
     )
     result = suite.runpytest("-q")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["under:   start 34 us after power-on"])
+    result.stdout.fnmatch_lines(["under:*start * us after power-on"])
 
 
 def test_a_board_in_real_time_is_refused(suite: pytest.Pytester) -> None:

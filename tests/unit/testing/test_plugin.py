@@ -384,6 +384,7 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
         def test_nothing():
             loaded = {name for name in sys.modules if name.startswith("vbus.")}
             mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugin", "vbus.version",
+                    "vbus.testing.acceptance_plugin",
                     "vbus.testing.golden_plugin", "vbus.testing.matrix_plugin"}
             assert loaded <= mine
         """
