@@ -132,7 +132,7 @@ def description(width: int, cycle: bytes = b"\x01", extra: int = 0) -> bytes:
 
 
 def hello(link: socket.socket, what: bytes, chunk: int = 1 << 16) -> None:
-    expect(link, "01 02")
+    expect(link, "01 01")
     data = b"V" + len(what).to_bytes(2, "big") + what
     for start in range(0, len(data), chunk):
         link.sendall(data[start : start + chunk])
