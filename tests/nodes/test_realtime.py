@@ -161,7 +161,7 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         assert "node a refuses: it comes" in late.stderr
         wrong = order(bench, "0us x w 0")
         assert wrong.returncode == 3
-        assert "<stdin>:1: unknown request 'w 0'" in wrong.stderr
+        assert "-:1: unknown request 'w 0'" in wrong.stderr
         listed = bench.vbus("ls")
         assert "keeps the epoch" in listed.stdout
         assert "goes by the same clock" in listed.stdout

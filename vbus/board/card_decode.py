@@ -187,6 +187,9 @@ class Decoder:
                     self._pin(chip, self._strobe(chip, False), phase) for phase in (idle, under)
                 ):
                     raise NotFixed(f"{chip.name} is strobed the other way")
+                if not write and any(self._selected(chip, phase, True) for phase in (idle, under)):
+                    # What it takes, and whether a pin drives that, the strobes alone tell.
+                    raise NotFixed(f"{chip.name} takes a byte in a read")
                 if write and chip.bus_net is not self._data and id(chip.bus_net) in under.floating:
                     raise NotFixed(f"what was there stays on {chip.bus_net.name}")
             steps = self._steps(write, idle, under)
