@@ -37,7 +37,7 @@ ROOT: Final = Path(__file__).parents[2]
 FENCE: Final = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVE_AS: Final = re.compile(r"[Ss]ave this\s+as\s+`([\w./-]+)`")
 MINUTES: Final = re.compile(
-    r"release\.py wheel|install\.sh|venv .*pip install|pip install .*--target"
+    r"release\.py wheel|install\.sh|venv .*pip install|pip install .*--target build/compiled"
 )
 """What compiles vbus or installs all it needs."""
 PATIENCE: Final = 300.0
