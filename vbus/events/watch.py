@@ -28,6 +28,7 @@ class Watch(Reader):
         board: the board.
         what: what the condition is called in messages.
         met: is called at the instant at which it holds.
+        anew: what holds from the beginning must cease to first, and again after each time.
 
     Raises:
         ConditionError: the condition is none, or names what the board does not have.
@@ -39,12 +40,16 @@ class Watch(Reader):
         board: Circuit,
         what: str = "condition",
         met: Callable[[], None] | None = None,
+        anew: bool = False,
     ) -> None:
         self.condition: Condition = Condition(text, board, what)
         self.board: Circuit = board
         self._met: Callable[[], None] | None = met
         self._timer = self.timer() if met is not None else None
         self._watching = False
+        self._anew = anew
+        self._held = False
+        """Whether it has held at the last look, if that counts."""
         self._course = Course(broken=dict(board.counters))
         self._chips = [board.chip(name) for name in self.condition.chips()]
         self._nets = [one.net for one in self.condition.levels.values() if one.net is not None]
@@ -60,6 +65,7 @@ class Watch(Reader):
             net.observe(self)
         if self._chips or self.condition.events:
             self.board.observe(self)
+        self._held = self._anew and self.look()
         if self._timer is not None:
             self._timer.at(self.board.now)
 
@@ -118,15 +124,21 @@ class Watch(Reader):
         return self.condition.holds(self._course, self.board.now)
 
     def next_look(self) -> int:
-        """Return the next instant at which it may hold though nothing happens outside (ps)."""
+        """Return the next instant at which it may hold though no host does anything (ps)."""
+        return max(min(self._next_change(), self.board.next_due()), self.board.now + 1)
+
+    def _next_change(self) -> int:
+        """Return the same for a watch that is told of edges (ps)."""
         changes = [chip.next_change() for chip in self._chips]
         return max(min([self._course.due, *changes]), self.board.now + 1)
 
     def _look(self) -> None:
-        if self.look() and self._met is not None:
+        held, before = self.look(), self._held
+        self._held = self._anew and held
+        if held and not before and self._met is not None:
             self._met()
             return
-        due = self.next_look()
+        due = self._next_change()
         if self._chips:
             due = min(due, self.board.now + LOOK)
         if self._timer is not None and due < NEVER:
@@ -189,8 +201,7 @@ def wait_until(board: Circuit, condition: str, within: int) -> int:
         while not watch.look():
             if board.now >= begun + within:
                 raise VbusError(not_met(watch, begun, within))
-            due = max(board.next_due(), board.now + 1)
-            board.pass_until(min(due, watch.next_look(), begun + within))
+            board.pass_until(min(watch.next_look(), begun + within))
     finally:
         watch.end()
         board.catch_up()

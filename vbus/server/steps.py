@@ -63,10 +63,7 @@ class _Goal:
 
     def next_look(self) -> int:
         """Return the next instant at which it may be, though nothing is asked of the board."""
-        if self.watch is None:
-            return self._at
-        now = self._board.now
-        return max(min(self._board.next_due(), self.watch.next_look()), now + 1)
+        return self._at if self.watch is None else self.watch.next_look()
 
 
 class Steps(Observer):

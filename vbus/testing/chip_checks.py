@@ -8,7 +8,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.kernel import MS, NEVER, SECOND, US
-from vbus.signals import Observer
+from vbus.signals import EdgeTaker, Observer
 from vbus.state import save
 from vbus.testing.finding import Nonconformance, demand, packed
 
@@ -17,14 +17,6 @@ _LONGEST_RESET: Final = 10 * SECOND
 
 Step = tuple[int, bool, int, int]
 """Pause before it (ps), whether it writes, address, byte."""
-
-
-class _Edges(Observer):
-    def __init__(self) -> None:
-        self.seen: list[tuple[int, str, int]] = []
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        self.seen.append((when, net, level))
 
 
 class _Run:
@@ -235,7 +227,7 @@ def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first
 def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
     """Strobes on the nets give what whole cycles give."""
     run = _Run(factory, chip)
-    run.chip.bus_net.observe(_Edges())
+    run.chip.bus_net.observe(Observer())
     _same(
         first,
         run.play(steps),
@@ -249,8 +241,9 @@ def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
     quick = _SlicedRun(factory, chip)
     seen = []
     for run in (quick, _Run(factory, chip)):
-        edges = _Edges()
-        seen.append(edges.seen)
+        found: list[tuple[int, str, int]] = []
+        edges = EdgeTaker(lambda *edge, into=found: into.append(edge))
+        seen.append(found)
         for row in run.chip.pin_rows:
             if row.direction in ("out", "od") and not row.wave:
                 run.chip.pins[row.name].net.observe(edges)

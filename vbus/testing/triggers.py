@@ -13,7 +13,7 @@ from vbus.events.names import Names
 from vbus.events.watch import Watch, not_met
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Observer
+from vbus.signals import EdgeTaker
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
 from vbus.values.settings import listed, suggestion
@@ -92,7 +92,12 @@ class Triggers:
                 net = self._board.find_pin(pin).net
             except ValueError as error:
                 raise VbusError(str(error)) from None
-            watch = _Edge(level, lambda when: self._come(future, when))
+
+            def take(when: int, _: str, now: int) -> None:
+                if level in (None, now):
+                    self._come(future, when)
+
+            watch = EdgeTaker(take)
             stop = self._bound(future, what, within)
             net.observe(watch)
 
@@ -259,16 +264,3 @@ class Triggers:
         board = self._board
         with self._tested.watch.excused():
             board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
-
-
-class _Edge(Observer):
-    """Tells of an edge of a net."""
-
-    def __init__(self, level: int | None, come: Callable[[int], None]) -> None:
-        self._level = level
-        self._come: Callable[[int], None] = come
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Tell of it, if it is what is waited for."""
-        if self._level in (None, level):
-            self._come(when)

@@ -44,7 +44,7 @@ RESET = 5_018 * US
     [
         ("x.A == 1", MS, MS, ("pin", MS), MS),
         ("rising(x.A)", MS, MS, ("pin", MS), MS),
-        ("not x.status.TRAJECTORY_COMPLETE", RESET, 6 * MS, ("delay", 7_004 * US), RESET),
+        ("not x.status.TRAJECTORY_COMPLETE", RESET, RESET, ("delay", 7_004 * US), RESET),
         ("x.A stable for 2 ms", 3 * MS, 3 * MS, ("delay", 4 * MS), None),
         ("command RSTI", PACKET, PACKET, ("write", PACKET), COMMAND),
         ("lm628.busy-write", BUSY, BUSY, ("write", BUSY), BUSY),
