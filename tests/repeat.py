@@ -77,7 +77,7 @@ def _forget() -> None:
         dropped: list[subprocess.Popen[Any]] = getattr(subprocess, "_active", [])
         for process in tuple(dropped):
             process.kill()
-            process.communicate()
+            process.wait()
         dropped.clear()
 
 

@@ -103,7 +103,7 @@ class AtRest:
         elif self._before is None or (moved := _moved(self._before, whole)):
             self._before = whole
         elif moved is not None and list(self._roots()) == pids:
-            # A thread of the library wakes now and then, and waits again: the next look finds it so.
+            # Threads of the library wake now and then, and wait again: the next look finds that.
             threads = what_hangs(pids)
             if not any(line.endswith(RUNS) for line in threads):
                 self._end(IN_VAIN, threads)
