@@ -87,7 +87,7 @@ def test_leaves_a_process(error):
     held.itself = held  # only the collector of garbage finds it
     held.process = subprocess.Popen(["sleep", "600"], stdout=subprocess.PIPE)
     NOTE.write_text(str(held.process.pid))
-    raise error
+    raise error("late")
 
 def test_is_another():
     gc.collect()
