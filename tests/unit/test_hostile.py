@@ -21,7 +21,7 @@ from vbus.testing.hostile import (
     with_extremes,
 )
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import HostStuck, Limits, Watch
+from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import Outcome, run_program
 
 BOARD = """\
@@ -90,7 +90,7 @@ def test_the_board_file_of_a_weakness_repeats_it_without_any_search() -> None:
     weakness = find_weakness(BOARD, hasty, limits=FEW)
     assert weakness is not None
     board = load_board_text(weakness.board)
-    Watch(board, FEW)
+    HostWatch(board, FEW)
     with connect_in_process(board) as bus, pytest.raises(HostStuck):
         hasty(bus)
 

@@ -65,6 +65,10 @@ class ConditionWatch(Watch):
                 raise ValueError(f'when = "{text}": a fault of a link or a wire has no command')
             self._writes.append((of.name, wanted, write_of(of, wanted)))
 
+    def reads(self) -> bool:
+        """Read no packets: commands are known by their first byte."""
+        return False
+
     def timer(self) -> Timer:
         """Return a timer that hosts' promises heed: what a fault does, they notice."""
         return self.board.kernel.timer(self._look, saved=False)

@@ -10,9 +10,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
+from vbus.circuit.stream import settings_for_decoders
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
-from vbus.events.decode import settings_for_decoders
 from vbus.kernel import END
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures

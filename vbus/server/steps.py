@@ -169,10 +169,10 @@ class Steps(Observer):
             return _Goal(board, f"a sample of {chip.name}", due)
         if by not in STEPS:
             raise ValueError(f'there is no step by "{by}"; there are {", ".join(STEPS)}')
-        from vbus.events.until import PacketWatch
+        from vbus.events.watch import Watch
 
         text = str(request["until"]) if by == "condition" else f"changed({request['pin']})"
-        return _Goal(board, text, watch=PacketWatch(text, board))
+        return _Goal(board, text, watch=Watch(text, board))
 
     # -- doing it -----------------------------------------------------------------------------
 

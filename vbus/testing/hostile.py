@@ -31,7 +31,7 @@ from vbus.options import Value
 from vbus.plugins import chip_class
 from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import HostStuck, Limits, Watch
+from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import Outcome, run_program
 
 Host = Callable[[Bus], object] | Sequence[str]
@@ -181,7 +181,7 @@ def play(
         start = scenario.phase * PHASE
         return run_program(file, source, host, bounds, folder=folder, start=start)
     made = build(file, source)
-    watch = Watch(made, bounds)
+    watch = HostWatch(made, bounds)
     made.run_for(scenario.phase * PHASE)
     outcome = Outcome()
     bus = connect_in_process(made)

@@ -12,7 +12,7 @@ from vbus.client.message import Message
 from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
-from vbus.testing.limits import Watch
+from vbus.testing.limits import HostWatch
 
 
 class Turn:
@@ -101,14 +101,14 @@ class InProcessLink(Link):
 
 
 class InProcessBus(Bus):
-    """A client's bus that ends a host which has passed a bound of a :class:`Watch` on its board.
+    """A client's bus that ends a host which has passed a bound of a :class:`HostWatch`.
 
     Args:
         link: leads to the board.
         watches: those that look at it.
     """
 
-    def __init__(self, link: InProcessLink, watches: list[Watch]) -> None:
+    def __init__(self, link: InProcessLink, watches: list[HostWatch]) -> None:
         super().__init__(link)
         self._watches: Final = watches
 
@@ -131,7 +131,7 @@ def connect_in_process(
 
     It is what :func:`vbus.client.connect` returns, so a driver written on that runs unchanged.
     """
-    watches = [one for one in board.observers if isinstance(one, Watch)]
+    watches = [one for one in board.observers if isinstance(one, HostWatch)]
     bus = InProcessBus(InProcessLink(board, label, chips, turn=turn), watches)
     try:
         bus.hello()

@@ -18,7 +18,7 @@ from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.serving import links_of
 from vbus.signals import Violation
-from vbus.testing.limits import UNBOUNDED, Limits, Watch
+from vbus.testing.limits import UNBOUNDED, HostWatch, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.tools.at_rest import LOOK, AtRest
 from vbus.tools.beside import host_of, link_of_program
@@ -56,7 +56,7 @@ class Outcome:
         """Whether it ended by itself, with exit code 0."""
         return not self.stuck and self.code == 0
 
-    def take(self, watch: Watch) -> None:
+    def take(self, watch: HostWatch) -> None:
         """Take over what was watched."""
         self.stuck = watch.stuck
         self.details = watch.details
@@ -75,11 +75,11 @@ class _Run(ServedBoard):
         limits: Limits,
         folder: Path,
         start: int,
-        of_test: Watch | None,
+        of_test: HostWatch | None,
     ) -> None:
         board.run_for(start)
         self.link: str = f"unix:{folder / 'host.sock'}"
-        self.watch = Watch(board, limits, self.kill)
+        self.watch = HostWatch(board, limits, self.kill)
         self._of_test = of_test
         self._wall = limits.wall
         if of_test is not None:
@@ -140,7 +140,7 @@ def run_program(
     folder: Path | None = None,
     start: int = 0,
     board: Board | None = None,
-    watch: Watch | None = None,
+    watch: HostWatch | None = None,
 ) -> Outcome:
     """Run a program on a board that lives as long as the program does.
 

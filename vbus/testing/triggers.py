@@ -7,10 +7,10 @@ from time import sleep
 from typing import Any, Final
 
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketTaker, decoder_of
 from vbus.errors import VbusError
-from vbus.events.decode import BoardPackets, decoder_of
 from vbus.events.names import Names
-from vbus.events.until import PacketWatch, not_met
+from vbus.events.watch import Watch, not_met
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer
@@ -125,7 +125,7 @@ class Triggers:
                 if chip in ("", of) and name in (packet.name, packet.name.rpartition(" ")[2]):
                     self._come(future, packet)
 
-            watch = BoardPackets({one.name: one.FAMILY for one in board.chips}, take)
+            watch = PacketTaker(take)
             stop = self._bound(future, f"a packet {name}", within)
             board.observe(watch)
 
@@ -154,7 +154,7 @@ class Triggers:
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
             board = self._board
             begun, length = board.now, ps_of(within)
-            watch = PacketWatch(condition, board, met=lambda: self._come(future, board.now))
+            watch = Watch(condition, board, met=lambda: self._come(future, board.now))
             timer = board.kernel.onlooker(lambda: self._fail(future, not_met(watch, begun, length)))
             timer.at(begun + length)
             watch.begin()

@@ -10,7 +10,7 @@ from tests.unit.trace.conftest import LM629, read, record
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.events.until import Holds, PacketWatch
+from vbus.events.watch import Holds, Watch
 from vbus.kernel import MS, US
 from vbus.trace.journal.history import History
 from vbus.trace.wave.wave import Wave
@@ -78,7 +78,7 @@ def played() -> tuple[Board, HostBus]:
 def first_of_watch(form: str) -> int:
     board, port = played()
     met: list[int] = []
-    watch = PacketWatch(form, board, met=lambda: met.append(board.now))
+    watch = Watch(form, board, met=lambda: met.append(board.now))
     watch.begin()
     host(port)
     watch.end()

@@ -9,8 +9,8 @@ from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch
 from vbus.chips.packets import Cycle, Decoder, Packet
+from vbus.circuit.stream import decoder_of
 from vbus.errors import CaptureError
-from vbus.events.decode import decoder_of
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
 from vbus.state import load, save

@@ -8,9 +8,9 @@ from typing import Final, TextIO
 
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketStream, Reader
 from vbus.errors import PluginError, VbusError
 from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
-from vbus.events.decode import BoardPackets, settings_for_decoders
 from vbus.events.names import Value
 from vbus.kernel import MS
 from vbus.signals import Violation
@@ -26,7 +26,7 @@ RECORDING: Final = "recording"
 DONE: Final = "done"
 
 
-class Wave(BoardPackets):
+class Wave(Reader):
     """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
 
     A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
@@ -67,8 +67,6 @@ class Wave(BoardPackets):
             import vcd  # noqa: F401
         except ImportError:
             raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
-        families = {chip.name: chip.FAMILY for chip in board.chips}
-        super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
         self.state: str = "new"
         self.error: str = ""
@@ -92,12 +90,13 @@ class Wave(BoardPackets):
         self.signals: list[Signal] = signals_of(board, list(signals), watched)
         nets = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
-        self._words = {name: self._others[f"{name}.packet"] for name in families}
+        self._stream: PacketStream = PacketStream.of(board.chips, (self,))
+        self._words = {name: self._others[f"{name}.packet"] for name in self._stream.decoders}
         self._values: dict[Signal, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
         """What the chips have told of themselves."""
-        self._changes: Changes = Changes(board.kernel, nets, self, self._lost)
+        self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
 
@@ -158,17 +157,17 @@ class Wave(BoardPackets):
 
     # -- what happens -------------------------------------------------------------------------
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down what bus cycles say."""
         # A packet that was cut short is known to have ended only now.
         signal, text = self._words[chip], packet.text
-        self._changes.note(self.latest, signal, text)
-        if packet.kind in self._decoders[chip].APART:
+        self._changes.note(self._stream.latest, signal, text)
+        if packet.kind in self._stream.decoders[chip].APART:
             _, write, address, data = packet.cycles[0]
             self._changes.say(chip, write, address, data, signal, text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
         if signal is not None:
             self._changes.note(violation.when, signal, violation.rule)
