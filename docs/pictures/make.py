@@ -183,7 +183,7 @@ def scope(picture: Path) -> None:
         )
         page = browser.new_page(viewport={"width": 1120, "height": 680}, color_scheme="light")
         page.goto(f"file://{folder}/run.html")
-        page.wait_for_function("window.scope !== undefined")
+        page.wait_for_function("window.scope && scope.state.read > 0 && scope.state.frames > 1")
         page.wait_for_timeout(500)
         shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()

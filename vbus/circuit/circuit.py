@@ -257,10 +257,10 @@ class Circuit:
         Raises:
             ValueError: there is none.
         """
+        pin = self.glue.pins.get(name)
+        if pin is not None:
+            return pin
         chip_name, _, pin_name = name.partition(".")
-        for part in self.glue.parts:
-            if part.name == chip_name and pin_name in part.pins:
-                return part.pins[pin_name]
         chip = self.chip(chip_name)
         pin = chip.pins.get(pin_name)
         if pin is None:

@@ -98,6 +98,7 @@ class HostWatch(Observer):
         self.stuck: str = ""
         self.slow: bool = False
         self.details: list[str] = []
+        self._named: bool = False
         self.violations: list[Violation] = []
         self.faulted: dict[str, int] = {}
         """Instant at which a fault first began, by chip; "" is a link, and so every chip."""
@@ -265,8 +266,15 @@ class HostWatch(Observer):
             self._read_kept()
             self.stuck = sentence
             self.details = [*threads, *self._detailed()]
+            self._named = bool(threads)
         if self.over is not None:
             self.over(self.stuck)
+
+    def add_threads(self, threads: Sequence[str]) -> None:
+        """Say what the host's threads do, unless that was said when it passed its bound."""
+        if self.ended and not self._named:
+            self._named = True
+            self.details += threads
 
     def _detailed(self) -> Iterator[str]:
         for chip in self._board.chips:

@@ -62,7 +62,7 @@ class InProcessLink(Link):
         turn: Turn | None = None,
     ) -> None:
         # Always readable: whatever a call waits for is here when it looks.
-        super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
+        super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or Turn(board)
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._port.promises = False

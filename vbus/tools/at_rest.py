@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 from vbus.kernel import SECOND
 from vbus.server.host_limits import POLLING, HostWatch
 from vbus.tools.proc import (
+    RUNS,
     Call,
     call_of,
     memory,
@@ -102,7 +103,10 @@ class AtRest:
         elif self._before is None or (moved := _moved(self._before, whole)):
             self._before = whole
         elif moved is not None and list(self._roots()) == pids:
-            self._end(IN_VAIN, what_hangs(pids))
+            # Threads of the library wake now and then, and wait again: the next look finds that.
+            threads = what_hangs(pids)
+            if not any(line.endswith(RUNS) for line in threads):
+                self._end(IN_VAIN, threads)
         wall, computed = (new - old for new, old in zip(now, self._since, strict=True))
         if min(wall, computed) > self._longest:
             self._end(

@@ -47,7 +47,7 @@ _COMMANDS: Final = {
     "snap": "Take snapshots of running boards, load them again.",
     "stop": "End running boards in order.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
-    "up": "Start a machine of nodes; write it for containers or systemd.",
+    "up": "Start a machine of nodes.",
     "wait": "Wait until boards are ready.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }

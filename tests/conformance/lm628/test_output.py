@@ -18,7 +18,7 @@ def driven(command: int, mode: str = "strobe", **settings) -> Bench:
     bench.next_sample()
     bench.move(0)
     bench.next_sample()
-    bench.axis.profile.position = command << 16
+    bench.probe.desired_position = command << 16
     bench.chip.touched()
     return bench
 
@@ -143,8 +143,8 @@ def test_the_lm629_gives_a_sign_and_a_magnitude_of_7_bits(command, sign, magnitu
     bench.next_sample()
 
     assert bench.pin("SIGN") == sign
-    assert bench.chip.output.code() == 4 * magnitude
-    assert bench.chip.output.command == (-magnitude if sign else magnitude) / 128
+    assert bench.probe.output_code() == 4 * magnitude
+    assert bench.probe.output_command == (-magnitude if sign else magnitude) / 128
 
 
 @pytest.mark.spec("LM-PID-10", "LM-CFG-1")
@@ -183,7 +183,7 @@ def test_a_magnitude_of_zero_makes_no_edges():
     bench.chip.pins["MAG"].net.observe(log)
     bench.run(3 * SAMPLE)
     assert log.edges == []
-    assert bench.chip.output.next_change(0) == STEADY
+    assert bench.probe.next_output_change(0) == STEADY
 
 
 @pytest.mark.spec("LM-CFG-1")

@@ -51,7 +51,7 @@ def _speeds(bench: Bench, cycles: int) -> list[int]:
     speeds = []
     for _ in range(cycles):
         bench.next_cycle()
-        speeds.append(bench.chip.axes[0].profile.velocity >> 16)
+        speeds.append(bench.probe.profile_velocity >> 16)
     return speeds
 
 
@@ -199,7 +199,7 @@ def test_a_fraction_of_velocity_left_by_an_s_curve_is_no_motion_without_accelera
     chip.send("SET_PRFL_S_CRV")
     chip.move(pos=2000, vel=10 << 16, max_acc=1, jerk=1)
     chip.next_cycle(3)
-    assert 0 < chip.chip.axes[0].profile.velocity < 1 << 16
+    assert 0 < chip.probe.profile_velocity < 1 << 16
     chip.send("SET_PRFL_TRAP")
     chip.next_cycle()
     assert chip.status() == 0x0301

@@ -17,7 +17,7 @@ def speeds(bench: Bench, cycles: int) -> list[float]:
     result = []
     for _ in range(cycles):
         bench.next_cycle()
-        result.append(bench.chip.axes[0].profile.velocity / 2**32)
+        result.append(bench.probe.profile_velocity / 2**32)
     return result
 
 

@@ -189,5 +189,5 @@ def test_a_plant_is_prepared_for_no_period_of_length_0() -> None:
     bench = Bench(plant=rail)
     bench.samples(1)
     period = rail._period
-    bench.chip.axis.encoder.prepared = 0
+    bench.probe.encoder_prepared = 0
     assert rail._period == period > 0

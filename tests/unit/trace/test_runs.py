@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.probe import probe
 from tests.unit.trace.conftest import LM629, lm629_command, lm629_move, lm629_words, record
 from tests.unit.trace.test_replay import MC1241A
 from vbus.board.board import Board
@@ -250,7 +251,7 @@ def test_a_run_that_something_else_has_changed_is_not_compared() -> None:
         mover(pause=0)(port)
         port.board.run_for(50 * MS)  # as the journal does not know
         lm629_words(port, 0x0A, 2)
-        port.board.chips[0].axis.real += 1  # type: ignore[attr-defined]
+        probe(port.board.chips[0]).real_position += 1
 
     with pytest.raises(VbusError, match="its run is another one when it is played again: entry "):
         run_of(record(LM629, pushed))
