@@ -62,7 +62,7 @@ class Limits:
     wall: float = 60.0
 
 
-class Watch(BoardPackets):
+class HostWatch(BoardPackets):
     """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
 
     Args:

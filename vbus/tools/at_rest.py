@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from vbus.kernel import SECOND
-from vbus.server.host_limits import POLLING, Watch
+from vbus.server.host_limits import POLLING, HostWatch
 from vbus.tools.proc import (
     Call,
     call_of,
@@ -72,7 +72,7 @@ class AtRest:
     def __init__(
         self,
         roots: Callable[[], Iterable[int]],
-        watch: Watch,
+        watch: HostWatch,
         note: Path,
         limit: int,
     ) -> None:

@@ -26,7 +26,7 @@ _ROUTER: Final = "router"
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenFiles:
     """What has been made.
 
     Attributes:
@@ -146,7 +146,7 @@ def _hosts(file: BoardFile, process: Process) -> list[HostSection]:
 # -- containers --------------------------------------------------------------------------------
 
 
-def compose(file: BoardFile, board: str, images: dict[str, str]) -> Written:
+def compose(file: BoardFile, board: str, images: dict[str, str]) -> WrittenFiles:
     """Return a compose file: a service for each process, and for the router.
 
     Args:
@@ -203,7 +203,7 @@ def compose(file: BoardFile, board: str, images: dict[str, str]) -> Written:
             lines += ["    depends_on:", f"      {router.host}: {{ condition: service_healthy }}"]
         lines.append("")
     lines += ["networks:", "  machine:", f"    internal: {json.dumps(internal)}", ""]
-    return Written({"compose.yaml": "\n".join(lines)}, notices)
+    return WrittenFiles({"compose.yaml": "\n".join(lines)}, notices)
 
 
 def _router_service(router: _Router, image: str) -> list[str]:
@@ -257,7 +257,7 @@ def _ports(file: BoardFile, process: Process, notices: list[str]) -> list[str]:
 # -- systemd -----------------------------------------------------------------------------------
 
 
-def systemd(file: BoardFile, board: str) -> Written:
+def systemd(file: BoardFile, board: str) -> WrittenFiles:
     """Return units of systemd: a service for each process and for the router, and a target of all.
 
     Args:
@@ -300,7 +300,7 @@ def systemd(file: BoardFile, board: str) -> Written:
         + "".join(f"{name}=={version}\n" for name, version in packages())
     )
     notices.append(f"{board} belongs in {BOARDS}, and {PROGRAM} is what requirements.txt installs")
-    return Written(files, notices)
+    return WrittenFiles(files, notices)
 
 
 def _unit(head: str, what: str, machine: str, after: list[str], command: list[str]) -> str:

@@ -19,7 +19,7 @@ LINES: Final = 4
 """Bus cycles shown, and lines of the host: the whole fits a terminal of 80 by 24."""
 
 
-class Traffic(Observer):
+class LatestCycles(Observer):
     """The latest bus cycles in words; equal neighbours are counted, not repeated."""
 
     def __init__(self, demo: Demo) -> None:
@@ -50,7 +50,7 @@ def bar(value: float, full: float) -> Text:
 
 
 def screen(
-    demo: Demo, board: Board, traffic: Traffic, link: str, steps: list[str]
+    demo: Demo, board: Board, traffic: LatestCycles, link: str, steps: list[str]
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
     seen = board.chip(demo.chip).telemetry()
