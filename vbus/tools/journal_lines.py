@@ -180,9 +180,8 @@ class _Lines(Reader):
             write: whether the host wrote.
             value: 256 times the address, plus the byte.
         """
-        if (
-            chip not in self.stream.decoders or self.stream.lost
-        ):  # several chips, or one that has not taken a cycle
+        # Several chips, or one that has not taken a cycle.
+        if chip not in self.stream.decoders or self.stream.lost:
             for turn in range(times):
                 self.stream.bus_cycle(when + turn * span, "", chip, write, value >> 8, value & 0xFF)
                 self.drain()
