@@ -52,6 +52,7 @@ hash as on any other machine.
 #live textarea, #live iframe { width: 100%; box-sizing: border-box; }
 #live textarea { font: 0.85em monospace; }
 #live iframe { height: 40rem; border: 1px solid; }
+#live output { display: block; overflow-wrap: anywhere; }
 </style>
 <script type="module" src="../_static/live/live.js"></script>
 ```

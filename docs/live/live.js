@@ -42,7 +42,7 @@ function show(place) {
   const scope = document.createElement("iframe");
   scope.title = "The scope, with the lanes of this run";
   scope.hidden = printed.hidden = true;
-  place.replaceChildren(...board.parts, ...driver.parts, button, " ", status, printed, scope);
+  place.replaceChildren(...board.parts, ...driver.parts, button, status, printed, scope);
 
   /** @type {Worker | undefined} */
   let worker;

@@ -11,7 +11,7 @@ from tests.conformance.lm628.bench import Bench, Follower, Log
 from tests.probe import probe
 from vbus import state
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
-from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile, approach
+from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Trajectory, approach
 from vbus.kernel import NS, US
 from vbus.state import keep, save
 
@@ -250,7 +250,7 @@ def test_being_listened_to_and_being_looked_at_change_nothing(operations):
             do(bench, [operation])
 
 
-def load(profile: Profile, accel: int, top: int, target: int) -> None:
+def load(profile: Trajectory, accel: int, top: int, target: int) -> None:
     for number, value in ((ACCELERATION, accel), (VELOCITY, top), (POSITION, target)):
         profile.load_word(number, False, value >> 16 & 0xFFFF, False)
         profile.load_word(number, True, value & 0xFFFF, False)
@@ -268,7 +268,7 @@ def load(profile: Profile, accel: int, top: int, target: int) -> None:
 )  # fmt: skip
 @example(accel=65536, legs=[(65536, 1, 1), (1, 0, 0)])
 def test_a_profile_lands_exactly_however_often_it_is_sent_elsewhere(accel, legs):
-    profile = Profile()
+    profile = Trajectory()
 
     def step() -> bool:
         # A landing ends at velocity 0, so the next leg counts from there.
@@ -346,7 +346,7 @@ def test_3000_random_moves_land_exactly_within_velocity_and_acceleration():
         accel = int(2 ** random.uniform(8, 17))
         top = int(2 ** random.uniform(8, 20))
         way = random.randrange(-1, 2, 2) * random.randrange(1 + min(400, top * 1000 >> 16))
-        profile = Profile()
+        profile = Trajectory()
         load(profile, accel, top, way)
         velocities = [0]
         while not profile.done:
@@ -370,7 +370,7 @@ def test_3000_random_moves_land_exactly_within_velocity_and_acceleration():
 @pytest.mark.spec("LM-TRJ-13", "LM-TRJ-9")
 @given(rate, st.lists(st.tuples(rate, st.booleans(), st.integers(1, 30)), max_size=6))
 def test_velocity_mode_never_changes_faster_than_its_acceleration_and_stops_on_a_count(accel, legs):
-    profile = Profile()
+    profile = Trajectory()
     profile.done = False
     profile.control = 0x0800
     before = 0

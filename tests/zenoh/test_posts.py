@@ -13,7 +13,7 @@ from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
-from vbus.client.zenoh_link import Sent, ZenohLink, open_zenoh
+from vbus.client.zenoh_link import Sent, ZenohBoardLink, open_zenoh
 from vbus.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
@@ -85,7 +85,7 @@ class FakeBoard:
 
 
 @contextmanager
-def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohLink]]:
+def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohBoardLink]]:
     there = FakeBoard(*how, **more)
     host = open_zenoh(f"bench/x?connect={there.endpoint}")
     try:
@@ -95,7 +95,7 @@ def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohLink]]:
         close_session(there.session)
 
 
-def trip(host: ZenohLink, data: bytes) -> bytes:
+def trip(host: ZenohBoardLink, data: bytes) -> bytes:
     """Send a message and return its reply, which is as long."""
     assert host.write(memoryview(data)) == len(data)
     got = bytearray()

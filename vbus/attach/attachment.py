@@ -57,7 +57,7 @@ def _answers(lost: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class AttachRequest:
     """What is to be attached, and how.
 
     Attributes:
@@ -88,8 +88,10 @@ class Attachment:
         TransportError: a link's address is none.
     """
 
-    def __init__(self, wanted: Wanted, board: FarBoard, report: Callable[[str], None]) -> None:
-        self.wanted: Wanted = wanted
+    def __init__(
+        self, wanted: AttachRequest, board: FarBoard, report: Callable[[str], None]
+    ) -> None:
+        self.wanted: AttachRequest = wanted
         self.board: FarBoard = board
         self.trips: Trips = Trips()
         self.state: str = READY

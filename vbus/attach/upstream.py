@@ -10,7 +10,7 @@ from typing import Final
 from vbus.attach.meter import Meter
 from vbus.attach.threads import aside
 from vbus.client.bus import until_ready_to_write
-from vbus.client.link import Link
+from vbus.client.link import BoardLink
 from vbus.client.links import open_link
 from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
@@ -31,7 +31,7 @@ TICK_SECONDS: Final = 0.1
 """How often a link is looked after that has to mend itself."""
 
 
-def opened(where: str) -> Link:
+def opened(where: str) -> BoardLink:
     """Open a link and wait until it is open.
 
     Raises:
@@ -50,7 +50,7 @@ def opened(where: str) -> Link:
     return link
 
 
-def _keep_alive(link: Link) -> None:
+def _keep_alive(link: BoardLink) -> None:
     """Have the system find out that the other computer has vanished, as a board does of a host."""
     with socket.socket(fileno=os.dup(link.fd)) as connected:
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -94,7 +94,7 @@ class Upstream:
         self._loop: asyncio.AbstractEventLoop = loop
         self._where: str = where
         self._before: Upstream | None = before
-        self._link: Link | None = None
+        self._link: BoardLink | None = None
         self._pending: bytearray = bytearray()
         self._finishing: bool = False
         self._half_closed: bool = False
@@ -126,7 +126,7 @@ class Upstream:
             self._end(None)
             return
         try:
-            link = await aside(lambda: opened(self._where), Link.close)
+            link = await aside(lambda: opened(self._where), BoardLink.close)
         except (VbusError, OSError, ValueError) as error:
             self._end(error if isinstance(error, TransportError) else TransportError(str(error)))
             return
@@ -187,7 +187,7 @@ class Upstream:
         else:
             self._look_after()
 
-    def _look_for_board(self, link: Link) -> None:
+    def _look_for_board(self, link: BoardLink) -> None:
         """A host that asks nothing is to know all the same that its board has gone."""
         self._beat = self._loop.call_later(BEAT_SECONDS, self._look_for_board, link)
         try:
@@ -264,7 +264,7 @@ class Upstream:
         if self._late is None and not self._ended:
             self._late = self._loop.call_later(LEAVING_SECONDS, self._end, None)
 
-    def _last_sent(self, link: Link) -> None:
+    def _last_sent(self, link: BoardLink) -> None:
         if not self._half_closed:
             self._half_closed = True
             link.end_sending()

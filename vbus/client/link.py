@@ -14,7 +14,7 @@ _READ: Final = 65536
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
 
 
-class Link:
+class BoardLink:
     """An open link to a board.
 
     Args:

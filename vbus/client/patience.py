@@ -14,7 +14,7 @@ START_SECONDS: Final = 5.0
 """How long a board that has begun to start may take."""
 
 
-class Patience:
+class RetryPolicy:
     """How long to go on trying to open a link.
 
     Args:

@@ -19,7 +19,7 @@ from weakref import WeakSet
 
 import zenoh
 
-from vbus.client.link import Link
+from vbus.client.link import BoardLink
 from vbus.client.zenoh_options import endpoints_of, seconds
 from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
@@ -60,7 +60,7 @@ class Sent:
         silent_since: when it was first found that nobody answers; 0 if somebody may.
     """
 
-    link: ZenohLink
+    link: ZenohBoardLink
     number: int
     data: bytes
     sent: float = 0.0
@@ -98,7 +98,7 @@ class Sent:
         return self.over != self.sendings
 
 
-_open: WeakSet[ZenohLink] = WeakSet()
+_open: WeakSet[ZenohBoardLink] = WeakSet()
 
 
 def _close_all() -> None:
@@ -118,7 +118,7 @@ atexit.register(_close_all)
 os.register_at_fork(after_in_child=_forked)
 
 
-class ZenohLink(Link):
+class ZenohBoardLink(BoardLink):
     """An open link to the bus of a chip, or to all of a board.
 
     Its descriptor becomes readable when replies or events are here.
@@ -447,7 +447,7 @@ class ZenohLink(Link):
         )
 
 
-def open_zenoh(rest: str) -> ZenohLink:
+def open_zenoh(rest: str) -> ZenohBoardLink:
     """Open ``BOARD/CHIP?connect=ENDPOINT``, what stands behind ``zenoh:``.
 
     Raises:
@@ -470,7 +470,7 @@ def open_zenoh(rest: str) -> ZenohLink:
     security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
-        link = ZenohLink(where, keys.bus(*chunks), session, endpoints, security, patience)
+        link = ZenohBoardLink(where, keys.bus(*chunks), session, endpoints, security, patience)
         link.open()
         return link
     except BaseException:

@@ -17,7 +17,7 @@ from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
-from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
+from vbus.nodes.messages import Mark, Message, Ping, Pong, WireEdges
 from vbus.nodes.node import Edge, Node
 from vbus.server.pacer import Pacer
 
@@ -211,7 +211,7 @@ class RealTime(Peers):
                 if other is not node:
                     self._accept(other, edges)
             number = self._sent[node.rank]
-            self.send(node.rank, Edges(self.plan.digest, node.rank, number, tuple(edges)))
+            self.send(node.rank, WireEdges(self.plan.digest, node.rank, number, tuple(edges)))
             self._sent[node.rank] = number + 1
         if self._until >= 0 and self._done_at < 0:
             if all(mine.board.now > self._until for mine in self.nodes.values()):
@@ -276,7 +276,7 @@ class RealTime(Peers):
                 )  # fmt: skip
         elif isinstance(message, Pong):
             self._answered(message)
-        elif isinstance(message, Edges):
+        elif isinstance(message, WireEdges):
             self._look_for_gap(rank, message.round)
             for node in self.nodes.values():
                 self._accept(node, message.edges)

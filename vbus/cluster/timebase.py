@@ -16,7 +16,7 @@ from vbus.cluster.peers import Group, Peers
 from vbus.cluster.saving import saved
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
-from vbus.nodes.messages import Message, Need, Report, Reports
+from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
@@ -69,7 +69,7 @@ class Timebase(Peers):
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
         self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
-        self._to_send: list[Report] = []
+        self._to_send: list[NodeReport] = []
         """Reports of this turn; they travel as one message."""
 
     # -- life -----------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ class Timebase(Peers):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _share(self, rank: int, report: Report) -> None:
+    def _share(self, rank: int, report: NodeReport) -> None:
         for other, conductor in self._mine.items():
             if other != rank:
                 conductor.participant.receive(report)
@@ -162,7 +162,7 @@ class Timebase(Peers):
 
     def deliver(self, rank: int, message: Message) -> None:
         """Take reports, or that reports are lacking."""
-        if isinstance(message, Report):
+        if isinstance(message, NodeReport):
             self._take(message)
         elif isinstance(message, Reports):
             for report in message.reports:
@@ -171,7 +171,7 @@ class Timebase(Peers):
         elif isinstance(message, Need) and message.other in self._mine:
             self._resend(message.other, self._peers[rank].name, message.round)
 
-    def _take(self, report: Report) -> None:
+    def _take(self, report: NodeReport) -> None:
         other = self._peers[report.node]
         for conductor in self.conductors:
             conductor.participant.receive(report)
@@ -292,7 +292,7 @@ class Timebase(Peers):
 
         Args:
             rank: of the node.
-            data: a :class:`~vbus.cluster.ordering.Request`.
+            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
             answer: takes a :class:`~vbus.cluster.ordering.Answer`.
         """
         conductor = self._mine[rank]

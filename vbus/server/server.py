@@ -38,8 +38,8 @@ from vbus.transports.runtime import mark_pause
 
 if TYPE_CHECKING:
     from vbus.scope.lanes import Lateness
-    from vbus.server.jump import Jump
-    from vbus.server.watching import Watcher
+    from vbus.server.jump import JumpBack
+    from vbus.server.watching import RemoteWatcher
 
 log = logging.getLogger("vbus")
 
@@ -89,7 +89,7 @@ class Server:
         self.control.orders |= self.faults.orders()
         self.steps: Steps = Steps(board, self.pacer, self.sessions)
         self.control.orders |= self.steps.orders()
-        self._jump: Jump | None = None
+        self._jump: JumpBack | None = None
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
@@ -182,14 +182,16 @@ class Server:
         for session in self.sessions():
             session.tell_pause(paused)
 
-    def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> "Watcher":
-        from vbus.server.jump import Jump
-        from vbus.server.watching import Watcher
+    def _watcher(
+        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
+    ) -> "RemoteWatcher":
+        from vbus.server.jump import JumpBack
+        from vbus.server.watching import RemoteWatcher
 
         if self._jump is None:
-            self._jump = Jump(self.board, self.pacer, self.steps, self._onlookers)
+            self._jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
             self._jump.recording = self._recording
-        return Watcher(
+        return RemoteWatcher(
             loop, link, on_end, self.board, self.status(), self._late, self.control,
             self.steps, self._jump,
         )  # fmt: skip

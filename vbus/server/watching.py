@@ -50,7 +50,7 @@ from vbus.scope.lanes import Lateness
 from vbus.scope.pin_recording import PinRecorder
 from vbus.scope.recording import Recorder
 from vbus.server.control import Control, refusal_of
-from vbus.server.jump import Jump
+from vbus.server.jump import JumpBack
 from vbus.server.local_socket import Connection, OnEnd
 from vbus.server.manual_host import ManualHost
 from vbus.server.steps import Steps
@@ -84,7 +84,7 @@ class _Wanted(msgspec.Struct):
     after: Annotated[int, msgspec.Meta(ge=-1)] = -1
 
 
-class _Text(io.StringIO):
+class _BufferedText(io.StringIO):
     """A text file whose text goes to a connection's buffer."""
 
     def __init__(self, buffer: bytearray) -> None:
@@ -103,7 +103,7 @@ class _Text(io.StringIO):
         return len(text)
 
 
-class Watcher(Connection, Observer):
+class RemoteWatcher(Connection, Observer):
     """Somebody who watches a board from another process.
 
     Args:
@@ -128,10 +128,10 @@ class Watcher(Connection, Observer):
         late: Callable[[], Lateness],
         control: Control,
         steps: Steps,
-        jump: Jump,
+        jump: JumpBack,
     ) -> None:
         super().__init__(loop, link, on_end)
-        self._jump: Jump = jump
+        self._jump: JumpBack = jump
         self._inside: bool = False
         self._samples: bool = True
         self.pending += status + b"\n"
@@ -195,7 +195,7 @@ class Watcher(Connection, Observer):
                 return
             section = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
             self._wave = Wave(
-                self._board, _Text(self.pending), section.profile, section.signals,
+                self._board, _BufferedText(self.pending), section.profile, section.signals,
                 section.trigger, section.before, section.duration, section.sample,
             )  # fmt: skip
         except (ValueError, KeyError, TypeError, VbusError) as error:

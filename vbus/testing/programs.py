@@ -26,7 +26,7 @@ from vbus.tools.proc import offspring, what_hangs
 
 
 @dataclass(slots=True)
-class Outcome:
+class ProgramOutcome:
     """What a host did.
 
     Attributes:
@@ -65,7 +65,7 @@ class Outcome:
         self.transcript = watch.lines
 
 
-class _Run(ServedBoard):
+class _ProgramRun(ServedBoard):
     """The board's side of one run."""
 
     def __init__(
@@ -141,7 +141,7 @@ def run_program(
     start: int = 0,
     board: Board | None = None,
     watch: HostWatch | None = None,
-) -> Outcome:
+) -> ProgramOutcome:
     """Run a program on a board that lives as long as the program does.
 
     The program finds its link in ``$VBUS_LINK`` (``{link}`` in an argument stands for it), the
@@ -169,7 +169,7 @@ def run_program(
     else:
         bounds = replace(bounds, chip_time=board.now + bounds.chip_time)
     with _runtime, private_runtime() as own, ExitStack() as board_ends:
-        run = _Run(file, board, bounds, own, start, watch)
+        run = _ProgramRun(file, board, bounds, own, start, watch)
         with run:
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
@@ -184,12 +184,12 @@ def run_program(
 
 
 def _communicate(
-    run: _Run,
+    run: _ProgramRun,
     command: Sequence[str],
     limits: Limits,
     environment: Mapping[str, str],
     folder: Path | None,
-) -> Outcome:
+) -> ProgramOutcome:
     line = [part.replace("{link}", run.link) for part in command]
     if line[0] == "python":
         line[0] = sys.executable
@@ -235,4 +235,4 @@ def _communicate(
         if run.virtual:
             looker.join()
     code = process.returncode
-    return Outcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)
+    return ProgramOutcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)

@@ -95,9 +95,9 @@ class TestedBoard:
 
         reader = JournalReader(io.BytesIO(self.journal()))
         if self.file.nodes:
-            from vbus.nodes.recorded import Recorded
+            from vbus.nodes.recorded import RebuiltBoard
 
-            board = Recorded(reader.header, self.file.path).board
+            board = RebuiltBoard(reader.header, self.file.path).board
         else:
             board = build(self.file, self.source)
         recorded = replayed(board, reader, reader.header.families)

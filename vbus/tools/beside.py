@@ -29,7 +29,7 @@ from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, exit_codes, preload
 from vbus.tools.at_rest import LOOK, AtRest
-from vbus.tools.outcome import Outcome
+from vbus.tools.outcome import AxisOutcomes
 from vbus.tools.output import complain, scope_address
 from vbus.tools.proc import what_hangs
 from vbus.tools.scope import place_of
@@ -42,7 +42,7 @@ LIMIT: Final = "VBUS_LIMIT_PS"
 """Variable that tells firmware's simulator after how much chip time the board must know of it."""
 
 
-class Findings(Observer):
+class FirstViolations(Observer):
     """Remembers the first violation of each rule by each chip, and counts the others."""
 
     def __init__(self) -> None:
@@ -187,8 +187,8 @@ class Ran:
     """
 
     code: int
-    findings: Findings
-    outcome: Outcome
+    findings: FirstViolations
+    outcome: AxisOutcomes
     hangs: list[str]
     lost: list[str]
 
@@ -219,7 +219,7 @@ def run_beside(
     """
     address = metrics_of(file)
     board = build(file, source)
-    findings, outcome = Findings(), Outcome(board)
+    findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     watched = stdout is not None or bool(_files(file, None))
     if watched:

@@ -48,11 +48,11 @@ def command(
     """
     scope = scope_address(scope, scope_control or open_page)
     if scope is not None:
-        from vbus.tools.scope import Place
+        from vbus.tools.scope import PagePlace
 
-        Place(scope, option="--scope")
+        PagePlace(scope, option="--scope")
     live = not headless and not as_json and sys.stdout.isatty()
-    run = _Run(name, live, scope, scope_control, open_page)
+    run = _DemoRun(name, live, scope, scope_control, open_page)
     asyncio.run(run.play())
     show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
@@ -60,7 +60,7 @@ def command(
     return exit_codes.FAILURE if run.reasons else exit_codes.OK
 
 
-class _Run:
+class _DemoRun:
     """One demonstration from start to summary."""
 
     def __init__(

@@ -9,7 +9,7 @@ FAIL: Final = "fail"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """One thing looked at.
 
     Attributes:

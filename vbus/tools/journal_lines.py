@@ -54,9 +54,9 @@ def recorded_board(path: Path, header: Header) -> Board:
     Raises:
         VbusError: its board was made in Python.
     """
-    from vbus.nodes.recorded import Recorded
+    from vbus.nodes.recorded import RebuiltBoard
 
-    return Recorded(header, str(path)).board
+    return RebuiltBoard(header, str(path)).board
 
 
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:

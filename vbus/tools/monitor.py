@@ -16,7 +16,7 @@ from vbus.tools import exit_codes
 from vbus.tools.feed import Feed, Together, boards_of
 from vbus.tools.journal_lines import instant
 from vbus.tools.output import Line, complain, json_line
-from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
+from vbus.tools.telemetry_text import LIT, UNLIT, TelemetryValue, Word, words_and_numbers
 from vbus.trace.latest_lines import LatestLines
 from vbus.wall_clock import monotonic
 
@@ -96,7 +96,7 @@ class View(Reader):
         """When the condition has come to hold that was waited for (ps)."""
         self._status: bool = status
 
-    def told(self, chip: str) -> tuple[list[Number], list[Word]]:
+    def told(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
         """Return what a chip has told last."""
         family = plugins.family(self._families.get(chip, ""))
         return words_and_numbers(family, self._stream.decoders.get(chip), self.values[chip])

@@ -90,7 +90,7 @@ class _Course:
         return ", ".join(parts)
 
 
-class Outcome(Observer):
+class AxisOutcomes(Observer):
     """Looks at the axes of a board once in a millisecond, at bus cycles.
 
     Args:

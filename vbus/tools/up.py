@@ -109,7 +109,7 @@ def command(
             return code
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
-        run = _Run(file, machine, processes, router or "", as_json, Path(folder))
+        run = _MachineRun(file, machine, processes, router or "", as_json, Path(folder))
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
         code = run.carry_out(given, scope, made, timeout)
     if len(processes) > 1:
@@ -119,7 +119,7 @@ def command(
     return code
 
 
-class _Run:
+class _MachineRun:
     """A machine from its start to its end."""
 
     def __init__(

@@ -4,7 +4,7 @@
 
 import sigrokdecode as srd
 
-from .decoder import Lm628Packets
+from .decoder import Lm628Decoder
 from .watch import Lm628Watch
 
 CONTROL = (('cs', '/CS'), ('ps', '/PS'), ('rd', '/RD'), ('wr', '/WR'))
@@ -46,7 +46,7 @@ class Decoder(srd.Decoder):
     def reset(self):
         """Forget everything."""
         self.watch = Lm628Watch()
-        self.packets = Lm628Packets()
+        self.packets = Lm628Decoder()
 
     def start(self):
         """Register what is put out."""

@@ -4,7 +4,7 @@
 
 import sigrokdecode as srd
 
-from .decoder import Mc1241aPackets
+from .decoder import Mc1241aDecoder
 from .watch import Mc1241aWatch
 
 CONTROL = (('slct', '~HostSlct'), ('cmd', 'HostCmd'), ('read', '~HostRead'), ('write', '~HostWrite'))
@@ -46,7 +46,7 @@ class Decoder(srd.Decoder):
     def reset(self):
         """Forget everything."""
         self.watch = Mc1241aWatch()
-        self.packets = Mc1241aPackets()
+        self.packets = Mc1241aDecoder()
 
     def start(self):
         """Register what is put out."""

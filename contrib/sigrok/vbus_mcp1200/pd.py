@@ -4,7 +4,7 @@
 
 import sigrokdecode as srd
 
-from .decoder import Mcp1200Packets
+from .decoder import Mcp1200Decoder
 from .watch import Mcp1200Watch
 
 CONTROL = (('ale', '/ALE'), ('cs', '/CS'), ('oe', '/OE'), ('rw', 'R/W'))
@@ -46,7 +46,7 @@ class Decoder(srd.Decoder):
     def reset(self):
         """Forget everything."""
         self.watch = Mcp1200Watch()
-        self.packets = Mcp1200Packets()
+        self.packets = Mcp1200Decoder()
 
     def start(self):
         """Register what is put out."""

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course
-from vbus.chips.lm628.profile import Profile
+from vbus.chips.lm628.profile import Trajectory
 from vbus.kernel import NS, US
 from vbus.signals import HIGH, LOW
 
@@ -605,7 +605,7 @@ def test_lpes_in_motion_also_completes_the_trajectory(make):
 @pytest.mark.spec("LM-POS-2")
 @pytest.mark.parametrize(("position", "wraps"), [(LARGEST - 1, False), (LARGEST, True)])
 def test_the_desired_position_wraps_at_the_first_count_too_many(position: int, wraps: bool) -> None:
-    profile = Profile()
+    profile = Trajectory()
     profile.hold(position)
     profile.velocity_mode = profile.forward = True
     profile.top = profile.accel = ONE

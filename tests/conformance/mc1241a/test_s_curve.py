@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.parameters import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
 
 spec = pytest.mark.spec
@@ -353,7 +353,7 @@ def test_a_destination_beyond_the_end_of_the_range_can_be_had_after_coming_round
 def test_every_s_curve_ends_on_its_destination_within_its_limits(
     goal: int, top: int, accel: int, jerk: int
 ) -> None:
-    profile, active = Profile(), Registers()
+    profile, active = Profile(), ProfileRegisters()
     active.position, active.velocity = goal, top
     active.max_acceleration, active.jerk = accel, jerk
     profile.set_mode(2, 0)

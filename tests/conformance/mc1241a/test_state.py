@@ -12,7 +12,7 @@ from vbus.board.board import Board
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.parameters import ProfileRegisters
 from vbus.kernel import MS, SECOND, US
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
@@ -241,7 +241,7 @@ def test_an_angle_that_renumbering_has_left_is_saved_with_its_fraction() -> None
 
 
 def test_registers_and_currents_begin_at_zero() -> None:
-    assert {*save(Registers()).values()} == {0}
+    assert {*save(ProfileRegisters()).values()} == {0}
     assert {*sum((tuple(one) for one in save(Rig().chip)["cycles"]["_driven"]), ())} == {0}
 
 

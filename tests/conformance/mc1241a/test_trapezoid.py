@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.parameters import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
 
 spec = pytest.mark.spec
@@ -251,7 +251,7 @@ def test_every_move_lands_exactly_within_its_limits(
     goal: int, top: int, accel: int, start: int, turns: list[tuple[int, int]]
 ) -> None:
     """Also after changes of the destination on the way: |dv| <= A above the start velocity."""
-    profile, active = Profile(), Registers()
+    profile, active = Profile(), ProfileRegisters()
     active.position, active.velocity, active.acceleration = goal, top, accel
     done = profile.start(active, True)
     cycle, slow = 0, 0

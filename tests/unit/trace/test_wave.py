@@ -9,7 +9,7 @@ from tests.unit.trace.conftest import LM629, lm629_command, lm629_move
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.chips.lm628.packets import Lm628Packets
+from vbus.chips.lm628.packets import Lm628Decoder
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
@@ -424,7 +424,7 @@ def test_a_poll_is_not_decoded_again_and_shown_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     known = record()
-    monkeypatch.setattr(Lm628Packets, "APART", frozenset())
+    monkeypatch.setattr(Lm628Decoder, "APART", frozenset())
     assert record() == known
 
 

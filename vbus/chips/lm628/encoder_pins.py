@@ -3,8 +3,8 @@
 from typing import ClassVar
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.encoder import Encoder
-from vbus.chips.lm628.interface import HostInterface
+from vbus.chips.lm628.encoder import EncoderCounts
+from vbus.chips.lm628.interface import FrontEndHost
 from vbus.chips.motion import quadrature as q
 from vbus.chips.motion.input_limits import judge_inputs
 from vbus.signals import LOW, Watcher
@@ -22,9 +22,9 @@ class EncoderPins:
     STATE: ClassVar[Names] = ("_low_from", "_low: bool")
     WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_turn")
 
-    def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
-        self._chip: HostInterface = chip
-        self._encoder: Encoder = encoder
+    def __init__(self, chip: FrontEndHost, encoder: EncoderCounts) -> None:
+        self._chip: FrontEndHost = chip
+        self._encoder: EncoderCounts = encoder
         self._inputs: q.Quadrature = encoder.inputs
         self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
         self._turn: int = int(chip.settings["counts_per_turn"])

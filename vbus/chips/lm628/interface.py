@@ -3,7 +3,7 @@
 from vbus.chips.base import Chip
 
 
-class HostInterface(Chip):
+class FrontEndHost(Chip):
     """What the front-ends ask of their chip, beyond what every chip answers."""
 
     @property

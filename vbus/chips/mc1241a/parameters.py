@@ -8,7 +8,7 @@ from vbus.chips.mc1241a.datasheet import OUTPUT_PWM
 from vbus.state import Names
 
 
-class Registers:
+class ProfileRegisters:
     """One set of the double-buffered registers of an axis (PMD-UPD-1).
 
     An axis has two: the host loads the buffer, the profile generator uses the active set. The
@@ -39,14 +39,14 @@ class Registers:
         self.smooth_stop: int = 0
         self.synch: int = 0
 
-    def copy(self, other: "Registers", kept: tuple[str, ...] = ()) -> None:
+    def copy(self, other: "ProfileRegisters", kept: tuple[str, ...] = ()) -> None:
         """Take the values of another set, but for those ``kept``."""
         for name in self.STATE:
             if name not in kept:
                 setattr(self, name, getattr(other, name))
 
 
-class Shared:
+class SharedParameters:
     """What the axes have in common."""
 
     STATE: ClassVar[Names] = ("time", "output_mode", "limit_sense", "sensing: bool")

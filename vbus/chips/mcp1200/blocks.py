@@ -9,10 +9,10 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.counter import Breakpoint, PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
-from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.chips.mcp1200.rest import Rest
+from vbus.chips.mcp1200.rest import SteadyState
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
 from vbus.chips.mcp1200.writes import Writes
@@ -57,7 +57,7 @@ class Blocks:
         self.registers: Final[RegisterFile] = registers
         self.loop: Final[ControlLoop] = ControlLoop(registers, settings["unipolar"] == "clip")
         self.timer: Final[SampleTimer] = SampleTimer(registers)
-        self.encoder: Final[Encoder] = Encoder(clock.hz)
+        self.encoder: Final[EncoderCourse] = EncoderCourse(clock.hz)
         self.stepper: Final[Stepper] = Stepper(registers)
         self.breakpoint: Final[Breakpoint] = Breakpoint(registers)
         self.counter: Final[PositionCounter] = PositionCounter(
@@ -72,7 +72,7 @@ class Blocks:
         self.drive: Final[PlantDrive] = PlantDrive(
             registers, self.encoder, self.stepper, self.loop.following, settings
         )
-        self.rest: Final[Rest] = Rest(self.loop, self.drive, self.encoder)
+        self.rest: Final[SteadyState] = SteadyState(self.loop, self.drive, self.encoder)
         self.state: i64 = HELD
         self.released: i64 = NOT_RELEASED
         self.writes: Final[Writes] = Writes()

@@ -6,11 +6,11 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.drive import PlantDrive
-from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.state import Names, save
 
 
-class Rest:
+class SteadyState:
     """Knows whether the next samples will be like the last one.
 
     In control mode a sample is a function of registers, control loop, plant and inputs. If two
@@ -26,10 +26,10 @@ class Rest:
     WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
     DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
-    def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: Encoder) -> None:
+    def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: EncoderCourse) -> None:
         self._loop: Final[ControlLoop] = loop
         self._drive: Final[PlantDrive] = drive
-        self._encoder: Final[Encoder] = encoder
+        self._encoder: Final[EncoderCourse] = encoder
         self._state: tuple[object, ...] = ()
         self._repeats: bool = False
 
