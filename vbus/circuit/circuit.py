@@ -431,6 +431,13 @@ class Circuit:
             self.observers.remove(stream)
             self.stream = None
 
+    def tell_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """A whole bus cycle has been made: tell the observers."""
+        for observer in self.observers:
+            observer.bus_cycle(when, host, chip, write, address, data)
+
     def listen(self, observer: Observer) -> None:
         """Let ``observer`` see violations, and no bus cycles, from now on."""
         self.listeners.append(observer)
