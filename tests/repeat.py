@@ -50,8 +50,9 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     hook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     reports = runtestprotocol(item, log=False, nextitem=nextitem)
     failed = [dict(report.user_properties).get(STARVED) for report in reports if report.failed]
-    if failed and None not in failed:
+    if failed:
         _forget()
+    if failed and None not in failed:
         item._initrequest()  # type: ignore[attr-defined]
         reports = runtestprotocol(item, log=False, nextitem=nextitem)
         for report in reports:
@@ -63,11 +64,21 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def _forget() -> None:
-    """Drop what the failed run left open, so that no later test is blamed for it."""
+    """End and drop what the failed run left, so that no later test is slowed or blamed.
+
+    A test that fails has let go of its processes in the middle; Python ends none of them, and warns
+    of them wherever it next looks for garbage.
+    """
     sys.last_type = sys.last_value = sys.last_traceback = None
+    sys.last_exc = None  # type: ignore[attr-defined]  # where an exception stands from Python 3.12 on
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)
         gc.collect()
+        dropped: list[subprocess.Popen[Any]] = getattr(subprocess, "_active", [])
+        for process in tuple(dropped):
+            process.kill()
+            process.wait()
+        dropped.clear()
 
 
 def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:

@@ -13,7 +13,7 @@ import pytest
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import STATUS, Packet
-from vbus.events.decode import BoardPackets
+from vbus.circuit.stream import PacketTaker
 from vbus.kernel import MS, US
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -150,7 +150,7 @@ def test_sigrok_prints_what_the_journal_says(
 
     recorded.seek(0)
     reader = JournalReader(recorded)
-    play(reader, BoardPackets(reader.header.families, take))
+    play(reader.header, reader, PacketTaker(take))
     assert len(expected[False]) > 4
 
     prefix = "DB" if family == "mcp1200" else "D"

@@ -16,8 +16,8 @@ from tests.sigrok.test_sigrok import sigrok
 from tests.waiting import until
 from vbus import connect
 from vbus.chips.packets import STATUS, Packet
+from vbus.circuit.stream import PacketTaker
 from vbus.client.lm628 import Lm628
-from vbus.events.decode import BoardPackets
 from vbus.tools import exit_codes
 from vbus.tools.sigrok_server import CHANNELS
 from vbus.trace.journal.format import JournalReader
@@ -83,7 +83,7 @@ def test_sigrok_cli_decodes_a_running_board_as_its_journal_says(
 
     with (folder / "run.vbj").open("rb") as file:
         reader = JournalReader(file)
-        play(reader, BoardPackets(reader.header.families, take))
+        play(reader.header, reader, PacketTaker(take))
     assert printed == expected[: len(printed)]
     assert [text.partition(" ")[0] for text in printed] == [
         "LFIL", "UDF", "RSTI", "LTRJ", "LTRJ", "STT",

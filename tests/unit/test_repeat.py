@@ -64,6 +64,35 @@ def test_starved(number, request):
         flag.touch()
         raise Starved("late")
 """
+LEFT = """
+import gc
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.waiting import Starved
+
+NOTE = Path(__file__).with_name("pid")
+
+class Held:
+    pass
+
+@pytest.mark.parametrize("error", [Starved, ValueError])
+def test_leaves_a_process(error):
+    if error is Starved and NOTE.exists():
+        return
+    held = Held()
+    held.itself = held  # only the collector of garbage finds it
+    held.process = subprocess.Popen(["sleep", "600"], stdout=subprocess.PIPE)
+    NOTE.write_text(str(held.process.pid))
+    raise error("late")
+
+def test_is_another():
+    gc.collect()
+    assert not Path("/proc", NOTE.read_text()).exists()
+"""
 
 
 def make_suite(pytester: pytest.Pytester, text: str) -> pytest.Pytester:
@@ -112,3 +141,15 @@ def test_more_than_three_repeats_fail_the_run(
         result.stdout.fnmatch_lines([told])
     else:
         result.stdout.no_fnmatch_line(told)
+
+
+def test_no_later_test_is_blamed_for_what_a_failed_one_left(pytester: pytest.Pytester) -> None:
+    suite = make_suite(pytester, LEFT)
+    suite.makeini(
+        "[pytest]\npythonpath = .\naddopts = -p no:cacheprovider\nfilterwarnings =\n"
+        "    error::ResourceWarning\n    error::pytest.PytestUnraisableExceptionWarning\n"
+    )
+    first = suite.runpytest_subprocess("tests/e2e", "-k", "Starved or another")
+    assert first.parseoutcomes() == {"repeated": 1, "passed": 1, "deselected": 1}
+    second = suite.runpytest_subprocess("tests/e2e", "-k", "ValueError or another")
+    assert second.parseoutcomes() == {"failed": 1, "passed": 1, "deselected": 1}

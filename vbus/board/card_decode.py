@@ -107,23 +107,27 @@ class CardDecoder:
             for name in self._roles[chip.name]:
                 nets[id(chip.pins[name].net)] = chip.pins[name].net
         data = {id(chip.data_pin) for chip in chips}
-        seen: list[GlueBlock] = list(self._blocks)
+        drivers: dict[int, list[GlueBlock]] = {}
+        for block in glue.blocks:
+            for pin in block.outputs:
+                drivers.setdefault(id(pin), []).append(block)
+        seen = {id(block): block for block in self._blocks}
         waiting = list(nets.values())
         while waiting:
             net = waiting.pop()
             for pin in net.pins:
                 if pin.on_heard is not None and id(pin) not in data:
                     self.closed = False
-                for block in glue.blocks:
-                    if pin in block.outputs and block not in seen:
-                        seen.append(block)
+                for block in drivers.get(id(pin), ()):
+                    if id(block) not in seen:
+                        seen[id(block)] = block
                         for other, _ in block.inputs:
                             if id(other.net) not in nets:
                                 nets[id(other.net)] = other.net
                                 waiting.append(other.net)
-        if any(block.row.holds for block in seen):
+        self._watched: list[GlueBlock] = list(seen.values())
+        if any(block.row.holds for block in self._watched):
             self.closed = False
-        self._watched: list[GlueBlock] = seen
         self.nets = list(nets.values())
 
     # -- what decides ---------------------------------------------------------------------------

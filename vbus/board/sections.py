@@ -131,9 +131,6 @@ class NodeSection(Section, frozen=True, kw_only=True):
     process: Annotated[
         str, _key("text", "nodes with the same name here share a process; else each has its own")
     ] = ""
-    image: Annotated[
-        str, _key("text", 'image of its container, with its digest: "NAME@sha256:..."')
-    ] = ""
 
 
 class BusSection(Section, frozen=True, kw_only=True):

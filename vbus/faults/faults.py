@@ -27,9 +27,10 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import ConditionWatch, CycleWatcher, write_of
+from vbus.faults.watch import ConditionWatch, write_of
 from vbus.kernel import US
 from vbus.options import Option, Value, with_defaults
+from vbus.signals import Observer
 from vbus.state import Names
 from vbus.values.settings import allowed, check_value, listed, quoted, suggestion
 from vbus.values.units import DIMENSIONS
@@ -86,7 +87,7 @@ _CALL: Final = 4
 _STOP: Final = 5
 
 
-class Faults:
+class Faults(Observer):
     """What is broken, or will be, on one board; ``board.faults``.
 
     Everything happens at exact instants of chip time: a trigger that is met by a bus cycle or an
@@ -104,7 +105,7 @@ class Faults:
         "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
         "acts: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_board", "_watcher", "_timer", "log")
+    WIRING: ClassVar[Names] = ("_board", "_timer", "log")
     DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
 
     def __init__(self, board: Circuit) -> None:
@@ -117,7 +118,6 @@ class Faults:
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
         self._timer = board.kernel.timer(self._due, saved=False)
-        self._watcher: CycleWatcher = CycleWatcher(self._cycle)
         self._watching: bool = False
 
     @property
@@ -299,7 +299,9 @@ class Faults:
         gap = 1 + (2 * armed.when.number * armed.draws >> 32)
         self._push(self._board.now + gap, _BEGIN, armed.number)
 
-    def _cycle(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
         """A bus cycle has been made: what waited for it begins, what was to last for it ends."""
         names = chip.split("+")
         for armed in self.live():
@@ -429,9 +431,9 @@ class Faults:
         if wanted != self._watching:
             self._watching = wanted
             if wanted:
-                self._board.observe(self._watcher)
+                self._board.observe(self)
             else:
-                self._board.unobserve(self._watcher)
+                self._board.unobserve(self)
 
     def _note(self, order: str, values: list[object]) -> None:
         for observer in (*self._board.listeners, *self._board.observers):

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import HostSection
+from vbus.circuit.stream import settings_for_decoders
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
-from vbus.events.decode import settings_for_decoders
 from vbus.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps

@@ -44,7 +44,7 @@ import msgspec
 from vbus.board.board import Board
 from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
-from vbus.events.until import PacketWatch
+from vbus.events.watch import Watch
 from vbus.scope.frames import LASTING, numbers
 from vbus.scope.lanes import Lateness
 from vbus.scope.pin_recording import PinRecorder
@@ -146,7 +146,7 @@ class RemoteWatcher(Connection, Observer):
         self._late: Callable[[], Lateness] = late
         self._recorder: Recorder | None = None
         self._pins: PinRecorder | None = None
-        self._until: PacketWatch | None = None
+        self._until: Watch | None = None
 
     def begin(self) -> None:
         """Watch from now on."""
@@ -189,7 +189,7 @@ class RemoteWatcher(Connection, Observer):
                 self._begin_pins(PinRecorder(self._board, **asked["pins"]))
                 return
             if "until" in asked:
-                self._until = PacketWatch(str(asked["until"]), self._board, met=self._met)
+                self._until = Watch(str(asked["until"]), self._board, met=self._met)
                 self._until.begin()
                 self._lines.append(["waiting"])
                 return

@@ -8,7 +8,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.kernel import MS, NEVER, SECOND, US
-from vbus.signals import Observer
+from vbus.signals import EdgeTaker, Observer
 from vbus.state import save
 from vbus.testing.finding import Nonconformance, demand, packed
 
@@ -17,14 +17,6 @@ _LONGEST_RESET: Final = 10 * SECOND
 
 Step = tuple[int, bool, int, int]
 """Pause before it (ps), whether it writes, address, byte."""
-
-
-class _EdgeLog(Observer):
-    def __init__(self) -> None:
-        self.seen: list[tuple[int, str, int]] = []
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        self.seen.append((when, net, level))
 
 
 class _CheckRun:
@@ -237,7 +229,7 @@ def _snapshots(
 def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: _CheckRun) -> None:
     """Strobes on the nets give what whole cycles give."""
     run = _CheckRun(factory, chip)
-    run.chip.bus_net.observe(_EdgeLog())
+    run.chip.bus_net.observe(Observer())
     _same(
         first,
         run.play(steps),
@@ -251,8 +243,9 @@ def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
     quick = _SlicedRun(factory, chip)
     seen = []
     for run in (quick, _CheckRun(factory, chip)):
-        edges = _EdgeLog()
-        seen.append(edges.seen)
+        found: list[tuple[int, str, int]] = []
+        edges = EdgeTaker(lambda *edge, into=found: into.append(edge))
+        seen.append(found)
         for row in run.chip.pin_rows:
             if row.direction in ("out", "od") and not row.wave:
                 run.chip.pins[row.name].net.observe(edges)

@@ -62,7 +62,7 @@ class InProcessLink(BoardLink):
         turn: HostTurn | None = None,
     ) -> None:
         # Always readable: whatever a call waits for is here when it looks.
-        super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
+        super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or HostTurn(board)
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._port.promises = False
@@ -101,7 +101,7 @@ class InProcessLink(BoardLink):
 
 
 class InProcessBus(Bus):
-    """A client's bus that ends a host which passed a bound of a :class:`HostWatch` on its board.
+    """A client's bus that ends a host which has passed a bound of a :class:`HostWatch`.
 
     Args:
         link: leads to the board.

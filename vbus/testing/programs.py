@@ -102,8 +102,8 @@ class _ProgramRun(ServedBoard):
         if self.process is not None:
             threads = what_hangs(offspring([self.process.pid]))
             for watch in (self.watch, self._of_test):
-                if watch is not None and watch.ended:
-                    watch.details += [line for line in threads if line not in watch.details]
+                if watch is not None:
+                    watch.add_threads(threads)
             self.process.kill()
 
     def over(self) -> Callable[[], bool]:

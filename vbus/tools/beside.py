@@ -356,8 +356,7 @@ def _interrupts(board: Board, outputs: str) -> str:
 
 def _slay(offspring: ending.Offspring, watch: HostWatch, _: str) -> None:
     """End a program that has passed a bound; say what it was doing."""
-    threads = what_hangs(offspring.there())
-    watch.details += [line for line in threads if line not in watch.details]
+    watch.add_threads(what_hangs(offspring.there()))
     offspring.slay()
 
 

@@ -68,7 +68,7 @@ class _DemoRun:
     ) -> None:
         from vbus.board.build import load_board_text
         from vbus.server.server import LinkSpec, Server
-        from vbus.tools.demos.view import LatestCycles
+        from vbus.tools.demos.view import LatestTraffic
 
         self.demo: Demo = demo_of(name)
         self.name: str = name
@@ -80,7 +80,7 @@ class _DemoRun:
         self._open_page: bool = open_page
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
-        self._traffic: LatestCycles = LatestCycles(self.demo)
+        self._traffic: LatestTraffic = LatestTraffic()
         self._board.observe(self._traffic)
         self._server: Server = Server(self._board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board}")])
         self._link: str = ""

@@ -80,12 +80,12 @@ def dependencies() -> Iterator[Diagnosis]:
     from importlib.metadata import PackageNotFoundError, requires, version
 
     try:
-        wanted = [text for text in requires("vbus") or [] if "extra" not in text]
+        needs = [text.partition(";") for text in requires("vbus") or []]
     except PackageNotFoundError:
         yield Diagnosis(FAIL, "vbus", "not installed", 'run "pip install -e ." in the source tree')
         return
     yield Diagnosis(OK, "vbus", version("vbus"))
-    for text in wanted:
+    for text in [need.strip() for need, _, marker in needs if "extra" not in marker]:
         name, _, oldest = text.partition(">=")
         try:
             found = version(name)

@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 
 from vbus.tools.symbols import places
 
+RUNS: Final = "is running"
 _STATES: Final = {
-    "R": "is running", "S": "sleeps in the kernel", "D": "waits for a device", "T": "is stopped",
+    "R": RUNS, "S": "sleeps in the kernel", "D": "waits for a device", "T": "is stopped",
     "t": "is stopped by a debugger",
 }  # fmt: skip
 _GONE: Final = ("", "Z", "X")
@@ -114,7 +115,16 @@ def memory(pid: int, address: int, size: int) -> bytes:
 
 def call_of(pid: int, task: int) -> Call | None:
     """Return the system call that a thread waits in; None if it is in none, or it is hidden."""
-    number, *numbers = (read(f"/proc/{pid}/task/{task}/syscall") or "running").split()
+    return _call(pid, _syscall(pid, task))
+
+
+def _syscall(pid: int, task: int) -> str:
+    """Return what the kernel says of a thread's system call; "" if that is hidden."""
+    return read(f"/proc/{pid}/task/{task}/syscall")
+
+
+def _call(pid: int, text: str) -> Call | None:
+    number, *numbers = (text or "running").split()
     if len(numbers) != 8:
         return None
     head = b""
@@ -131,11 +141,17 @@ def does(pid: int, task: int) -> str:
     """Return what a thread does, for people: where it waits, and who called."""
     letter = state(pid, task)
     text = _STATES.get(letter, f"is in state {letter}")
-    call = call_of(pid, task) if letter in ("S", "D") else None
+    if letter not in ("S", "D"):
+        return text
+    kernel = _syscall(pid, task)
+    call = _call(pid, kernel)
+    stack = b"" if call is None else memory(pid, call.stack, 1 << 14)
+    if _syscall(pid, task) != kernel or kernel.startswith("running"):
+        return RUNS  # it has been woken meanwhile: its stack is not of one instant
     if call is None:
         where = read(f"/proc/{pid}/task/{task}/wchan").strip("0")
         return text + (f" in {where}" if where else "")
-    found = places(pid, memory(pid, call.stack, 1 << 14), call.wide)
+    found = places(pid, stack, call.wide)
     name = f"system call {call.name}" if call.name.isdecimal() else call.name
     inner = name if found.inner in ("", call.name) else f"{found.inner} ({name})"
     return f"waits in {inner}" + (f", called by {found.outer}" if found.outer else "")

@@ -48,8 +48,8 @@ KEEP_ALIVE: Final = (
     (socket.TCP_KEEPCNT, 3),
 )
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
-BACKLOG: Final = 128
-"""Hosts that may wait to be accepted."""
+BACKLOG: Final = 1024
+"""Hosts that may wait to be accepted; all are taken in one turn of the event loop."""
 _ASKED: Final = 1 << 16
 """Bytes of a host's first requests."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -119,12 +119,25 @@ class _SocketTransport(Transport):
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        try:
-            connection, address = listener.accept()
-        except OSError as error:
-            if error.errno in _EXHAUSTED:
-                self._exhausted(error, listener, loop, on_link)
-            return  # else the client gave up in the meantime
+        """Accept all hosts that wait: beside 200 busy hosts a turn takes a tenth of a second."""
+        for _ in range(BACKLOG):
+            try:
+                connection, address = listener.accept()
+            except ConnectionError:  # this one gave up in the meantime
+                continue
+            except OSError as error:
+                if error.errno in _EXHAUSTED:
+                    self._exhausted(error, listener, loop, on_link)
+                return  # else no other one waits
+            self._admit(connection, address, loop, on_link)
+
+    def _admit(
+        self,
+        connection: socket.socket,
+        address: object,
+        loop: asyncio.AbstractEventLoop,
+        on_link: Callable[[Link], None],
+    ) -> None:
         connection.setblocking(False)
         try:
             self._tune(connection)

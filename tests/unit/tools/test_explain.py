@@ -14,7 +14,7 @@ from vbus.chips.clauses import proofs_of
 from vbus.chips.lm628.packets import Lm628Decoder
 from vbus.chips.mcp1200.packets import Mcp1200Decoder
 from vbus.chips.packets import CUT, Cycle, Packet
-from vbus.events.decode import BoardPackets
+from vbus.circuit.stream import PacketStream, PacketTaker
 from vbus.kernel import MS, US
 from vbus.tools.explain import command
 from vbus.tools.journal_lines import instant
@@ -307,13 +307,12 @@ def test_lines_are_those_of_one_cycle_after_the_other(tmp_path: Path, seed: int)
     with path.open("rb") as file:
         reader, sessions = JournalReader(file), Sessions()
         found: list[tuple[int, str]] = []
-        watch = BoardPackets(
-            reader.header.families,
+        taker = PacketTaker(
             lambda chip, packet: found.append(
                 (packet.end, f"{chip} {packet.text}" + f"  [{packet.clause}]" * bool(packet.clause))
-            ),
-            reader.header.settings,
+            )
         )
+        watch = PacketStream(reader.header.families, reader.header.settings, (taker,))
         for entry in reader:
             show(entry, sessions, watch)
             if entry.op == "violation":

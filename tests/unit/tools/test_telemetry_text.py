@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from vbus import plugins
-from vbus.events.decode import decoder_of
+from vbus.circuit.stream import decoder_of
 from vbus.tools.telemetry_text import TelemetryValue, rounded, words_and_numbers
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from vbus.chips.lm628 import datasheet as lm628
 from vbus.chips.mc1241a import datasheet as mc1241a
 from vbus.chips.packets import Cycle, Packet
-from vbus.events.decode import BoardPackets, decoder_of
+from vbus.circuit.stream import PacketStream, PacketTaker, decoder_of
 from vbus.signals import Violation
 
 
@@ -206,7 +206,8 @@ def test_addresses_have_six_bits_until_the_configuration_says_seven() -> None:
 
 def test_a_cycle_the_chip_did_not_take_is_shown_and_changes_nothing() -> None:
     seen: list[str] = []
-    watch = BoardPackets({"x": "lm628"}, lambda chip, packet: seen.append(packet.text))
+    taker = PacketTaker(lambda _, packet: seen.append(packet.text))
+    watch = PacketStream({"x": "lm628"}, readers=(taker,))
     watch.bus_cycle(0, "h", "x", True, 0, 0x0A)
     watch.violation(Violation(5, "x", "lm628.busy-read", "LM-BUS-10", "error", 0, 0, ""))
     watch.bus_cycle(5, "h", "x", False, 1, 0x00)
@@ -217,9 +218,8 @@ def test_a_cycle_the_chip_did_not_take_is_shown_and_changes_nothing() -> None:
 
 def test_chips_written_together_are_decoded_each_by_itself() -> None:
     seen: list[tuple[str, str]] = []
-    watch = BoardPackets(
-        {"x": "lm628", "y": "lm628"}, lambda chip, packet: seen.append((chip, packet.text))
-    )
+    taker = PacketTaker(lambda chip, packet: seen.append((chip, packet.text)))
+    watch = PacketStream({"x": "lm628", "y": "lm628"}, readers=(taker,))
     watch.bus_cycle(0, "h", "x+y", True, 0, 0x1D)
     watch.bus_cycle(1, "h", "x", True, 1, 0x00)
     watch.finish()

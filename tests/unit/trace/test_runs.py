@@ -12,7 +12,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
-from vbus.events.until import PacketWatch
+from vbus.events.watch import Watch
 from vbus.kernel import MS
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -292,5 +292,5 @@ def test_who_looks_changes_nothing_that_hosts_are_promised() -> None:
     before = board.open_port("host").sync()
     Motion(board)
     assert board.open_port("other").sync() == before
-    PacketWatch("x.real > 40", board, met=lambda: None).begin()
+    Watch("x.real > 40", board, met=lambda: None).begin()
     assert board.open_port("third").sync() == before

@@ -375,7 +375,7 @@ def test_of_single_bits_only_those_that_differ_are_written() -> None:
     board = load_board_text(LM629)
     bus = board.chip("x").bus_net
     other = board.chip("x").pins["/CS"].net
-    signals = [Signal(bus.name, "net", True, bus), Signal(other.name, "net", True, other)]
+    signals = [Signal(bus.name, "net", bus), Signal(other.name, "net", other)]
     text = io.StringIO()
     file = VcdFile(text, "sigrok")
     file.begin(signals, {signals[0]: 0x0F, signals[1]: 1}, 0)
@@ -391,7 +391,7 @@ def test_of_single_bits_only_those_that_differ_are_written() -> None:
 
 def test_a_value_that_the_head_has_is_not_written_again() -> None:
     board = load_board_text(LM629)
-    signal, word = Signal("x.real", "value"), Signal("x.packet", "command")
+    signal, word = Signal("x.real", "value"), Signal("x.packet", "text")
     text = io.StringIO()
     file = VcdFile(text, "full")
     file.begin([signal, word], {signal: None}, 500)  # type: ignore[dict-item]

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
+from vbus.circuit.stream import PacketStream, Reader
 from vbus.signals import Observer, Violation
-from vbus.trace.journal.format import Entry
+from vbus.trace.journal.format import Entry, Header
 
 
 class Session(Struct):
@@ -85,11 +86,12 @@ def shown(entries: Iterable[Entry], observer: Observer) -> Iterator[Entry]:
         yield entry
 
 
-def play(entries: Iterable[Entry], observer: Observer) -> int:
-    """Show ``observer`` what a journal holds; return the number of entries."""
+def play(header: Header, entries: Iterable[Entry], *readers: Reader) -> int:
+    """Show readers what a journal holds, its packets included; return the number of entries."""
+    stream = PacketStream(header.families, header.settings, readers)
     count = last = 0
-    for entry in shown(entries, observer):
+    for entry in shown(entries, stream):
         count += 1
         last = max(last, entry.after)
-    observer.settled(last)
+    stream.settled(last)
     return count
