@@ -1,12 +1,18 @@
 """What a host sends last, and waits for no answer to: it is carried out, on every transport."""
 
+import fcntl
 import hashlib
 import io
 import os
 import shutil
 import socket
 import subprocess
-from collections.abc import Callable
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,6 +21,7 @@ import serial
 from tests.e2e.command import vbus
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw
+from tests.waiting import until
 from vbus import connect
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
@@ -22,7 +29,7 @@ from vbus.client.bus import Bus
 from vbus.kernel import MS
 from vbus.native import include_dir
 from vbus.protocols.frames import frame
-from vbus.server.server import LinkSpec
+from vbus.server.server import LinkSpec, Server
 from vbus.testing.in_process import InProcessLink
 from vbus.testing.limits import Limits
 from vbus.testing.programs import run_program
@@ -130,6 +137,26 @@ def over_tcp(url: str, data: bytes) -> None:
 def over_rfc2217(url: str, data: bytes) -> None:
     with serial.serial_for_url(f"rfc2217://{url.removeprefix('rfc2217:')}?timeout=60") as host:
         host.write(data)
+
+
+@contextmanager
+def serial_line() -> Iterator[tuple[int, int]]:
+    """Give the two ends of a cable: what a host writes to, and a serial device."""
+    host, device = os.openpty()
+    try:
+        tty.setraw(device)
+        yield host, device
+    finally:
+        os.close(host)
+        os.close(device)
+
+
+def come(server: Server, device: int, count: int) -> bool:
+    """Tell whether so many bytes have come over a serial line."""
+    (session,) = server.sessions()
+    had = session.received
+    waiting = fcntl.ioctl(device, termios.FIONREAD, bytes(4))
+    return had + int.from_bytes(waiting, sys.byteorder) >= count
 
 
 def over_zenoh(url: str, data: bytes) -> None:
@@ -255,6 +282,39 @@ def test_a_board_that_is_stopped_at_once_has_carried_it_out(runtime: Path) -> No
     with served(board, LinkSpec("unix:$VBUS_RUNTIME/x", "byte")) as server:
         over_unix(server.urls[0], as_bytes())
     assert board.now > 2 * LASTS
+
+
+@pytest.mark.parametrize("protocol", WIRES)
+def test_what_has_come_over_a_serial_line_is_carried_out_before_the_board_stops(
+    protocol: str,
+) -> None:
+    """A line has no close: the host may have gone, and nobody can know."""
+    outcomes = set()
+    data = WIRES[protocol]()
+    for _ in range(RUNS):
+        board, file = load_board_text(BOARD, "bench"), io.BytesIO()
+        journal = Journal(board, file)
+        with (
+            serial_line() as (host, device),
+            served(board, LinkSpec(f"serial:{os.ttyname(device)}", protocol)) as server,
+        ):
+            _send(host, data)
+            until(partial(come, server, device, len(data)), "all bytes")
+        outcomes.add((*ended(journal, file), int(board.chips[0].telemetry()["real"])))
+    assert len(outcomes) == 1
+    _, now, position = outcomes.pop()
+    assert now > 2 * LASTS
+    assert position > 100
+
+
+def test_a_board_that_stops_waits_for_no_serial_host_without_a_request() -> None:
+    board = load_board_text(BOARD, "bench")
+    with serial_line() as (host, device):
+        data = as_bytes()[:-3]  # half a DELAY at the end
+        with served(board, LinkSpec(f"serial:{os.ttyname(device)}", "byte")) as server:
+            _send(host, data)
+            until(partial(come, server, device, len(data)), "all bytes")
+    assert LASTS < board.now < 2 * LASTS
 
 
 def test_a_fixture_that_runs_a_program_counts_what_that_sent_last() -> None:

@@ -1,6 +1,8 @@
 """Programs that wait for what cannot come, or only compute: ended and named; all others are not."""
 
+import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -140,6 +142,27 @@ def test_one_that_computes_is_over_after_so_much_wall_clock_time(
     assert over.details[0].endswith(f"(process {process.pid}, thread {process.pid}) is running")
     process.kill()
     process.communicate()
+
+
+def test_one_that_gives_way_in_a_loop_is_over_as_soon_where_others_compute(
+    programs: Programs, bits: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has a few microseconds of the processor, now and then."""
+    monkeypatch.setattr(at_rest, "POLLING", 2.0)
+    cpu = min(os.sched_getaffinity(0))
+    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    process = begun(programs("hangs", bits), "yields")
+    try:
+        for one in (busy, process):
+            os.sched_setaffinity(one.pid, {cpu})
+        over = watch()
+        rest = looks(process, over, tmp_path / "note")
+        until(lambda: (rest.look(), over.ended)[1], "the end of a program that yields")
+        assert over.stuck.startswith("it has computed for 2 s of wall-clock time")
+    finally:
+        for one in (busy, process):
+            one.kill()
+            one.communicate()
 
 
 @pytest.mark.parametrize("how", IN_VAIN)

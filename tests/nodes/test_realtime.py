@@ -20,10 +20,9 @@ from tests.unit.scope.decoded import Seen
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
 from vbus.cluster import ordering
-from vbus.cluster.node_clock import ClockEstimate
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group
-from vbus.cluster.realtime_nodes import RealTime
+from vbus.cluster.realtime_nodes import ClockEstimate, RealTime
 from vbus.cluster.skew import BOUNDS_NS, Skew
 from vbus.errors import NodeError
 from vbus.kernel import MS, US

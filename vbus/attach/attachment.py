@@ -13,8 +13,7 @@ from vbus.attach.far_board import FarBoard, look_at
 from vbus.attach.far_port import FarPort
 from vbus.attach.meter import ByteMeter, Meter, Trips
 from vbus.attach.relay import Passage, RelayPort, RelaySession
-from vbus.attach.threads import aside
-from vbus.attach.upstream import LEAVING_SECONDS, Upstream
+from vbus.attach.upstream import LEAVING_SECONDS, Upstream, aside
 from vbus.errors import NameInUseError, TransportError
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures

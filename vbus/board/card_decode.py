@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import product
 
+from msgspec import Struct
+
 from vbus.board.card_bus import CardBus
 from vbus.board.card_buses import LATCH
 from vbus.board.card_cycle import CardCycle, NotFixed, RestingWires
 from vbus.board.card_edges import EdgeSteps, steps_of
-from vbus.board.card_phase import Phase
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
 from vbus.board.pin_maps import ADDRESS, DATA, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip
@@ -17,6 +18,16 @@ from vbus.glue import logic
 from vbus.glue.logic import Levels, Outcome
 from vbus.glue.part import Glue, GlueBlock
 from vbus.signals import HIGH, LOW, Net, Pin, Z
+
+
+class Phase(Struct):
+    """Levels in one part of a cycle: of nets and pins, by identity, and what each block gives."""
+
+    nets: dict[int, int]
+    pins: dict[int, int]
+    outcomes: list[tuple[Levels, Outcome]]
+    floating: set[int]
+    """Nets that nobody drives and nothing pulls: they keep what was there."""
 
 
 class CardDecoder:

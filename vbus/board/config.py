@@ -11,9 +11,8 @@ import msgspec
 from vbus import plugins
 from vbus.board import checks, sections
 from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
-from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
-from vbus.board.section import NAMES, Section, rows
+from vbus.board.section import NAMES, GlueSection, Section, rows
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.collection import collection_held

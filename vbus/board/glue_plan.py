@@ -15,7 +15,7 @@ from vbus.board.card_parts import CardPart, names_of, parts_of
 from vbus.board.card_section import CardSection
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
-from vbus.board.glue_section import GlueSection
+from vbus.board.section import GlueSection
 from vbus.board.sections import BoardFile, NetSection
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow

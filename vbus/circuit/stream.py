@@ -150,18 +150,15 @@ class PacketStream(Observer):
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Decode one more cycle, and pass it on."""
-        for name, packet in self.decoded(when, chip, write, address, data):
+        for name, packet in self.decoded(chip, Cycle(when, write, address, data)):
             for reader in self.readers:
                 reader.packet(name, packet)
         for reader in self.readers:
             reader.bus_cycle(when, host, chip, write, address, data)
 
-    def decoded(
-        self, when: int, chip: str, write: bool, address: int, data: int
-    ) -> Iterator[tuple[str, Packet]]:
+    def decoded(self, chip: str, cycle: Cycle) -> Iterator[tuple[str, Packet]]:
         """Give the packets that a cycle completes, each with the name of its chip."""
-        self.latest = when
-        cycle = Cycle(when, write, address, data)
+        when = self.latest = cycle.when
         for name in chip.split("+") if "+" in chip else (chip,):
             decoder = self.decoders.get(name)
             if decoder is None:

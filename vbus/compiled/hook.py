@@ -36,7 +36,7 @@ UNITS: Final = (
         "chips/*/encoder.py", "chips/*/faults.py", "chips/*/filters.py", "chips/*/following.py",
         "chips/*/limits.py", "chips/*/microstep.py", "chips/*/motor_command.py",
         "chips/*/output.py", "chips/*/pid.py", "chips/*/profile.py", "chips/*/profiles.py",
-        "chips/*/registers.py", "chips/*/rest.py", "chips/*/stepper.py", "chips/*/timer.py",
+        "chips/*/registers.py", "chips/*/stepper.py", "chips/*/timer.py",
     ),
     ("board/host_bus.py", "board/host_clock.py", "protocols/byte.py"),
 )  # fmt: skip

@@ -43,6 +43,12 @@ class HangUps:
         poll.register(fd, select.POLLRDHUP)
         return bool(poll.poll(0))
 
+    def waits(self, fd: int) -> bool:
+        """Tell whether something has come that nobody has read."""
+        poll = select.poll()
+        poll.register(fd, select.POLLIN)
+        return any(state & select.POLLIN for _, state in poll.poll(0))
+
     def gone_of(self, fds: Iterable[int]) -> set[int]:
         """Return those whose hosts have gone altogether, and hear no more either."""
         poll = select.poll()

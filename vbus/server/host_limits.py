@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.chips.packets import Packet
+from vbus.chips.packets import Cycle, Packet
 from vbus.circuit.stream import PacketStream
 from vbus.faults.armed import BEGUN
 from vbus.kernel import END, MS, NEVER, SECOND
@@ -150,7 +150,8 @@ class HostWatch(Observer):
             else:
                 self._read += 1
                 when, _, names, write, address, data = one
-                for chip, packet in self._stream.decoded(when, names, write, address, data):
+                cycle = Cycle(when, write, address, data)
+                for chip, packet in self._stream.decoded(names, cycle):
                     self._packet(chip, packet)
         self._read_at = self.cycles + self._polls.left
 

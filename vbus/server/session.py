@@ -237,10 +237,19 @@ class Session:
         self._host_gone(True)
 
     def leaves(self) -> bool:
-        """Whether the host has gone and the session goes on to carry out what it had sent."""
+        """Whether the host has gone and the session goes on to carry out what it had sent.
+
+        Of a link that does not tell, every host may have.
+        """
         if not self._open or self._finished or self._stopped_reading or self._fd < 0:
             return False
-        return not by_claim(self.port) and self._hang_ups.gone(self._fd)
+        if by_claim(self.port):
+            return False
+        if self.link.tells_end:
+            return self._hang_ups.gone(self._fd)
+        if self.port.held:
+            return self.port.hold_until != NEVER
+        return self._reading and self._hang_ups.waits(self._fd)
 
     def resume(self) -> None:
         """What the session waited for may have come."""

@@ -98,14 +98,8 @@ class Triggers:
                     self._come(future, when)
 
             watch = EdgeTaker(take)
-            stop = self._bound(future, what, within)
-            net.observe(watch)
-
-            def disarm() -> None:
-                net.unobserve(watch)
-                stop()
-
-            return disarm
+            observe, unobserve = partial(net.observe, watch), partial(net.unobserve, watch)
+            return self._bound(future, what, within, observe, unobserve)
 
         return self._armed(arm, not by_hosts)
 
@@ -131,14 +125,8 @@ class Triggers:
                     self._come(future, packet)
 
             watch = PacketTaker(take)
-            stop = self._bound(future, f"a packet {name}", within)
-            board.observe(watch)
-
-            def disarm() -> None:
-                board.unobserve(watch)
-                stop()
-
-            return disarm
+            observe, unobserve = partial(board.observe, watch), partial(board.unobserve, watch)
+            return self._bound(future, f"a packet {name}", within, observe, unobserve)
 
         return self._armed(arm, False)
 
@@ -158,17 +146,8 @@ class Triggers:
 
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
             board = self._board
-            begun, length = board.now, ps_of(within)
             watch = Watch(condition, board, met=lambda: self._come(future, board.now))
-            timer = board.kernel.onlooker(lambda: self._fail(future, not_met(watch, begun, length)))
-            timer.at(begun + length)
-            watch.begin()
-
-            def disarm() -> None:
-                watch.end()
-                timer.cancel()
-
-            return disarm
+            return self._bound(future, watch, within, watch.begin, watch.end)
 
         return self._armed(arm, not by_hosts)
 
@@ -204,14 +183,30 @@ class Triggers:
         future.get_loop().call_soon_threadsafe(resolve)
 
     def _bound(
-        self, future: asyncio.Future[Any], what: str, within: int | str
+        self,
+        future: asyncio.Future[Any],
+        what: str | Watch,
+        within: int | str,
+        begin: Callable[[], None],
+        end: Callable[[], None],
     ) -> Callable[[], None]:
-        """Fail after some chip time; return what calls that off."""
-        now = self._board.now
-        sentence = f"{what} has not come within {within} of chip time, since {format_instant(now)}"
-        timer = self._board.kernel.onlooker(lambda: self._fail(future, sentence))
-        timer.at(now + ps_of(within))
-        return timer.cancel
+        """Begin to look for something, and fail after some chip time; return what ends both."""
+        begun, length = self._board.now, ps_of(within)
+        since = f"has not come within {within} of chip time, since {format_instant(begun)}"
+
+        def late() -> None:
+            text = f"{what} {since}" if isinstance(what, str) else not_met(what, begun, length)
+            self._fail(future, text)
+
+        timer = self._board.kernel.onlooker(late)
+        timer.at(begun + length)
+        begin()
+
+        def disarm() -> None:
+            end()
+            timer.cancel()
+
+        return disarm
 
     # -- in the loop of the test ----------------------------------------------------------------
 

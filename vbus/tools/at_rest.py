@@ -45,6 +45,9 @@ _ALARM: Final = 1 << 13
 _OTHERS: Final = -1 << 33
 """SIGALRM, and the signals from SIGRTMIN on, among those that a process catches or blocks."""
 _TICKS: Final = os.sysconf("SC_CLK_TCK")
+_TURN: Final = 200_000
+"""Nanoseconds: a thread that computes has the processor for longer at a time (3 ms), however many
+want it; one that calls sched_yield in a loop, for a few microseconds where somebody else does."""
 
 
 class _Seen(NamedTuple):
@@ -57,6 +60,22 @@ class _Seen(NamedTuple):
 
     told: str
     switches: tuple[tuple[int, int], ...]
+
+
+class _Turns(NamedTuple):
+    """What a thread had of the processor.
+
+    Attributes:
+        ran: nanoseconds.
+        ready: nanoseconds for which it could have run, and others did.
+        turns: how often it had its turn.
+        slept: how often it has given it up to sleep.
+    """
+
+    ran: int
+    ready: int
+    turns: int
+    slept: int
 
 
 class AtRest:
@@ -84,6 +103,8 @@ class AtRest:
         self._board: tuple[int, int] = (-1, -1)
         self._since = (0.0, 0.0)
         self._before: dict[int, _Seen] | None = None
+        self._turns: dict[tuple[int, int], _Turns] = {}
+        self._gave: float = 0.0
 
     def look(self) -> None:
         """Look once; end the program if it hangs."""
@@ -91,7 +112,7 @@ class AtRest:
         if watch.ended:
             return
         pids = list(self._roots())
-        now = monotonic(), sum(map(_computed, pids))
+        now = monotonic(), sum(map(_computed, pids)) + self._given_way(pids)
         board = watch.progress
         if board != self._board:
             self._board, self._since, self._before = board, now, None
@@ -115,6 +136,19 @@ class AtRest:
                 " may: raise the limit)",
                 what_hangs(pids),
             )
+
+    def _given_way(self, pids: list[int]) -> float:
+        """Return for how long threads have given their turns to others, without a sleep (s).
+
+        A loop of sched_yield computes for ever, and has next to nothing of a busy processor.
+        """
+        turns = {(pid, task): _turns(pid, task) for pid in pids for task in tasks(pid)}
+        for key, now in turns.items():
+            old = self._turns.get(key, now)
+            if now.slept == old.slept and now.ran - old.ran < _TURN * (now.turns - old.turns):
+                self._gave += (now.ready - old.ready) / 1e9
+        self._turns = turns
+        return self._gave
 
     def _end(self, sentence: str, threads: list[str]) -> None:
         self._watch.pass_bound(sentence, threads)
@@ -167,6 +201,12 @@ def _computed(pid: int) -> float:
     """Return the processor's seconds of a process, and of its children that have ended."""
     fields = read(f"/proc/{pid}/stat").rpartition(")")[2].split()
     return sum(map(int, fields[11:15])) / _TICKS
+
+
+def _turns(pid: int, task: int) -> _Turns:
+    """Return what a thread had of the processor; nothing where the system does not count it."""
+    ran, ready, turns = (*map(int, read(f"/proc/{pid}/task/{task}/schedstat").split()), 0, 0, 0)[:3]
+    return _Turns(ran, ready, turns, int(status(pid, task).get("voluntary_ctxt_switches", "0")))
 
 
 def _pending(facts: dict[str, str]) -> int:

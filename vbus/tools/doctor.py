@@ -15,7 +15,7 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.doctor_finding import FAIL, OK, WARN, Diagnosis
+from vbus.tools.doctor_realtime import FAIL, OK, WARN, Diagnosis
 from vbus.tools.output import show
 
 OLDEST_PYTHON: Final = (3, 11)

@@ -5,13 +5,39 @@ import select
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from vbus.errors import VbusError
 from vbus.server.priority import Priority
-from vbus.tools.doctor_finding import OK, WARN, Diagnosis
 from vbus.transports.linux import TimerFd, clock_discipline
+
+OK: Final = "ok"
+WARN: Final = "warn"
+FAIL: Final = "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """One thing looked at.
+
+    Attributes:
+        state: ``"ok"``, ``"warn"`` (something cannot be used) or ``"fail"`` (nothing will work).
+        what: the thing.
+        detail: what was found.
+        advice: what to do; empty if it is in order.
+    """
+
+    state: str
+    what: str
+    detail: str
+    advice: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.state:<5} {self.what}: {self.detail}"
+        return f"{text}\n      {self.advice}" if self.advice else text
+
 
 WAIT_NS: Final = 1_000_000
 """What is waited for again and again."""

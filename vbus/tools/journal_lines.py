@@ -10,7 +10,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.chips.base import CONNECTOR_FAMILY
-from vbus.chips.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
+from vbus.chips.packets import STATUS, CommandPackets, Cycle, Packet
 from vbus.circuit.stream import PacketStream, PacketTaker, Reader
 from vbus.errors import VbusError
 from vbus.kernel import MS
@@ -180,8 +180,8 @@ class _Lines(Reader):
             write: whether the host wrote.
             value: 256 times the address, plus the byte.
         """
-        decoder = self.stream.decoders.get(chip)
-        if decoder is None or self.stream.lost:  # several chips, or one that has not taken a cycle
+        # Several chips, or one that has not taken a cycle.
+        if chip not in self.stream.decoders or self.stream.lost:
             for turn in range(times):
                 self.stream.bus_cycle(when + turn * span, "", chip, write, value >> 8, value & 0xFF)
                 self.drain()
@@ -193,15 +193,15 @@ class _Lines(Reader):
         told = ""
         for turn in range(times):
             before = told
-            told = self._cycle(chip, decoder, Cycle(when, write, value >> 8, value & 0xFF))
+            told = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
             if turn == 1 and told and told == before:  # so does each of the rest
                 self._put(when + span, told, times - 2, when + (times - 2) * span)
                 return
             when += span
 
-    def _cycle(self, chip: str, decoder: Decoder, cycle: Cycle) -> str:
+    def _cycle(self, chip: str, cycle: Cycle) -> str:
         """Take one cycle; return its line if it is one by itself and no packet is open."""
-        packets = decoder.feed(cycle)
+        packets = [packet for _, packet in self.stream.decoded(chip, cycle)]
         if not packets:
             self._first = cycle.when  # it belongs to one that is open
             return ""
@@ -210,7 +210,7 @@ class _Lines(Reader):
         self.drain()
         if len(packets) > 1 or len(packet.cycles) > 1:
             return ""
-        if packet.kind == STATUS and isinstance(decoder, CommandPackets):
+        if packet.kind == STATUS and isinstance(self.stream.decoders[chip], CommandPackets):
             self._statuses[chip, cycle.write, cycle.address << 8 | cycle.data] = text
         return text if self._first is None else ""
 

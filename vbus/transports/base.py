@@ -40,6 +40,8 @@ class Link:
         """Reads the descriptor: at most so many bytes of it."""
         self.write: Callable[[int, bytearray], int] = os.write
         """Writes to the descriptor; returns how many bytes it took."""
+        self.tells_end: bool = True
+        """Whether it is known here when the host has gone; a serial line does not tell."""
 
     def close(self) -> None:
         """End the link from this side."""

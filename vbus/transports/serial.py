@@ -22,6 +22,7 @@ class SerialLink(Link):
 
     def __init__(self, transport: "SerialTransport", port: "Serial") -> None:
         super().__init__(port.fileno(), transport.path)
+        self.tells_end = False
         self._transport: SerialTransport = transport
         self._port: Serial = port
 

@@ -10,9 +10,9 @@ from tests.conformance.mc1241a.conftest import CYCLE, words
 from tests.probe import probe
 from vbus.board.board import Board
 from vbus.chips.mc1241a.chip import MC1241A
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import ProfileRegisters
 from vbus.kernel import MS, SECOND, US
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
+#include <sched.h>
 #include <semaphore.h>
 #include <signal.h>
 #include <stdio.h>
@@ -83,6 +84,9 @@ int main(int argc, char **argv)
     if (strcmp(how, "computes") == 0)
         for (;;)
             ;
+    if (strcmp(how, "yields") == 0)
+        while (!sink)
+            sched_yield();
     /* --- and what comes --- */
     if (strcmp(how, "sleeps") == 0)
         sleep(1);

@@ -10,9 +10,8 @@ from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
 from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
 from vbus.chips.lm628.encoder import EncoderCounts
-from vbus.chips.lm628.encoder_pins import EncoderPins
+from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
 from vbus.chips.lm628.host_port import PortState
-from vbus.chips.lm628.interface import FrontEndHost
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins, strobes
 from vbus.chips.tables import PinRow

@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.encoder_pins import FrontEndHost
 from vbus.chips.lm628.host_port import PortState
-from vbus.chips.lm628.interface import FrontEndHost
 from vbus.kernel import NEVER, Clock
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
 from vbus.state import Names, Saved, keep, take_back

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
+from vbus.chips.mc1241a.chipset import ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.datasheet import (
     AUTO_STOP,
     AUTO_UPDATE_OFF,
@@ -40,7 +41,6 @@ from vbus.chips.mc1241a.datasheet import (
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.profile import Profile
 from vbus.signals import Rule
 from vbus.state import Names

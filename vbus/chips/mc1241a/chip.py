@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mc1241a.axis import StepperAxis
-from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
@@ -29,7 +29,6 @@ from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import PacketPort
-from vbus.chips.mc1241a.parameters import SharedParameters
 from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel

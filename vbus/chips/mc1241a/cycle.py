@@ -5,11 +5,10 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mc1241a.axis import FOR_EVER, StepperAxis
-from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import ProfileRegisters, SharedParameters
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 from vbus.state import Names

@@ -3,6 +3,7 @@
 from typing import ClassVar, Final
 
 from vbus.bits import wrap, wrap_word
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import (
     ACCELERATION_BITS,
     GEAR,
@@ -14,7 +15,6 @@ from vbus.chips.mc1241a.datasheet import (
     VELOCITY,
     WRAP,
 )
-from vbus.chips.mc1241a.parameters import ProfileRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity

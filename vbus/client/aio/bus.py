@@ -6,10 +6,9 @@ from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.aio.ready import Lock, opened, pause, until_ready
-from vbus.client.link import BoardLink
+from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
-from vbus.client.patience import PAUSE_SECONDS, RetryPolicy
 from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo

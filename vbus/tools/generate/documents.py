@@ -6,8 +6,7 @@ from pathlib import Path
 
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
-from vbus.tools.generate.layout import ROOT
-from vbus.tools.generate.markdown import fill, filled, table
+from vbus.tools.generate.layout import ROOT, fill, filled, table
 
 
 def byte_protocol() -> str:

@@ -85,7 +85,9 @@ class Wave(Reader):
         self.signals: list[Signal] = signals_of(board, list(signals))
         nets = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
-        self._stream: PacketStream = PacketStream.of(board.chips, (self,))
+        told = [one for one in board.chips if profile == FULL and self._word(one.name) is not None]
+        self._stream: PacketStream = PacketStream.of(told, (self,))
+        """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
         self._values: dict[Signal, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
@@ -157,13 +159,14 @@ class Wave(Reader):
     def packet(self, chip: str, packet: Packet) -> None:
         """Take down what bus cycles say."""
         # A packet that was cut short is known to have ended only now.
-        signal, text = self._others.get(f"{chip}.packet"), packet.text
-        if signal is None:
-            return
+        signal, text = self._word(chip), packet.text
         self._changes.note(self._stream.latest, signal, text)
         if packet.kind in self._stream.decoders[chip].APART:
             _, write, address, data = packet.cycles[0]
             self._changes.say(chip, write, address, data, signal, text)
+
+    def _word(self, chip: str) -> Signal | None:
+        return self._others.get(f"{chip}.packet")
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
