@@ -39,7 +39,7 @@ def calls(family: Family) -> str:
         module, _, base = family.access.partition(":")
         module = f"{family.home}.{module}"
     elif family.registers:
-        module, base = "vbus.client.aio.registers", "Registers"
+        module, base = "vbus.client.aio.registers", "RegisterCycles"
     else:
         module, base = "vbus.client.aio.packets", "Packets"
     title = family.title or family.name
