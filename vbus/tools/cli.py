@@ -60,7 +60,7 @@ _GROUPS: Final = {
         "trace": "Merge the traces of nodes.",
     },
 }
-_COMMANDS: Final = {name: text for group in _GROUPS.values() for name, text in group.items()}
+_COMMANDS: Final = sorted(name for group in _GROUPS.values() for name in group)
 _USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
 
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -89,7 +89,7 @@ class _Lazy(click.Group):
     """A group whose commands live in ``vbus.tools.NAME`` as ``command``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_COMMANDS)
+        return _COMMANDS
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
