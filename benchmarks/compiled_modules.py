@@ -68,7 +68,6 @@ REASONS: dict[str, str] = {
     "vbus/chips/mc1241a/commands.py": COMMANDS,
     "vbus/chips/mc1241a/interrupts.py": HELD,
     "vbus/chips/mc1241a/output.py": COMMANDS,
-    "vbus/chips/mc1241a/chipset.py": HELD,
     "vbus/chips/mcp1200/inputs.py": HELD,
     "vbus/chips/mcp1200/blocks.py": HELD,
     "vbus/chips/motion/quadrature.py": HELD,
