@@ -135,7 +135,7 @@ def explained() -> tuple[Work, Work]:
         reader = JournalReader(io.BytesIO(data))
         lines, sessions = journal_lines._Lines(reader.header), Sessions()
         for entry in reader:
-            show(entry, sessions, lines)
+            show(entry, sessions, lines.stream)
             lines.drain()
             lines.ready.clear()
 

@@ -12,9 +12,9 @@ def every_entry(data: bytes) -> list[str]:
     reader = JournalReader(io.BytesIO(data))
     lines, sessions = _Lines(reader.header), Sessions()
     for entry in reader:
-        show(entry, sessions, lines)
+        show(entry, sessions, lines.stream)
         lines.drain()
-    lines.finish()
+    lines.stream.finish()
     lines.drain()
     lines.tell()
     return [str(line) for line in lines.ready]
