@@ -66,7 +66,7 @@ COLD: Final = frozenset({
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
-    "board/host_info.py", "clock_input.py", "encoder_pins.py",
+    "board/host_info.py", "clock_input.py",
     "motion/input_limits.py", "signals/trace_hash.py", "signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
