@@ -3,7 +3,11 @@
 A cycle that nothing but gates stands in the way of moves no register and needs no events: the
 chip it selects gets its cycle at the instants at which the strobes would have come. The wires have
 the levels they would have as soon as somebody looks. Everything else is played as strobes.
+
+The fast way of a card; ``tests/unit/glue/test_paths.py`` holds it equal to strobes.
 """
+
+# Compiled (LM629 behind a 74HC138): a read 1.0 us and 60 us as strobes, 60 times.
 
 from typing import ClassVar
 

@@ -43,8 +43,9 @@ CYCLES: Final = (
     "board/card_bus.py", "board/card_path.py", "board/host_bus.py", "board/host_clock.py",
     "chips/base.py", "circuit/circuit.py", "circuit/host_pins.py", "protocols/base.py",
     "protocols/byte.py", "protocols/port.py", "signals/net.py", "signals/wire.py",
+    "trace/journal/recorded_bus.py", "trace/journal/rows.py",
 )  # fmt: skip
-"""What works in each bus cycle."""
+"""What works in each bus cycle, with a journal too."""
 
 COMPILED: Final = (
     *SHARED, *CYCLES,
@@ -54,8 +55,7 @@ COMPILED: Final = (
     "board/card_cycle.py", "circuit/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
     "server/session.py", "server/ticks.py", "server/turns.py",
-    "trace/journal/again.py", "trace/journal/rows.py",
-    "trace/journal/recorded_bus.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
+    "trace/journal/again.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
     "scope/lane.py", "scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
@@ -66,8 +66,8 @@ COLD: Final = frozenset({
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
-    "board/host_info.py", "clock_input.py", "encoder_pins.py",
-    "motion/input_limits.py", "signals/violation.py",
+    "board/host_info.py", "clock_input.py",
+    "motion/input_limits.py", "signals/trace_hash.py", "signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
 by being compiled; by the ends of paths."""

@@ -2,13 +2,10 @@
 
 import hashlib
 
-from mypy_extensions import mypyc_attr
-
 from vbus.signals.observer import Observer
 from vbus.signals.tables import Violation
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class TraceHash(Observer):
     """SHA-256 over bus cycles, edges and violations in order of (instant, chip, sequence).
 

@@ -246,7 +246,7 @@ def test_two_lengths_by_turns_are_those_of_a_motor_that_knows_neither() -> None:
     """A motor keeps what the length before this one comes to: the fast way of ``prepare``."""
     plant, other = motor(), motor()
     for turn, command in enumerate((1.0, 0.4, -1.0, -0.02, 0.02, 0.0) * 20):
-        period = PERIOD * (1.0, 1.7)[turn % 2]
+        period = PERIOD * ((1.0, 1.7)[turn % 2] if turn % 9 else 2.3)
         plant.prepare(period)
         other.prepare(3 * PERIOD)
         other.prepare(5 * PERIOD)
