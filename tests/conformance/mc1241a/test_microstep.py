@@ -263,6 +263,26 @@ def test_phase_b_may_lag_instead() -> None:
     assert at_angle(powered(two_phase=False, phase_b="lags"), 0) == (0, -28377)
 
 
+@spec("PMD-TIM-5", "PMD-RST-1")
+def test_what_the_chip_did_before_a_reset_has_happened_though_nobody_looked() -> None:
+    driven = []
+    for looks in (True, False):
+        bench = powered()
+        plant = Noted()
+        bench.chip.connect(0, plant)
+        bench.move(pos=1 << 20, vel=16 << 16, acc=16 << 16)
+        bench.kernel.run_for(20 * CYCLE)
+        if looks:
+            bench.chip.advance()
+        bench.drive("~Reset", 0)
+        bench.kernel.run_for(10 * US)
+        bench.drive("~Reset", 1)
+        bench.run_for(5 * MS)
+        driven.append(plant.currents)
+    assert len(driven[0]) > 20
+    assert driven[0] == driven[1]
+
+
 # -- PWM pins ---------------------------------------------------------------------------------
 
 FRAME = 256 * CLK
