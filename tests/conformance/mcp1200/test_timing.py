@@ -200,7 +200,7 @@ def test_from_ale_fall_to_ale_fall_of_writes(hz: int, supply: str, limit: int) -
         assert found == ([limit] if broken else [])
 
 
-@pytest.mark.spec("MCP-TIM-26", "MCP-T-23")
+@pytest.mark.spec("MCP-BUS-2", "MCP-TIM-26", "MCP-T-23")
 @pytest.mark.parametrize(
     ("hz", "supply", "limit"),
     [(8_000_000, "5 V", 252_100), (10_000_000, "5 V", 202_100), (10_000_000, "3.3 V", 203_100)],
