@@ -5,8 +5,9 @@
 
 Everything is made anew in a folder outside the source tree, with an empty cache of pip. Each row
 has seconds of the wall and of processors; on a busy machine the latter, divided by two, are the
-least that two quiet processors take. ``gcc -c`` and links are parts of pip's build; ``requirements
-alone`` is a bare environment and ``pip install`` of what the command installs besides vbus.
+least that two quiet processors take. Rows that stand further in are parts of what follows or comes
+before: ``gcc -c`` and links are of pip's build. ``requirements alone`` is a bare environment and
+``pip install`` of what the command installs besides vbus. The first line names the machine.
 """
 
 import argparse
@@ -28,10 +29,10 @@ LEFT_OUT = (".git", ".venv*", "build", "dist", "__pycache__", ".*_cache", "*.egg
 
 
 class Took(NamedTuple):
-    """Seconds of the wall, and of processors (user and system)."""
+    """Seconds of the wall, and of processors (user and system); 0: not measured."""
 
     wall: float
-    processor: float
+    processor: float = 0.0
 
 
 def timed(command: str, folder: Path, **environment: str) -> Took:
@@ -53,7 +54,8 @@ def timed(command: str, folder: Path, **environment: str) -> Took:
 
 def show(part: str, took: Took, note: str = "") -> None:
     """Print a row."""
-    print(f"{part:44} {took.wall:7.1f} s {took.processor:7.1f} s  {note}".rstrip(), flush=True)
+    used = f"{took.processor:7.1f} s" if took.processor else ""
+    print(f"{part:44} {took.wall:7.1f} s {used:9}  {note}".rstrip(), flush=True)
 
 
 def blocks() -> tuple[list[str], list[str]]:
@@ -83,6 +85,7 @@ begun=$(date +%s.%N)
 code=$?
 kind=link
 for word; do [ "$word" = -c ] && kind=compile; done
+case "$*" in */probe.*) kind=probe ;; esac
 echo "$kind $begun $(date +%s.%N)" >> {log}
 exit $code
 """
@@ -113,26 +116,28 @@ def first(folder: Path) -> Took:
     show("first: venv", whole[-1])
     build = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
     needs = shlex.join(build)
-    show("  build requirements, alone", timed(f".venv/bin/pip install -q --target x {needs}", tree))
-    show("  mypyc, alone", timed(f"{sys.executable} -c {shlex.quote(MYPYC)}", tree))
+    pip = f"{tree}/.venv/bin/pip install -q --target build"
+    show("  build requirements, alone", timed(f"{pip} {needs}", folder))
+    made = {"PYTHONPATH": str(folder / "build"), "MADE": str(folder)}
+    show("  mypyc, alone", timed(f".venv/bin/python -c {shlex.quote(MYPYC)}", tree, **made))
     program, log = compiler(folder)
     whole.append(timed(install, tree, CC=str(program)))
     show("first: pip install", whole[-1])
     compiled = calls(log, "compile")
     linked = calls(log, "link")
-    show("  gcc -c", Took(compiled[1] - compiled[0], float("nan")), "of pip install, wall alone")
-    show("  links", Took(max(linked[1] - compiled[1], 0.0), float("nan")), "after gcc -c")
+    show("  gcc -c", Took(compiled[1] - compiled[0]))
+    show("  links", Took(max(linked[1] - compiled[1], 0.0)), "after gcc -c")
     whole.append(timed(demo, tree))
     show("first: demo", whole[-1])
     return Took(sum(took.wall for took in whole), sum(took.processor for took in whole))
 
 
 MYPYC = """
-import importlib.util, pathlib, tempfile
+import importlib.util, os, pathlib
 spec = importlib.util.spec_from_file_location("hook", "vbus/compiled/hook.py")
 hook = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(hook)
-hook.generate(pathlib.Path.cwd(), pathlib.Path(tempfile.mkdtemp()))
+hook.generate(pathlib.Path.cwd(), pathlib.Path(os.environ["MADE"]))
 """
 
 
@@ -160,7 +165,9 @@ def main() -> None:
     )
     parser.add_argument("--first", action="store_true", help="the first command alone")
     options = parser.parse_args()
-    print(f"{'part':44} {'wall':>9} {'processors':>9}")
+    load = f"load {os.getloadavg()[0]:.1f}"
+    print(f"{os.cpu_count()} processors, {load}, Python {sys.version.split()[0]}")
+    print(f"{'part':44} {'wall':>9} {'processor':>9}")
     with tempfile.TemporaryDirectory(prefix="first-minute-") as place:
         folder = Path(place)
         names = ("first",) if options.first else ("first", "second")

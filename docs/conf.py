@@ -7,8 +7,10 @@ here. Made on the way are the pages of the Python interface and the ledgers of t
 import pkgutil
 import re
 import shutil
+import zipfile
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +36,32 @@ MADE_PAGES: Final = {
     "Chips": [f"made/{family.name}-ledger" for family in own_families()],
 }
 """Pages that are made, by the section of the list of all pages in which they stand."""
+
+LIVE: Final = ROOT / "build" / "live"
+"""What ``docs/live/get.py`` gets: Python for browsers."""
+
+LIVE_MARK: Final = "<!-- run it here -->"
+LIVE_BLOCK: Final = """\
+**Run it here.** Change the board or the driver, and run them in this page: the same `vbus`, in a
+Python that runs in your browser. Time moves by bus cycles alone, so the same driver gives the same
+hash as on any other machine.
+
+```{raw} html
+<div id="live"><noscript>This takes JavaScript.</noscript></div>
+<style>
+#live textarea, #live iframe { width: 100%; box-sizing: border-box; }
+#live textarea { font: 0.85em monospace; }
+#live iframe { height: 40rem; border: 1px solid; }
+#live output { display: block; overflow-wrap: anywhere; }
+</style>
+<script type="module" src="../_static/live/live.js"></script>
+```
+"""
+NOT_LIVE: Final = """\
+*This copy of the site was built without what runs the board in a browser; it takes `npm`
+([contributing](../CONTRIBUTING.md)).*
+"""
+"""What stands in the place of the mark on the site, and what does where nothing was got."""
 
 project = "vbus"
 author = "The vbus developers"
@@ -132,8 +160,46 @@ def lead_folders(app: Sphinx, name: str, content: list[str]) -> None:
     content[0] = re.sub(r"\[([^\]]+)\]\(([\w./-]+)\)", link, content[0])
 
 
+def add_live(app: Sphinx, name: str, content: list[str]) -> None:
+    """Put where a board and a driver run in the browser into the page that has a place for it."""
+    content[0] = content[0].replace(LIVE_MARK, LIVE_BLOCK if LIVE.is_dir() else NOT_LIVE)
+
+
+def write_live(app: Sphinx, error: Exception | None) -> None:
+    """Put what runs them on the site, if it was got."""
+    if error is None and app.builder.format == "html" and LIVE.is_dir():
+        live_files(LIVE, Path(app.outdir) / "_static" / "live")
+
+
+def live_files(got: Path, folder: Path) -> None:
+    """Write what the script of a live page loads: Pyodide, and packages for it with vbus.
+
+    Args:
+        got: what ``docs/live/get.py`` got.
+        folder: is made anew.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(got, folder, ignore=shutil.ignore_patterns("*.whl"))
+    shutil.copy(ROOT / "docs" / "live" / "live.js", folder)
+    with zipfile.ZipFile(folder / "packages.zip", "w", zipfile.ZIP_DEFLATED) as packed:
+        for wheel in sorted(got.glob("*.whl")):
+            with zipfile.ZipFile(wheel) as unpacked:
+                for name in unpacked.namelist():
+                    packed.writestr(name, unpacked.read(name))
+        packed.write(ROOT / "docs" / "live" / "live.py", "live.py")
+        for file in sorted((ROOT / "vbus").rglob("*.*")):
+            if file.suffix in (".py", ".toml", ".js", ".css", ".html"):
+                packed.write(file, file.relative_to(ROOT))
+        # Chips and motors are found by what an installation has registered.
+        for name in ("METADATA", "entry_points.txt"):
+            text = distribution("vbus").read_text(name) or ""
+            packed.writestr(f"vbus-{__version__}.dist-info/{name}", text)
+
+
 def setup(app: Sphinx) -> None:
     """Take part in the build."""
     app.connect("builder-inited", make_pages)
     app.connect("source-read", list_pages)
     app.connect("source-read", lead_folders)
+    app.connect("source-read", add_live)
+    app.connect("build-finished", write_live)

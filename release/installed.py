@@ -9,12 +9,14 @@ A way ends with ``ok``, ``FAILED`` or ``not tried`` and why; exit code 1 if one 
 """
 
 import argparse
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -90,6 +92,13 @@ class Ways:
             shutil.copytree(wheels, self.wheels)
         self.wheels.mkdir(exist_ok=True)
 
+    @cached_property
+    def sources(self) -> Path:
+        """All is built from this copy, whatever happens to the tree meanwhile."""
+        place = self.folder / "sources"
+        shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*LEFT_OUT))
+        return place
+
     def wheel(self, version: str) -> Path:
         """Return a wheel for a Python, as the release script builds it."""
         tag = f"cp{version.replace('.', '')}"
@@ -97,7 +106,7 @@ class Ways:
             venv = self.folder / f"build-{version}"
             run(python(version), "-m", "venv", venv)
             run(venv / "bin" / "pip", "install", "-q", "build")
-            script = ROOT / "release" / "release.py"
+            script = self.sources / "release" / "release.py"
             run(venv / "bin" / "python", script, "wheel", self.wheels, cwd=self.wheels)
             found = list(self.wheels.glob(f"vbus-*-{tag}-*.whl"))
         if not found:
@@ -111,7 +120,7 @@ class Ways:
     def tree(self, name: str) -> Path:
         """Return a copy of the sources."""
         place = self.folder / name
-        shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*LEFT_OUT))
+        shutil.copytree(self.sources, place)
         return place
 
     def venv(self, name: str, *what: str | Path, version: str = "", **more: str) -> Path:
@@ -131,23 +140,31 @@ class Ways:
         for path in (tree, *tree.rglob("*")):
             path.chmod(0o555 if path.is_dir() else 0o444)
         before = sorted(tree.rglob("*"))
-        place, user = self.home("reader")
-        run(sys.executable, "-m", "venv", place / "v", user=user, HOME=str(place))
+        place, user, program, _ = self.home("reader")
+        run(program, "-m", "venv", place / "v", user=user, HOME=str(place))
         run(place / "v" / "bin" / "pip", "install", "-q", tree, user=user, HOME=str(place))
         if sorted(tree.rglob("*")) != before:
             raise Failed("the tree has changed")
         return moves(place / "v" / "bin" / "vbus", "compiled", user, place)
 
-    def home(self, name: str) -> tuple[Path, int | None]:
-        """Return a folder of a user who is not root, and the user; None: who runs this is none."""
+    def home(self, name: str) -> tuple[Path, int | None, str, str]:
+        """Return a folder of a user who is not root, the user, and a Python of theirs.
+
+        The user is None if who runs this is not root. Of the Python it returns program and version.
+        """
         place = self.folder / name
         place.mkdir()
+        here = f"{sys.version_info[0]}.{sys.version_info[1]}"
         if os.getuid():
-            return place, None
+            return place, None, sys.executable, here
         os.chown(place, NOBODY, NOBODY)
-        if subprocess.run([sys.executable, "-c", ""], user=NOBODY, capture_output=True).returncode:
-            raise NotHere(f"a user without root may not run {sys.executable}")
-        return place, NOBODY
+        system = [(f"/usr/bin/python{version}", version) for version in PYTHONS]
+        for program, version in ((sys.executable, here), *system):
+            with contextlib.suppress(OSError):  # it is not there, or in a folder of root's
+                command = [program, "-c", "import venv, ensurepip"]
+                if not subprocess.run(command, user=NOBODY, capture_output=True).returncode:
+                    return place, NOBODY, program, version
+        raise NotHere(f"a user without root may run neither {sys.executable} nor one in /usr/bin")
 
     def umlauts(self) -> str:
         """Sources and environment in a folder with a space and umlauts in its name."""
@@ -195,9 +212,9 @@ class Ways:
 
     def no_root(self) -> str:
         """A wheel, by a user who is not root."""
-        place, user = self.home("user")
-        wheel = shutil.copy(self.here(), place)
-        run(sys.executable, "-m", "venv", place / "v", user=user, HOME=str(place))
+        place, user, program, version = self.home("user")
+        wheel = shutil.copy(self.wheel(version), place)
+        run(program, "-m", "venv", place / "v", user=user, HOME=str(place))
         run(place / "v" / "bin" / "pip", "install", "-q", wheel, user=user, HOME=str(place))
         return moves(place / "v" / "bin" / "vbus", "compiled", user, place)
 

@@ -12,6 +12,8 @@ import pytest
 
 import vbus
 from tests.clauses import family, read_clauses
+from vbus import plugins
+from vbus.chips.base import Chip
 
 ROOT = Path(next(iter(vbus.__path__)))
 FILES = sorted(ROOT.rglob("*.py"))
@@ -104,6 +106,36 @@ def test_every_import_points_down() -> None:
     assert [found for path in FILES for found in objections(path)] == []
     rooms = {room([p.removesuffix(".py") for p in path.relative_to(ROOT).parts]) for path in FILES}
     assert rooms == {*ORDER}, "each room has its place, and each place a room"
+
+
+def looks_inside(node: ast.AST, insides: set[str]) -> bool:
+    """Whether a piece of code reaches into what a test calls ``chip``, or has out of ``chips``."""
+    if not isinstance(node, ast.Attribute):
+        return False
+    element = isinstance(node.value, ast.Subscript)
+    of = node.value.value if isinstance(node.value, ast.Subscript) else node.value
+    private = node.attr.startswith("_") and not node.attr.endswith("__")
+    named = getattr(of, "attr", getattr(of, "id", "")) == ("chips" if element else "chip")
+    return named and (private or node.attr in insides)
+
+
+def test_only_the_probe_knows_the_inside_of_a_chip() -> None:
+    chips = [family.load("chip", Chip) for family in plugins.families()]
+    insides = {"shared", "outputs"} | {
+        field.partition(":")[0]
+        for chip in chips
+        if chip is not None
+        for field in chip.STATE
+        if ": part" in field and field != "bus: part"  # clients have a bus too
+    }
+    assert {"axis", "axes", "host", "commands"} <= insides
+    tests = ROOT.parent / "tests"
+    assert [
+        f"{path}:{node.lineno}: {ast.unparse(node)}: ask tests/probe.py"
+        for path in sorted({*tests.rglob("*.py")} - {tests / "probe.py"})
+        for node in ast.walk(ast.parse(path.read_text()))
+        if looks_inside(node, insides)
+    ] == []
 
 
 def module_of(path: Path) -> str:

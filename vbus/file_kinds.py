@@ -9,7 +9,7 @@ HEAD: Final = 4096
 """Bytes of a file by which its kind is known."""
 
 
-class _Kind(NamedTuple):
+class _FileKind(NamedTuple):
     """A kind of file.
 
     Attributes:
@@ -23,8 +23,8 @@ class _Kind(NamedTuple):
     use: str
 
 
-def _kind(begins: bytes, what: str, use: str) -> _Kind:
-    return _Kind(re.compile(begins, re.DOTALL), what, use)
+def _kind(begins: bytes, what: str, use: str) -> _FileKind:
+    return _FileKind(re.compile(begins, re.DOTALL), what, use)
 
 
 _KINDS: Final = (

@@ -148,7 +148,7 @@ def _wrapped(lines: Sequence[str]) -> list[str]:
 
 
 def move(picture: Path) -> None:
-    """Draw a move of an LM629."""
+    """Draw the tutorial's move of an LM629."""
     from vbus.board.build import load_board_text
     from vbus.client.lm628 import Lm628
     from vbus.scope.recording import Recorder
@@ -161,8 +161,8 @@ def move(picture: Path) -> None:
     axis = Lm628(bus)
     axis.load_filter(kp=300, kd=2000)
     recorder.start()
-    axis.load_trajectory(acc=400, vel=6 << 16, pos=2000, start=True)
-    bus.delay("320 ms")
+    axis.load_trajectory(acc=20, vel=3 << 16, pos=2000, start=True)
+    bus.delay("1400 ms")
     recorder.stop()
     draw(recorder.lanes.described(live=False), recorder.take(), picture, lanes=("desired", "real"))
 
@@ -183,7 +183,7 @@ def scope(picture: Path) -> None:
         )
         page = browser.new_page(viewport={"width": 1120, "height": 680}, color_scheme="light")
         page.goto(f"file://{folder}/run.html")
-        page.wait_for_function("window.scope !== undefined")
+        page.wait_for_function("window.scope && scope.state.read > 0 && scope.state.frames > 1")
         page.wait_for_timeout(500)
         shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from vbus.testing.hostile import find_weakness
 from vbus.testing.limits import Limits
-from vbus.testing.programs import Outcome
+from vbus.testing.programs import ProgramOutcome
 
 BOARD = Path(__file__).parent / "board.toml"
 
 
-def judge(outcome: Outcome) -> str:
+def judge(outcome: ProgramOutcome) -> str:
     """The driver comes to an end, and has read the right position."""
     if outcome.stuck:
         return f"the driver hangs: {outcome.stuck}"

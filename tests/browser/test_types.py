@@ -12,6 +12,7 @@ from tests.browser.recordings import PAGE
 
 TYPESCRIPT = "typescript@5.9"
 MODULES = sorted(PAGE.glob("*.js"))
+LIVE = Path(__file__).parents[2] / "docs" / "live" / "live.js"
 
 
 def compiler(folder: Path) -> str:
@@ -36,7 +37,7 @@ def test_modules_keep_to_their_types(tmp_path: Path) -> None:
         "target": "es2023", "module": "es2022", "moduleResolution": "bundler", "types": [],
         "lib": ["es2023", "dom", "dom.iterable", "dom.asynciterable"],
     }  # fmt: skip
-    settings = {"compilerOptions": options, "files": [str(module) for module in MODULES]}
+    settings = {"compilerOptions": options, "files": [str(module) for module in (*MODULES, LIVE)]}
     (tmp_path / "tsconfig.json").write_text(json.dumps(settings))
     command = [compiler(tmp_path), "--project", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)

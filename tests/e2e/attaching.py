@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from vbus.attach.attachment import Attachment, Wanted
+from vbus.attach.attachment import Attachment, AttachRequest
 from vbus.attach.far_board import look_at
 from vbus.server.loop import HostLoop
 
@@ -13,7 +13,7 @@ from vbus.server.loop import HostLoop
 class Attached:
     """An attachment, what it has said, and how it ended."""
 
-    def __init__(self, wanted: Wanted) -> None:
+    def __init__(self, wanted: AttachRequest) -> None:
         self.said: list[str] = []
         self.attachment = Attachment(wanted, look_at(wanted.where, wanted.protocol), self.say)
         self.failure: BaseException | None = None
@@ -40,7 +40,7 @@ def attached(
     where: str, *links: str, protocol: str = "byte", patience: float | None = None
 ) -> Iterator[Attached]:
     """Attach ``where`` as ``links`` while the block runs; errors at the start are raised here."""
-    made = Attached(Wanted(where, "near", links, protocol, patience))
+    made = Attached(AttachRequest(where, "near", links, protocol, patience))
     ready = threading.Event()
     loop = HostLoop()
     stop = asyncio.Event()

@@ -7,7 +7,7 @@ from pathlib import Path
 from vbus.board.board import Board
 from vbus.board.build import load_board
 from vbus.board.host_bus import HostBus
-from vbus.signals import Observer
+from vbus.circuit.stream import PacketReader
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -15,7 +15,7 @@ from vbus.trace.journal.view import play
 from vbus.trace.wave.wave import Wave
 
 
-class Seen(Observer):
+class Seen(PacketReader):
     def __init__(self) -> None:
         self.cycles: list[list[int]] = []
 
@@ -67,7 +67,8 @@ def run(data: int) -> tuple[Board, list[list[int]], list[list[int]], Coverage]:
     Path("run.vbj").write_bytes(recorded.getvalue())
     again = Seen()
     recorded.seek(0)
-    play(JournalReader(recorded), again)
+    reader = JournalReader(recorded)
+    play(reader.header, reader, again)
     return board, seen.cycles, again.cycles, covered.coverage
 
 

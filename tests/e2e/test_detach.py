@@ -20,10 +20,10 @@ from tests.ports import free_endpoint
 from tests.waiting import until
 from vbus import connect
 from vbus.client import aio
-from vbus.client.patience import starting
+from vbus.client.link import starting
 from vbus.errors import TransportError
-from vbus.transports.activation import handed_over
 from vbus.transports.runtime import NameLock
+from vbus.transports.sockets import handed_over
 
 Done = subprocess.CompletedProcess[str]
 

@@ -180,6 +180,34 @@ def test_the_compose_files_are_some() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_the_units_start_what_the_compose_file_starts() -> None:
+    units = {path.name: path.read_text() for path in (DOCKER / "systemd").iterdir()}
+    wanted = re.search(r"^Wants=(.*)$", units["three-axes.target"], re.MULTILINE)
+    assert wanted is not None
+    started = []
+    for name in wanted[1].split():
+        template, at, instance = name.removesuffix(".service").partition("@")
+        command = re.search(r"^ExecStart=\S+ (.*)$", units[f"{template}{at}.service"], re.MULTILINE)
+        assert command is not None
+        started.append(command[1].replace("%i", instance).replace("/etc/vbus/", "/boards/").split())
+    services = YAML(typ="safe").load(COMPOSE)["services"]
+    assert started == [service["command"] for service in services.values()]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not here")
+def test_systemd_takes_the_units(tmp_path: Path) -> None:
+    for path in (DOCKER / "systemd").iterdir():
+        text = path.read_text().replace("/opt/vbus/bin/vbus", "/bin/true")  # it must be there
+        (tmp_path / path.name).write_text(text)
+    names = [path.name.replace("@.", "@x.") for path in tmp_path.iterdir()]
+    shutil.copy(tmp_path / "three-axes@.service", tmp_path / "three-axes@x.service")
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", *(f"./{name}" for name in names)],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_the_image_is_made_from_files_that_are_sent_and_runs_as_nobody_special() -> None:
     stages = DOCKERFILE.split("\nFROM ")
     assert len(stages) == 3

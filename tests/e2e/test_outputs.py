@@ -107,7 +107,6 @@ OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
 
 PASSED = {("up", option) for option in ("--journal", "--report", "--coverage", "--wave")}
 """Options of ``vbus up``: the processes it starts take them."""
-FOLDERS = {("up", "--output")}
 INPUTS = {
     "--suppress", "--from", "--scenario", "--rejoin", "--board", "--map", "--certificate", "--key",
     "capture", "files", "first", "second", "scenario", "journal", "journals", "sources", "what",
@@ -144,10 +143,10 @@ def test_every_option_that_names_a_file_is_known_to_read_or_to_write_it() -> Non
     unknown = {
         (verb, option)
         for verb, option in there
-        if (verb, option) not in {*OUTPUTS, *PASSED, *FOLDERS} and option not in INPUTS
+        if (verb, option) not in {*OUTPUTS, *PASSED} and option not in INPUTS
     }
     assert not unknown
-    assert {*OUTPUTS, *PASSED, *FOLDERS} <= there
+    assert {*OUTPUTS, *PASSED} <= there
 
 
 @pytest.fixture(scope="module")

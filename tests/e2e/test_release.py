@@ -4,6 +4,7 @@ import hashlib
 import importlib.util
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -26,14 +27,19 @@ MACHINE_READ = {
 }
 
 
-@pytest.fixture
-def release(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("release", ROOT / "release" / "release.py")
+def script(name: str) -> ModuleType:
+    """Return a script of the release as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "release" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture
+def release() -> ModuleType:
+    return script("release")
 
 
 def test_a_tag_is_a_version_that_the_changelog_has_with_its_date(
@@ -193,3 +199,18 @@ def test_each_way_to_install_is_tried_by_a_script_that_names_it() -> None:
     assert pythons == set(wheels.split())
     assert {"no-root", "pipx", "uv-tool", "uvx", "no-gcc", "umlauts", "read-only"} < set(listed)
     assert "release/installed.py" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="needs root, who may run what others may not")
+def test_a_python_in_a_folder_of_roots_is_not_tried_by_another_user(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    installed = script("installed")
+    hidden = tmp_path / "of-root"
+    hidden.mkdir(mode=0o700)
+    (hidden / "python3").symlink_to(sys.executable)
+    monkeypatch.setattr(sys, "executable", str(hidden / "python3"))
+    monkeypatch.setattr(installed, "PYTHONS", ("0.0",))
+
+    with pytest.raises(installed.NotHere, match="may run neither"):
+        installed.Ways(tmp_path, None).home("user")

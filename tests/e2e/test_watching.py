@@ -10,7 +10,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import toy_board
 from tests.e2e.test_sessions import UNIX, connect
 from vbus.server.registry import watch_path
-from vbus.server.watching import MOST_WAVE, _Text
+from vbus.server.watching import MOST_WAVE, _BufferedText
 
 
 def watch() -> socket.socket:
@@ -56,7 +56,7 @@ def test_whoever_does_not_read_is_kept_no_more_than_that(
 
 def test_a_waveform_that_nobody_reads_ends() -> None:
     buffer = bytearray(MOST_WAVE)
-    text = _Text(buffer)
+    text = _BufferedText(buffer)
     assert text.write("#1\n") == 3
     with pytest.raises(OSError, match="the other end does not read"):
         text.write("#2\n")

@@ -12,7 +12,7 @@ from tests.exec.test_programs import SERVO, execute
 from tests.waiting import until
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_file
-from vbus.server.host_limits import UNBOUNDED, Limits, Watch
+from vbus.server.host_limits import UNBOUNDED, HostWatch, Limits
 from vbus.testing.programs import run_program
 from vbus.tools import at_rest, proc
 from vbus.tools.at_rest import AtRest
@@ -38,8 +38,8 @@ IN_VAIN = {
 COMES = ("sleeps", "working child", "child writes", "alarm", "thread works", "timed")
 
 
-def watch() -> Watch:
-    return Watch(load_board_text(PLAIN, "here"), Limits(UNBOUNDED, UNBOUNDED))
+def watch() -> HostWatch:
+    return HostWatch(load_board_text(PLAIN, "here"), Limits(UNBOUNDED, UNBOUNDED))
 
 
 def begun(program: Path, *words: str) -> subprocess.Popen[str]:
@@ -51,7 +51,7 @@ def begun(program: Path, *words: str) -> subprocess.Popen[str]:
     return process
 
 
-def looks(process: subprocess.Popen[str], over: Watch, note: Path) -> AtRest:
+def looks(process: subprocess.Popen[str], over: HostWatch, note: Path) -> AtRest:
     return AtRest(lambda: offspring([process.pid]), over, note, 0)
 
 

@@ -52,19 +52,16 @@ def wave(path: Path) -> str:
 def report(path: Path) -> str:
     """Return what ``vbus report`` prints, as text and as JSON."""
     header, entries = read_journal(path.read_bytes())
-    found = Report(
-        header.board, header.families, all_rules(), suppressions_of(""), header.file,
-        header.settings,
-    )  # fmt: skip
-    play(entries, found)
+    found = Report(header.board, header.families, all_rules(), suppressions_of(""), header.file)
+    play(header, entries, found)
     return FORMATS["text"](found) + FORMATS["json"](found)
 
 
 def coverage(path: Path) -> str:
     """Return what ``vbus coverage`` prints, as text and as JSON."""
     header, entries = read_journal(path.read_bytes())
-    observer = CoverageObserver(header.families, path.name, header.settings)
-    play(entries, observer)
+    observer = CoverageObserver(header.families, path.name)
+    play(header, entries, observer)
     return as_text(observer.coverage, True) + COVERAGE_FORMATS[".json"](observer.coverage)
 
 

@@ -19,9 +19,10 @@ from vbus.board.checks import all_rules
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import MAGIC as SNAPSHOT
 from vbus.board.snapshot import read as read_snapshot
+from vbus.circuit.stream import PacketReader
 from vbus.cluster.ordering import read_request, take_order
 from vbus.errors import VbusError
-from vbus.events.until import PacketWatch
+from vbus.events.watch import Watch
 from vbus.faults.trigger import read_when
 from vbus.kernel import US
 from vbus.network import envelope
@@ -39,7 +40,6 @@ from vbus.protocols.port import HostPort
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine
 from vbus.protocols.terminal import TerminalProtocol
 from vbus.protocols.text import TextProtocol
-from vbus.signals import Observer
 from vbus.trace.findings.suppress import read_suppressions
 from vbus.trace.journal.format import MAGIC as JOURNAL
 from vbus.trace.journal.format import Header, JournalReader, header_block
@@ -135,7 +135,8 @@ def journal(data: bytes) -> None:
         file = JOURNAL + len(body).to_bytes(4, "big") + zlib.crc32(body).to_bytes(4, "big") + body
     else:
         file = data
-    play(JournalReader(io.BytesIO(file)), Observer())
+    reader = JournalReader(io.BytesIO(file))
+    play(reader.header, reader, PacketReader())
 
 
 def snapshot(data: bytes) -> None:
@@ -186,7 +187,7 @@ def fault(data: bytes) -> None:
 
 def conditions(data: bytes) -> None:
     board = _board()
-    watch = PacketWatch(_text(data), board)
+    watch = Watch(_text(data), board)
     watch.begin()
     watch.look()
     watch.end()

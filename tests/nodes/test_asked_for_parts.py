@@ -17,9 +17,9 @@ from vbus.board.config import read_board_text
 from vbus.cluster import node_link, timebase
 from vbus.cluster.elsewhere import Elsewhere
 from vbus.cluster.node_link import PIECE, NodeLink, Receiver
-from vbus.cluster.ordering import Answer, Request, read_answer
+from vbus.cluster.ordering import Answer, NodeRequest, read_answer
 from vbus.cluster.peers import Group
-from vbus.cluster.saving import Part
+from vbus.cluster.saving import SavedNode
 from vbus.cluster.timebase import Timebase
 from vbus.errors import SnapshotError, VbusError
 from vbus.network.session import close_session, open_session
@@ -115,7 +115,7 @@ def ordered(base: Timebase, data: bytes) -> Answer:
 
 
 def test_a_node_answers_with_its_part_when_the_round_has_ended() -> None:
-    answer = ordered(machine(), msgspec.json.encode(Request(PLAN.digest, save=7)))
+    answer = ordered(machine(), msgspec.json.encode(NodeRequest(PLAN.digest, save=7)))
     assert answer.part is not None
     assert (answer.node, answer.error, answer.part.round) == ("b", "", 7)
     assert answer.now == answer.part.when_ps
@@ -123,18 +123,18 @@ def test_a_node_answers_with_its_part_when_the_round_has_ended() -> None:
     other = conductor_of(FILE, SOURCE, "b", None)
     other.load(answer.part.data)
     assert other.node.board.now == answer.part.when_ps
-    again = ordered(machine(), msgspec.json.encode(Request(PLAN.digest)))
+    again = ordered(machine(), msgspec.json.encode(NodeRequest(PLAN.digest)))
     assert (again.node, again.error, again.part) == ("b", "", None)
 
 
 def test_a_node_that_waits_for_others_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timebase, "LET_IN", 0.01)
-    answer = ordered(machine("ab"), msgspec.json.encode(Request(PLAN.digest, save=7)))
+    answer = ordered(machine("ab"), msgspec.json.encode(NodeRequest(PLAN.digest, save=7)))
     assert answer.error.startswith("node b waits for the others, so round 7 has not ended; ")
 
 
 def test_a_part_that_cannot_be_had_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    data = msgspec.json.encode(Request(PLAN.digest, save=2))
+    data = msgspec.json.encode(NodeRequest(PLAN.digest, save=2))
     for error, said in (
         (SnapshotError("x is not what it was"), "x is not what it was"),
         (RuntimeError("oh"), "internal error; its own messages say more"),
@@ -160,15 +160,15 @@ class Line:
 
     def __init__(self, answer: bytes) -> None:
         self.answer: bytes = answer
-        self.asked: list[tuple[int, Request]] = []
+        self.asked: list[tuple[int, NodeRequest]] = []
 
     def ask(self, rank: int, data: bytes, seconds: float, take: Callable[[bytes], None]) -> None:
         assert timebase.LET_IN < seconds < ORDER_SECONDS
-        self.asked.append((rank, msgspec.json.decode(data, type=Request)))
+        self.asked.append((rank, msgspec.json.decode(data, type=NodeRequest)))
         take(self.answer)
 
 
-PART = Part(7, 5, "f", "t", (("h", ("x",), 3),), b"state")
+PART = SavedNode(7, 5, "f", "t", (("h", ("x",), 3),), b"state")
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_what_a_node_elsewhere_answers_is_checked(
     replies: list[dict[str, Any]] = []
     Elsewhere(machine("ab"), cast("NodeLink", line)).order(request_, replies.append)
     assert replies == [reply]
-    expected = [(2, Request(PLAN.digest, save=request_.get("round", -1)))]
+    expected = [(2, NodeRequest(PLAN.digest, save=request_.get("round", -1)))]
     assert line.asked == ([] if answer is None else expected)
 
 

@@ -10,7 +10,7 @@ from tests.nodes.processes import Bench, ended
 from tests.nodes.test_faults import JAMMED, run
 from tests.nodes.test_hosts import BOARD, both
 from vbus.kernel import MS
-from vbus.nodes.recorded import Recorded
+from vbus.nodes.recorded import RebuiltBoard
 from vbus.server.registry import order
 from vbus.tools.replay import machine_hash
 from vbus.trace.journal.format import Entry, JournalReader
@@ -22,10 +22,10 @@ def entries(path: Path) -> list[Entry]:
         return list(JournalReader(file))
 
 
-def replayed(path: Path, traced: bool = False) -> tuple[Recorded, Outcome]:
+def replayed(path: Path, traced: bool = False) -> tuple[RebuiltBoard, Outcome]:
     with path.open("rb") as file:
         reader = JournalReader(file)
-        recorded = Recorded(reader.header, str(path))
+        recorded = RebuiltBoard(reader.header, str(path))
         assert recorded.node is not None
         if traced:
             recorded.node.start_trace()
@@ -58,7 +58,7 @@ def test_a_machine_of_two_processes_replays_in_one_to_the_same_hash(tmp_path: Pa
         numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
         with path.open("rb") as file:
             header = JournalReader(file).header
-        again = Replay(Recorded(header, "").board, numbered, header.families).run()
+        again = Replay(RebuiltBoard(header, "").board, numbered, header.families).run()
         assert again.divergence is not None
     finally:
         bench.close()
@@ -100,7 +100,7 @@ def test_what_hosts_and_faults_did_to_nodes_is_replayed(
         assert any(entry.op == "arm" for entry in changed)
         with path.open("rb") as file:
             header = JournalReader(file).header
-        outcome = Replay(Recorded(header, "").board, changed, header.families).run()
+        outcome = Replay(RebuiltBoard(header, "").board, changed, header.families).run()
         assert outcome.divergence is not None
         assert outcome.divergence.what == "reply"
     finally:

@@ -15,7 +15,7 @@ from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Mark, Message, Need, Report, Reports, decode, encode
+from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
@@ -148,7 +148,7 @@ def run_on_network(seed: int, end_ms: int, slowest: int = 20) -> Machine:
             return made
         now, _, target, data = heapq.heappop(flying)
         message = decode(data, "test", len(PLAN.nodes), len(PLAN.wires))
-        assert isinstance(message, Report)
+        assert isinstance(message, NodeReport)
         if message.node != target:
             made.conductors[target].participant.receive(message)
 
@@ -182,7 +182,7 @@ def test_nodes_agree_on_one_order_of_events_whatever_the_network_does(
         ]
         numbers = [0] * nodes
         outbox: list[list[tuple[int, int, int, int, int, bool]]] = [[] for _ in range(nodes)]
-        flying: list[tuple[int, Report]] = []
+        flying: list[tuple[int, NodeReport]] = []
         while True:
             moved = False
             for me in range(nodes):
@@ -319,7 +319,7 @@ def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
 def test_a_node_with_another_board_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1111")
     with pytest.raises(NodeMismatchError, match="node b runs another board file") as caught:
-        part.receive(Report("2222", 1, 0, 0, 0, -1, ()))
+        part.receive(NodeReport("2222", 1, 0, 0, 0, -1, ()))
     assert caught.value.node == "b"
 
 
@@ -343,9 +343,12 @@ def test_a_snapshot_holds_the_latest_two_reports() -> None:
 @pytest.mark.parametrize(
     ("message", "text"),
     [
-        (Report("1", 1, 0, 0, 0, -1, ()), "the state was made by another node"),
+        (NodeReport("1", 1, 0, 0, 0, -1, ()), "the state was made by another node"),
         (Need("1", 0, 0, 1), "the state was made by another node"),
-        (Report("2", 0, 0, 0, 0, -1, ()), "the state was made with another board file or version"),
+        (
+            NodeReport("2", 0, 0, 0, 0, -1, ()),
+            "the state was made with another board file or version",
+        ),
     ],
 )
 def test_a_saved_report_of_another_node_or_board_is_refused(message: Message, text: str) -> None:
@@ -357,10 +360,10 @@ def test_a_saved_report_of_another_node_or_board_is_refused(message: Message, te
 
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
-    part.receive(Report("1", 1, 0, 0, 5, -1, ()))
-    part.receive(Report("1", 1, 0, 0, 5, -1, ()))
+    part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
+    part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
     with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
-        part.receive(Report("1", 1, 0, 0, 6, -1, ()))
+        part.receive(NodeReport("1", 1, 0, 0, 6, -1, ()))
 
 
 def test_time_is_granted_up_to_its_end_inclusive_and_no_further() -> None:
@@ -389,7 +392,7 @@ def test_a_host_on_a_node_comes_to_the_end_of_time_and_is_refused_what_lies_beyo
         port.read(0)
 
 
-GOOD_REPORT = Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),))
+GOOD_REPORT = NodeReport("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),))
 GOOD = encode(GOOD_REPORT)
 
 
@@ -402,15 +405,15 @@ GOOD = encode(GOOD_REPORT)
         (b"\x01\xc1\xff", "bytes that are no message"),
         (b"\x01\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
         (b"\x01\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
-        (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
-        (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
-        (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),
-        (encode(Report("1", 1, 0, 9, 9, -1, ((9, 1, 0, 0, 1, False),))), "an edge at 9 ps"),
+        (encode(NodeReport("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
+        (encode(NodeReport("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
+        (encode(NodeReport("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),
+        (encode(NodeReport("1", 1, 0, 9, 9, -1, ((9, 1, 0, 0, 1, False),))), "an edge at 9 ps"),
         (
-            encode(Reports("1", 1, 0, (GOOD_REPORT, Report("1", 2, 0, 9, 5, -1, ())))),
+            encode(Reports("1", 1, 0, (GOOD_REPORT, NodeReport("1", 2, 0, 9, 5, -1, ())))),
             "horizon 9, next event 5",
         ),
-        (encode(Reports("1", 1, 0, (Report("1", 4, 0, 0, 0, -1, ()),))), "node 4 of 4"),
+        (encode(Reports("1", 1, 0, (NodeReport("1", 4, 0, 0, 0, -1, ()),))), "node 4 of 4"),
         (b"\x01" + b"\x91" * 5000, "bytes that are no message"),
         (bytes(17 << 20), "a message of 17825792 bytes"),
     ],

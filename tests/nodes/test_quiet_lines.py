@@ -6,7 +6,7 @@ import pytest
 
 from tests.nodes.four_chips import Script
 from vbus.board.config import read_board_text
-from vbus.chips.lm628.axis import Axis
+from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.kernel import US
 from vbus.nodes.machine import Machine
@@ -112,7 +112,7 @@ def test_what_happens_is_the_same_as_if_every_sample_were_waited_for(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = run(garbled(seed))
-    monkeypatch.setattr(Axis, "may_interrupt", lambda axis: True)
+    monkeypatch.setattr(ServoAxis, "may_interrupt", lambda axis: True)
     every = run(garbled(seed))
     assert found.trace_hash() == every.trace_hash()
     assert found.conductors[0].participant.round <= every.conductors[0].participant.round

@@ -20,15 +20,14 @@ from tests.unit.scope.decoded import Seen
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
 from vbus.cluster import ordering
-from vbus.cluster.node_clock import ClockEstimate
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group
-from vbus.cluster.realtime_nodes import RealTime
+from vbus.cluster.realtime_nodes import ClockEstimate, RealTime
 from vbus.cluster.skew import BOUNDS_NS, Skew
 from vbus.errors import NodeError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
-from vbus.nodes.messages import Edges
+from vbus.nodes.messages import WireEdges
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 
@@ -206,7 +205,7 @@ def test_edges_that_were_lost_are_told() -> None:
     said: list[str] = []
     real = RealTime(Group(plan, report=said.append), [node_of(file, source, "a", None, False)])
     for number in (4, 5, 6, 9, 10, 0, 1):  # comes late; 7 and 8 lost; anew
-        real.deliver(1, Edges(plan.digest, 1, number, ()))
+        real.deliver(1, WireEdges(plan.digest, 1, number, ()))
     assert said == [
         "2 messages with edges of node b were lost while it was cut off; a wire it drives may stand"
         " wrong until its next edge"
@@ -270,7 +269,9 @@ def test_nothing_is_ordered_while_a_clock_is_not_known_to_the_sample(
     file, _ = read_board_text(REAL)
     asked: list[int] = []
 
-    def answer(session: object, key: str, node: str, request: ordering.Request) -> ordering.Answer:
+    def answer(
+        session: object, key: str, node: str, request: ordering.NodeRequest
+    ) -> ordering.Answer:
         asked.append(request.at)
         return ordering.Answer(node, 10 * MS, uncertainty=300 * US if node == "b" else 0)
 

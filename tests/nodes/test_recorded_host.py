@@ -11,7 +11,7 @@ from vbus.nodes.host import NodeBus
 from vbus.nodes.machine import node_of
 from vbus.nodes.node import Node
 from vbus.nodes.orders import READ, WRITE, Order
-from vbus.nodes.recorded import Recorded
+from vbus.nodes.recorded import RebuiltBoard
 from vbus.protocols.port import NotYet
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import Journal
@@ -61,7 +61,7 @@ class Journalled:
         self._journal.close()
         found = list(JournalReader(BytesIO(self.data.getvalue())))
         reader = JournalReader(BytesIO(self.data.getvalue()))
-        recorded = Recorded(reader.header, "run")
+        recorded = RebuiltBoard(reader.header, "run")
         outcome = Replay(recorded.board, reader, reader.header.families).run()
         assert outcome.divergence is None
         return found
@@ -105,7 +105,7 @@ def test_orders_from_beyond_are_replayed_for_whom_they_were_given() -> None:
     assert [entry.op for entry in entries if entry.op.startswith("order")] == ["orders", "order"]
     (order,) = [entry for entry in entries if entry.op == "order"]
     assert order.args[:3] == ("boss", 3 * MS, ["x"])
-    again = Recorded(JournalReader(BytesIO(made.data.getvalue())).header, "run").node
+    again = RebuiltBoard(JournalReader(BytesIO(made.data.getvalue())).header, "run").node
     assert again is not None
     with pytest.raises(ValueError, match="no chip called 'z'"):
         again.replay("order", ("boss", 3 * MS, ["z"], WRITE, 0, 6, ""))
@@ -117,7 +117,7 @@ def replayed_with(entries: list[Entry], data: bytes) -> Divergence | None:
     numbered = [replace(entry, number=number) for number, entry in enumerate(entries)]
     end = numbered[-1]
     numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
-    return Replay(Recorded(header, "run").board, numbered, header.families).run().divergence
+    return Replay(RebuiltBoard(header, "run").board, numbered, header.families).run().divergence
 
 
 def test_an_ordered_cycle_that_differs_is_told_with_both_cycles() -> None:

@@ -13,7 +13,7 @@ from vbus.cluster.peers import Group
 from vbus.cluster.timebase import Timebase
 from vbus.kernel import US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Report, Reports, decode, encode
+from vbus.nodes.messages import NodeReport, Reports, decode, encode
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 
@@ -81,7 +81,7 @@ def test_a_process_sends_one_message_a_round(groups: list[str]) -> None:
         together = link.sent["Reports"]
         assert (together > 0) == several
         # Who has come in the middle asks again, so there may be a few more.
-        assert rounds <= together + link.sent["Report"] <= rounds + 12 * len(group)
+        assert rounds <= together + link.sent["NodeReport"] <= rounds + 12 * len(group)
         assert link.names == ({tuple(map(NODES.index, group))} if several else set())
 
 
@@ -92,7 +92,7 @@ def test_a_report_in_the_name_of_who_hears_it_is_told_and_ignored() -> None:
 
     async def hear() -> None:
         base.start(asyncio.get_running_loop())
-        forged = Report(PLAN.digest, 0, 0, 0, 0, -1, ())
+        forged = NodeReport(PLAN.digest, 0, 0, 0, 0, -1, ())
         base.received(2, encode(Reports(PLAN.digest, 2, 0, (forged,))))
         base.stop()
 
@@ -107,7 +107,7 @@ def test_every_node_of_a_message_has_been_heard_of() -> None:
 
     async def hear() -> dict[str, str]:
         base.start(asyncio.get_running_loop())
-        reports = tuple(Report(PLAN.digest, rank, 0, 0, 0, -1, ()) for rank in (2, 3))
+        reports = tuple(NodeReport(PLAN.digest, rank, 0, 0, 0, -1, ()) for rank in (2, 3))
         base.received(2, encode(Reports(PLAN.digest, 2, 0, reports)))
         others: dict[str, str] = base.status(0)["others"]
         base.stop()

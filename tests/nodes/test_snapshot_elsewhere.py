@@ -19,7 +19,7 @@ from tests.nodes.test_security import Computers
 from tests.waiting import PATIENCE
 from vbus.board.config import read_board_text
 from vbus.client import connect
-from vbus.cluster.ordering import Answer, Request, read_answer
+from vbus.cluster.ordering import Answer, NodeRequest, read_answer
 from vbus.errors import TransportError
 from vbus.kernel import MS
 from vbus.network.security import Security
@@ -200,7 +200,9 @@ BAD: dict[bytes, str] = {
     b'{"digest": "x", "save": "soon"}': "this is no order: Expected `int`, got `str`",
     b'{"digest": "x", "save": 1}': "runs another board file or version of vbus",
     bytes(20_000_000): "this is no order: it has 20000000 bytes; at most 16777216 are read",
-    msgspec.json.encode(Request("DIGEST", 10**9, "0us x w 0 1")): "in virtual time a scenario says",
+    msgspec.json.encode(
+        NodeRequest("DIGEST", 10**9, "0us x w 0 1")
+    ): "in virtual time a scenario says",
 }
 """Orders that are none, and what is said to them."""
 
@@ -223,7 +225,7 @@ def test_what_makes_no_sense_is_refused_in_words_and_the_node_goes_on(
                 (answer,) = asked(session, name, data)
                 assert said in answer.error
                 assert (answer.node, answer.part) == (name, None)
-            (answer,) = asked(session, name, msgspec.json.encode(Request(plan.digest)))
+            (answer,) = asked(session, name, msgspec.json.encode(NodeRequest(plan.digest)))
             assert (answer.node, answer.error, answer.part) == (name, "", None)
         assert asked(session, "c", b"") == []
     finally:
@@ -258,7 +260,7 @@ def test_with_certificates_nodes_are_asked_and_nobody_else_may_ask(tmp_path: Pat
             try:
                 for node in "ab":
                     for save in (-1, 0):
-                        data = msgspec.json.encode(Request(plan.digest, save=save))
+                        data = msgspec.json.encode(NodeRequest(plan.digest, save=save))
                         answers = asked(session, node, data)
                         assert [answer.error for answer in answers] == [""] * heard
                         assert [answer.part is not None for answer in answers] == [

@@ -12,7 +12,7 @@ from vbus.errors import ConfigError
 from vbus.kernel import SECOND
 from vbus.plugins import chip_class
 from vbus.testing.hostile import (
-    Scenario,
+    Extremes,
     extremes,
     failed,
     find_weakness,
@@ -21,8 +21,8 @@ from vbus.testing.hostile import (
     with_extremes,
 )
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import HostStuck, Limits, Watch
-from vbus.testing.programs import Outcome, run_program
+from vbus.testing.limits import HostStuck, HostWatch, Limits
+from vbus.testing.programs import ProgramOutcome, run_program
 
 BOARD = """\
 [board]
@@ -59,7 +59,7 @@ def patient(bus: Bus) -> None:
         pass
 
 
-def wants_ready(outcome: Outcome) -> str:
+def wants_ready(outcome: ProgramOutcome) -> str:
     return failed(outcome) or ("" if outcome.output == "ready" else outcome.output)
 
 
@@ -70,7 +70,7 @@ def test_a_host_that_lives_with_every_legal_chip_has_no_weakness() -> None:
 def test_a_hang_is_found_and_shrinks_to_the_one_extreme_that_matters() -> None:
     weakness = find_weakness(BOARD, hasty, limits=FEW)
     assert weakness is not None
-    assert weakness.scenario == Scenario((("x", "reset_status", "C4"),))
+    assert weakness.scenario == Extremes((("x", "reset_status", "C4"),))
     assert weakness.reason == "the host hangs: it made more than 4000 bus cycles"
     assert weakness.outcome.transcript[-1].startswith("x RDSTAT C4H")
     assert 'reset_status = "C4"' in str(weakness)
@@ -90,7 +90,7 @@ def test_the_board_file_of_a_weakness_repeats_it_without_any_search() -> None:
     weakness = find_weakness(BOARD, hasty, limits=FEW)
     assert weakness is not None
     board = load_board_text(weakness.board)
-    Watch(board, FEW)
+    HostWatch(board, FEW)
     with connect_in_process(board) as bus, pytest.raises(HostStuck):
         hasty(bus)
 
@@ -103,7 +103,7 @@ def test_one_search_is_as_good_as_another() -> None:
 @given(scenarios(BOARD))
 @settings(max_examples=40)
 def test_every_scenario_is_a_board_file_without_mistakes_with_just_these_settings(
-    scenario: Scenario,
+    scenario: Extremes,
 ) -> None:
     file, _ = read_board_text(with_extremes(BOARD, scenario))
     assert file.board.seed == (scenario.seed or 3)
@@ -126,13 +126,13 @@ def test_every_extreme_of_every_chip_is_accepted_by_its_chip(part: str) -> None:
     for row in rows:
         for value in row.extremes:
             assert value != row.default
-            load_board_text(with_extremes(text, Scenario((("x", row.name, value),))))
+            load_board_text(with_extremes(text, Extremes((("x", row.name, value),))))
 
 
 def test_real_time_is_refused_with_what_to_write() -> None:
     text = BOARD.replace("lockstep", "realtime")
     with pytest.raises(ConfigError, match='a hostile chip needs time = "lockstep"'):
-        play(text, patient, Scenario())
+        play(text, patient, Extremes())
 
 
 # -- programs ----------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ def test_exit_code_output_and_transcript_of_a_program_are_kept() -> None:
 def test_a_program_works_from_a_test_that_is_a_coroutine() -> None:
     import asyncio
 
-    async def test() -> Outcome:
+    async def test() -> ProgramOutcome:
         return run_program(*read_board_text(BOARD), ["python", "-c", "print(1)"])
 
     assert asyncio.run(test()).output == "1\n"

@@ -19,7 +19,7 @@ from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
 from vbus import connect
-from vbus.client.zenoh_link import Sent, ZenohLink, open_zenoh
+from vbus.client.zenoh_link import Sent, ZenohBoardLink, open_zenoh
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, session
 from vbus.network.exchange import Exchange
@@ -95,7 +95,7 @@ class FakeBoard:
 
 
 @contextmanager
-def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohLink]]:
+def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohBoardLink]]:
     there = FakeBoard(*how, **more)
     host = open_zenoh(f"bench/x?connect={there.endpoint}")
     try:
@@ -105,7 +105,7 @@ def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohLink]]:
         close_session(there.session)
 
 
-def trip(host: ZenohLink, data: bytes) -> bytes:
+def trip(host: ZenohBoardLink, data: bytes) -> bytes:
     """Send a message and return its reply, which is as long."""
     assert host.write(memoryview(data)) == len(data)
     got = bytearray()

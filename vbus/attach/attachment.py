@@ -13,8 +13,7 @@ from vbus.attach.far_board import FarBoard, look_at
 from vbus.attach.far_port import FarPort
 from vbus.attach.meter import ByteMeter, Meter, Trips
 from vbus.attach.relay import Passage, RelayPort, RelaySession
-from vbus.attach.threads import aside
-from vbus.attach.upstream import LEAVING_SECONDS, Upstream
+from vbus.attach.upstream import LEAVING_SECONDS, Upstream, aside
 from vbus.errors import NameInUseError, TransportError
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
@@ -57,7 +56,7 @@ def _answers(lost: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class AttachRequest:
     """What is to be attached, and how.
 
     Attributes:
@@ -88,8 +87,10 @@ class Attachment:
         TransportError: a link's address is none.
     """
 
-    def __init__(self, wanted: Wanted, board: FarBoard, report: Callable[[str], None]) -> None:
-        self.wanted: Wanted = wanted
+    def __init__(
+        self, wanted: AttachRequest, board: FarBoard, report: Callable[[str], None]
+    ) -> None:
+        self.wanted: AttachRequest = wanted
         self.board: FarBoard = board
         self.trips: Trips = Trips()
         self.state: str = READY

@@ -11,7 +11,7 @@ from typing import Any
 from vbus.attach.relay import SOME_TIME, RelayPort
 from vbus.attach.upstream import Upstream
 from vbus.client.message import Later, Message, Sync
-from vbus.client.wire import Wire
+from vbus.client.wire import SessionWire
 from vbus.errors import VbusError
 from vbus.kernel import NEVER
 from vbus.protocols import codes
@@ -24,7 +24,7 @@ Make = Callable[[Message], tuple[Later[Any] | None, ...]]
 """Puts requests into a message; returns what will hold their answers."""
 
 
-class _Wire(Wire):
+class _FarWire(SessionWire):
     """A session as the host sees it, which keeps the number of the last refusal."""
 
     code: int = 0
@@ -47,7 +47,7 @@ class FarPort(RelayPort):
         """Called when the call that had to wait may be made again."""
         self.on_edges: Callable[[], object] = nothing
         """Called when edges have been reported between answers."""
-        self._wire: _Wire = _Wire()
+        self._wire: _FarWire = _FarWire()
         self._info: PortInfo | None = None
         self._mask: int = 1
         self._asked: Message | None = None

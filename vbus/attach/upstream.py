@@ -3,19 +3,57 @@
 import asyncio
 import os
 import socket
+import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Final
+from typing import Final, TypeVar
 
 from vbus.attach.meter import Meter
-from vbus.attach.threads import aside
 from vbus.client.bus import until_ready_to_write
-from vbus.client.link import Link
+from vbus.client.link import BoardLink
 from vbus.client.links import open_link
 from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
 from vbus.transports.sockets import KEEP_ALIVE
 from vbus.wall_clock import monotonic_ns
+
+T = TypeVar("T")
+
+
+async def aside(work: Callable[[], T], unwanted: Callable[[T], object] | None = None) -> T:
+    """Do ``work`` in a thread of its own; what it raises is raised here.
+
+    The thread keeps no process from ending, other than those of an executor.
+
+    Args:
+        work: what blocks.
+        unwanted: takes the result if nobody waits for it any more.
+    """
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[T] = loop.create_future()
+
+    def settle(result: T | None, error: BaseException | None) -> None:
+        if done.cancelled():
+            if error is None and unwanted is not None:
+                unwanted(result)  # type: ignore[arg-type]
+        elif error is not None:
+            done.set_exception(error)
+        else:
+            done.set_result(result)  # type: ignore[arg-type]
+
+    def run() -> None:
+        result: T | None = None
+        failure: BaseException | None = None
+        try:
+            result = work()
+        except BaseException as error:
+            failure = error
+        with suppress(RuntimeError):  # the loop has ended meanwhile
+            loop.call_soon_threadsafe(settle, result, failure)
+
+    threading.Thread(target=run, daemon=True).start()
+    return await done
+
 
 MOST_PENDING: Final = 65536
 """Bytes the board has not taken beyond which its host is read from no more."""
@@ -31,7 +69,7 @@ TICK_SECONDS: Final = 0.1
 """How often a link is looked after that has to mend itself."""
 
 
-def opened(where: str) -> Link:
+def opened(where: str) -> BoardLink:
     """Open a link and wait until it is open.
 
     Raises:
@@ -50,7 +88,7 @@ def opened(where: str) -> Link:
     return link
 
 
-def _keep_alive(link: Link) -> None:
+def _keep_alive(link: BoardLink) -> None:
     """Have the system find out that the other computer has vanished, as a board does of a host."""
     with socket.socket(fileno=os.dup(link.fd)) as connected:
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -94,7 +132,7 @@ class Upstream:
         self._loop: asyncio.AbstractEventLoop = loop
         self._where: str = where
         self._before: Upstream | None = before
-        self._link: Link | None = None
+        self._link: BoardLink | None = None
         self._pending: bytearray = bytearray()
         self._finishing: bool = False
         self._half_closed: bool = False
@@ -126,7 +164,7 @@ class Upstream:
             self._end(None)
             return
         try:
-            link = await aside(lambda: opened(self._where), Link.close)
+            link = await aside(lambda: opened(self._where), BoardLink.close)
         except (VbusError, OSError, ValueError) as error:
             self._end(error if isinstance(error, TransportError) else TransportError(str(error)))
             return
@@ -187,7 +225,7 @@ class Upstream:
         else:
             self._look_after()
 
-    def _look_for_board(self, link: Link) -> None:
+    def _look_for_board(self, link: BoardLink) -> None:
         """A host that asks nothing is to know all the same that its board has gone."""
         self._beat = self._loop.call_later(BEAT_SECONDS, self._look_for_board, link)
         try:
@@ -264,7 +302,7 @@ class Upstream:
         if self._late is None and not self._ended:
             self._late = self._loop.call_later(LEAVING_SECONDS, self._end, None)
 
-    def _last_sent(self, link: Link) -> None:
+    def _last_sent(self, link: BoardLink) -> None:
         if not self._half_closed:
             self._half_closed = True
             link.end_sending()

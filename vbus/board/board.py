@@ -119,7 +119,7 @@ class Board(Circuit):
         return self.waits(condition, within)
 
     def _wait(self, condition: str, within: int | str) -> int:
-        from vbus.events.until import wait_until
+        from vbus.events.watch import wait_until
 
         return wait_until(self, condition, picoseconds(within))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from vbus.board.card_edges import Steps
+from vbus.board.card_edges import EdgeSteps
 from vbus.chips.base import Chip
 from vbus.glue.logic import Levels
 from vbus.glue.part import GlueBlock
@@ -16,7 +16,7 @@ class NotFixed(Exception):
     """What a cycle comes to is not known beforehand; the text says why."""
 
 
-class Rest:
+class RestingWires:
     """How the wires stand after a cycle at one address.
 
     Attributes:
@@ -41,7 +41,7 @@ class Rest:
         self.clocks: tuple[int, ...] = clocks
 
 
-class Cycle:
+class CardCycle:
     """What a cycle comes to.
 
     Args:
@@ -62,14 +62,14 @@ class Cycle:
         places: list[int] | None = None,
         answer: int = 0xFF,
         kept: list[tuple[Net, int]] | None = None,
-        steps: Steps | None = None,
-        rest: Rest | None = None,
+        steps: EdgeSteps | None = None,
+        rest: RestingWires | None = None,
         why: str = "",
     ) -> None:
         self.chips: list[Chip] = chips or []
         self.places: list[int] = places or []
         self.answer: int = answer
         self.kept: list[tuple[Net, int]] = kept or []
-        self.steps: Steps | None = steps
-        self.rest: Rest | None = rest
+        self.steps: EdgeSteps | None = steps
+        self.rest: RestingWires | None = rest
         self.why: str = why

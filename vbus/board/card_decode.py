@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import product
 
+from msgspec import Struct
+
 from vbus.board.card_bus import CardBus
 from vbus.board.card_buses import LATCH
-from vbus.board.card_cycle import Cycle, NotFixed, Rest
-from vbus.board.card_edges import Steps, steps_of
-from vbus.board.card_phase import Phase
+from vbus.board.card_cycle import CardCycle, NotFixed, RestingWires
+from vbus.board.card_edges import EdgeSteps, steps_of
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
 from vbus.board.pin_maps import ADDRESS, DATA, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip
@@ -19,7 +20,17 @@ from vbus.glue.part import Glue, GlueBlock
 from vbus.signals import HIGH, LOW, Net, Pin, Z
 
 
-class Decoder:
+class Phase(Struct):
+    """Levels in one part of a cycle: of nets and pins, by identity, and what each block gives."""
+
+    nets: dict[int, int]
+    pins: dict[int, int]
+    outcomes: list[tuple[Levels, Outcome]]
+    floating: set[int]
+    """Nets that nobody drives and nothing pulls: they keep what was there."""
+
+
+class CardDecoder:
     """Works out cycles of one connector.
 
     Args:
@@ -96,23 +107,27 @@ class Decoder:
             for name in self._roles[chip.name]:
                 nets[id(chip.pins[name].net)] = chip.pins[name].net
         data = {id(chip.data_pin) for chip in chips}
-        seen: list[GlueBlock] = list(self._blocks)
+        drivers: dict[int, list[GlueBlock]] = {}
+        for block in glue.blocks:
+            for pin in block.outputs:
+                drivers.setdefault(id(pin), []).append(block)
+        seen = {id(block): block for block in self._blocks}
         waiting = list(nets.values())
         while waiting:
             net = waiting.pop()
             for pin in net.pins:
                 if pin.on_heard is not None and id(pin) not in data:
                     self.closed = False
-                for block in glue.blocks:
-                    if pin in block.outputs and block not in seen:
-                        seen.append(block)
+                for block in drivers.get(id(pin), ()):
+                    if id(block) not in seen:
+                        seen[id(block)] = block
                         for other, _ in block.inputs:
                             if id(other.net) not in nets:
                                 nets[id(other.net)] = other.net
                                 waiting.append(other.net)
-        if any(block.row.holds for block in seen):
+        self._watched: list[GlueBlock] = list(seen.values())
+        if any(block.row.holds for block in self._watched):
             self.closed = False
-        self._watched: list[GlueBlock] = seen
         self.nets = list(nets.values())
 
     # -- what decides ---------------------------------------------------------------------------
@@ -151,7 +166,7 @@ class Decoder:
 
     # -- one cycle ------------------------------------------------------------------------------
 
-    def cycle(self, address: int, write: bool) -> Cycle:
+    def cycle(self, address: int, write: bool) -> CardCycle:
         """Return what a cycle comes to: ``address`` is counted from the card's base."""
         try:
             refusal = self._timing.refusal()
@@ -159,9 +174,9 @@ class Decoder:
                 raise NotFixed(refusal)
             return self._cycle(address, write)
         except NotFixed as error:
-            return Cycle(why=str(error))
+            return CardCycle(why=str(error))
 
-    def _cycle(self, address: int, write: bool) -> Cycle:
+    def _cycle(self, address: int, write: bool) -> CardCycle:
         idle = self._phase(address, "", {})
         under = self._phase(
             address, self._bus.write_strobe if write else self._bus.read_strobe, idle.nets
@@ -193,12 +208,12 @@ class Decoder:
                 if write and chip.bus_net is not self._data and id(chip.bus_net) in under.floating:
                     raise NotFixed(f"what was there stays on {chip.bus_net.name}")
             steps = self._steps(write, idle, under)
-            return Cycle(steps=steps, rest=self._rest(idle, clocks))
+            return CardCycle(steps=steps, rest=self._rest(idle, clocks))
         return self._levels_cycle(write, idle, under, clocks)
 
     def _levels_cycle(
         self, write: bool, idle: Phase, under: Phase, clocks: tuple[int, ...]
-    ) -> Cycle:
+    ) -> CardCycle:
         for chip in self.behind:
             if self._selected(chip, idle, False) or self._selected(chip, idle, True):
                 raise NotFixed(f"{chip.name} is selected without a strobe")
@@ -227,9 +242,9 @@ class Decoder:
         else:
             answer = self._answer(reached, idle, under)
         kept = self._kept(reached, write, idle, under)
-        return Cycle(reached, places, answer, kept, rest=self._rest(idle, clocks))
+        return CardCycle(reached, places, answer, kept, rest=self._rest(idle, clocks))
 
-    def _steps(self, write: bool, idle: Phase, under: Phase) -> Steps:
+    def _steps(self, write: bool, idle: Phase, under: Phase) -> EdgeSteps:
         """Return how the wires move to chips that want every edge."""
         source = self._data
         carrying: tuple[set[int], set[int]] = (set(), set())
@@ -426,11 +441,11 @@ class Decoder:
             raise NotFixed("what is read was left on a data bus that floats")
         return phase.nets[id(self._data)]
 
-    def _rest(self, idle: Phase, clocks: tuple[int, ...]) -> Rest:
+    def _rest(self, idle: Phase, clocks: tuple[int, ...]) -> RestingWires:
         for net in self._moving.values():
             if self._fights(net, idle.pins):
                 raise NotFixed(f"two drive {net.name}")
-        return Rest(
+        return RestingWires(
             [
                 (net, idle.nets[key])
                 for key, net in self._moving.items()

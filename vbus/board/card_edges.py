@@ -19,7 +19,7 @@ BYTE: Final = -2
 Levels = list[tuple[Pin, int]]
 
 
-class Steps:
+class EdgeSteps:
     """What drives the wires to such chips in the parts of one cycle.
 
     Args:
@@ -53,8 +53,8 @@ class EdgeGuard(Guard):
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def __init__(self, edges: Edges, pins: list[Pin], touched: Callable[[], None]) -> None:
-        self._edges: Edges = edges
+    def __init__(self, edges: CardEdges, pins: list[Pin], touched: Callable[[], None]) -> None:
+        self._edges: CardEdges = edges
         self._pins: list[Pin] = pins
         self._levels: list[int] = [pin.level for pin in pins]
         self._touched: Callable[[], None] = touched
@@ -73,7 +73,7 @@ class EdgeGuard(Guard):
         """Hold edges are played."""
 
 
-class Edges:
+class CardEdges:
     """Moves the wires to chips that want every edge, at the instants of the strobes.
 
     Args:
@@ -115,11 +115,11 @@ class Edges:
         for chip in self.chips:
             chip.judged = True
 
-    def begin(self, steps: Steps, data: int) -> None:
+    def begin(self, steps: EdgeSteps, data: int) -> None:
         """Let the address stand, and what is written."""
         self._move(steps.before, data)
 
-    def run(self, steps: Steps, write: bool, data: int, when: int) -> int:
+    def run(self, steps: EdgeSteps, write: bool, data: int, when: int) -> int:
         """Let the strobe fall, and come to where it rises; return the byte that is read then."""
         kernel = self._kernel
         kernel.run_until(when - self._low)
@@ -175,7 +175,7 @@ def steps_of(
     levels: tuple[Mapping[int, int], Mapping[int, int]],
     carrying: tuple[set[int], set[int]],
     source: Net,
-) -> Steps:
+) -> EdgeSteps:
     """Return the steps of one cycle.
 
     Args:
@@ -192,4 +192,4 @@ def steps_of(
             for pin in pins
         ]
 
-    return Steps(part(0), part(1), part(0), part(0, written=False), source)
+    return EdgeSteps(part(0), part(1), part(0), part(0, written=False), source)

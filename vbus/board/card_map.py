@@ -22,7 +22,7 @@ MOST_SHOWN: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CardAnswer:
     """What answers at one address of a card.
 
     Attributes:
@@ -40,14 +40,14 @@ class Answer:
     why: str = ""
 
 
-def address_map(file: BoardFile, board: Board) -> list[Answer]:
+def address_map(file: BoardFile, board: Board) -> list[CardAnswer]:
     """Return what answers at each address of each card that hosts use.
 
     Args:
         file: the board file.
         board: a board of that file which nobody needs any more: every address is tried on it.
     """
-    found: list[Answer] = []
+    found: list[CardAnswer] = []
     for card in file.cards:
         host = next((host for host in file.hosts if host.card == card.name), None)
         if card.bus:
@@ -57,7 +57,7 @@ def address_map(file: BoardFile, board: Board) -> list[Answer]:
             assert table is not None
             names = host.chips or tuple(chip.name for chip in file.chips)
             found += [
-                Answer(
+                CardAnswer(
                     card.name, card.base + offset,
                     _row(table.reads, offset, names), _row(table.writes, offset, names),
                 )
@@ -72,7 +72,7 @@ def _row(
     return (f"{names[rows[offset][0]]}.{rows[offset][1]:X}",) if offset in rows else ()
 
 
-def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]:
+def remarks(file: BoardFile, board: Board, found: list[CardAnswer]) -> Iterator[str]:
     """Give what is wrong with a map: outputs that fight, chips that are never selected."""
     for card in file.cards:
         mine = [answer for answer in found if answer.card == card.name]
@@ -111,7 +111,7 @@ def _open(pin: Pin) -> bool:
     return all(other.name == pin.name for other in pin.net.pins)
 
 
-def lines(found: list[Answer]) -> Iterator[str]:
+def lines(found: list[CardAnswer]) -> Iterator[str]:
     """Give a map as text; neighbours at which nobody answers are one line."""
     for (card, silent), group in groupby(found, lambda a: (a.card, not (a.reads or a.writes))):
         rows = list(group)
@@ -130,7 +130,7 @@ def lines(found: list[Answer]) -> Iterator[str]:
             yield f"{card} {row.address:X}H: {', '.join(told)}"
 
 
-def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]:
+def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[CardAnswer]:
     bus = board.chip(card.name)
     assert isinstance(bus, CardBus)
     hands = {name: pin.net.solder("map") for name, pin in bus.pins.items()}
@@ -160,7 +160,7 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]
                     who |= {name: None for name in after if after[name] != before[name]}
             hands["D0-D7"].release()
             answers.append(tuple(who))
-        yield Answer(card.name, address, answers[0], answers[1], why)
+        yield CardAnswer(card.name, address, answers[0], answers[1], why)
     for hand in hands.values():
         hand.release()
 

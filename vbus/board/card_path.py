@@ -10,9 +10,9 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.board.card_bus import MOST, CardBus, CyclePath
-from vbus.board.card_cycle import Cycle, Rest
-from vbus.board.card_decode import Decoder
-from vbus.board.card_edges import Edges, Steps
+from vbus.board.card_cycle import CardCycle, RestingWires
+from vbus.board.card_decode import CardDecoder
+from vbus.board.card_edges import CardEdges, EdgeSteps
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import CycleTeller, GlueCycles
@@ -42,11 +42,11 @@ class CardPath(CyclePath):
         self._low: int = bus.low_ps
         self._lead: int = self._low + bus.setup_ps
         self._hold: int = bus.hold_ps
-        self._decoder: Decoder = Decoder(bus, board.glue, board.chips)
+        self._decoder: CardDecoder = CardDecoder(bus, board.glue, board.chips)
         self._recovery: int = max([self._hold, *(c.cycle_ps for c in self._decoder.behind)])
         self._closed: bool = self._decoder.closed
-        self._settings: dict[tuple[int, ...], list[Cycle | None]] = {}
-        self._cycles: list[Cycle | None] = []
+        self._settings: dict[tuple[int, ...], list[CardCycle | None]] = {}
+        self._cycles: list[CardCycle | None] = []
         self._clocks: tuple[int, ...] = ()
         self._moved: bool = True
         """Whether a wire that decides has moved since it was looked at."""
@@ -55,13 +55,13 @@ class CardPath(CyclePath):
         self._observed: int = -1
         self._observations: int = -1
         """How many observers sat on nets as it was looked, and how many ever had."""
-        self._owed: Rest | None = None
+        self._owed: RestingWires | None = None
         self._judging: bool = False
         self.played: int = 0
         """How many cycles were played as strobes."""
         for net in self._decoder.nets:
             net.guard = self
-        self._edges: Edges = Edges(
+        self._edges: CardEdges = CardEdges(
             board.kernel, board.player, bus, self._decoder.edged, self._decoder.edge_nets
         )
         self._edges.watch(self.touched)
@@ -131,13 +131,13 @@ class CardPath(CyclePath):
             self._tell(cycle, True, data, when)
         self._end(cycle, address, data, when)
 
-    def _tell(self, cycle: Cycle, write: bool, data: int, when: int) -> None:
+    def _tell(self, cycle: CardCycle, write: bool, data: int, when: int) -> None:
         """Tell of the cycles that were made at chips."""
         if self._through is not None:
             self._through.reached(when, cycle.chips, cycle.places, write, data)
 
     def _step(
-        self, cycle: Cycle, steps: Steps, write: bool, address: int, data: int, when: int
+        self, cycle: CardCycle, steps: EdgeSteps, write: bool, address: int, data: int, when: int
     ) -> int:
         """Run a cycle of which the chips want every edge; return the byte that is read."""
         for block in self._decoder.blocks:
@@ -157,7 +157,7 @@ class CardPath(CyclePath):
         else:
             kernel.run_until(when)
 
-    def _begin(self, address: int, write: bool, when: int) -> Cycle | None:
+    def _begin(self, address: int, write: bool, when: int) -> CardCycle | None:
         """Come to where a cycle begins; return what comes of it, None if it is played."""
         begin = when - self._lead
         self._judging = begin >= self._bus.free_at and begin >= self._kernel.now
@@ -188,7 +188,7 @@ class CardPath(CyclePath):
             return None
         return cycle
 
-    def _at(self, address: int, write: bool) -> Cycle:
+    def _at(self, address: int, write: bool) -> CardCycle:
         key = address << 1 | write
         cycle = self._cycles[key]
         if cycle is None:
@@ -196,7 +196,7 @@ class CardPath(CyclePath):
             cycle = self._cycles[key] = self._decoder.cycle(address, write)
         return cycle
 
-    def _end(self, cycle: Cycle, address: int, data: int, when: int) -> None:
+    def _end(self, cycle: CardCycle, address: int, data: int, when: int) -> None:
         self._bus.free_at = when + self._recovery
         if cycle.kept:
             for net, level in cycle.kept:

@@ -11,9 +11,8 @@ import msgspec
 from vbus import plugins
 from vbus.board import checks, sections
 from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
-from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
-from vbus.board.section import NAMES, Section, rows
+from vbus.board.section import NAMES, GlueSection, Section, rows
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.collection import collection_held
@@ -55,7 +54,7 @@ def _text_of(path: str | FilePath) -> str:
 def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
     """Check a board file that is already in memory; ``file`` is its name in messages."""
     source = Source(file, text)
-    return _Reader(source, _parsed(file, text)).read(), source
+    return _TableReader(source, _parsed(file, text)).read(), source
 
 
 def _parsed(file: str, text: str) -> dict[str, Any]:
@@ -75,7 +74,7 @@ def read_zenoh_file(path: str | FilePath) -> sections.ZenohSection:
     """
     text, name = _text_of(path), str(path)
     source = Source(name, text)
-    section = _Reader(source, _parsed(name, text)).zenoh()
+    section = _TableReader(source, _parsed(name, text)).zenoh()
     check_zenoh(section, source)
     source.finish()
     return section
@@ -105,7 +104,7 @@ def _with_card_buses(file: sections.BoardFile) -> sections.BoardFile:
     return msgspec.structs.replace(file, hosts=tuple(hosts))
 
 
-class _Reader:
+class _TableReader:
     """Turns the tables of one file into structs; what is wrong goes to ``source``."""
 
     def __init__(self, source: Source, data: dict[str, Any]) -> None:

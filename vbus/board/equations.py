@@ -63,15 +63,15 @@ def read(output: str, text: str) -> Equation:
     Raises:
         ConditionError: it is none.
     """
-    name = _Reader(output.removeprefix("!").strip(), "output").name()
-    reader = _Reader(text, "equation")
+    name = _EquationReader(output.removeprefix("!").strip(), "output").name()
+    reader = _EquationReader(text, "equation")
     value = reader.whole()
     if output.startswith("!"):
         value = _inverted(value)
     return Equation(name, tuple(reader.names), value)
 
 
-class _Reader(Words):
+class _EquationReader(Words):
     """Reads one side of an equation."""
 
     def __init__(self, text: str, what: str) -> None:

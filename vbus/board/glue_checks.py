@@ -10,7 +10,7 @@ from vbus.board.card_interrupt import ACK, INT
 from vbus.board.card_parts import names_of
 from vbus.board.card_section import CardSection
 from vbus.board.glue_plan import plan_glue
-from vbus.board.glue_section import GlueSection
+from vbus.board.section import GlueSection
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path

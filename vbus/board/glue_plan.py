@@ -15,7 +15,7 @@ from vbus.board.card_parts import CardPart, names_of, parts_of
 from vbus.board.card_section import CardSection
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
-from vbus.board.glue_section import GlueSection
+from vbus.board.section import GlueSection
 from vbus.board.sections import BoardFile, NetSection
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow
@@ -157,14 +157,16 @@ class _Planner:
     def _part(self, section: GlueSection, row: GlueRow) -> dict[str, tuple[str, ...]]:
         """Plan a part; return what its own pins are wired to."""
         path: Path = ("glue", section.name)
+        inputs, outputs, pins = row.inputs, row.outputs, row.pins
+        known_inputs, known_outputs, known_pins = set(inputs), set(outputs), set(pins)
         tied = dict.fromkeys(section.low, LOW) | dict.fromkeys(section.high, HIGH)
         others = [
-            pin for pin in row.inputs
-            if f"{section.name}.{pin}" in self._elsewhere and pin not in row.outputs
+            pin for pin in inputs
+            if f"{section.name}.{pin}" in self._elsewhere and pin not in known_outputs
         ]  # fmt: skip
         wired = dict.fromkeys((*section.hosts, *others), ()) | section.pins
         if row.part == PLD:
-            wired = {pin: (pin,) for pin in row.pins if pin not in tied} | wired
+            wired = {pin: (pin,) for pin in pins if pin not in tied} | wired
         for place, name in enumerate(section.hosts):
             if name in section.pins or name in tied or name in others:
                 self._fail(
@@ -174,8 +176,8 @@ class _Planner:
         for key, names in (("low", section.low), ("high", section.high)):
             for place, name in enumerate(names):
                 where = (*path, key, place)
-                if name not in row.inputs or name in row.outputs:
-                    self._no_pin(where, name, row.inputs, "input")
+                if name not in known_inputs or name in known_outputs:
+                    self._no_pin(where, name, inputs, "input")
                 elif name in wired or (key == "high" and name in section.low):
                     self._fail(where, f'"{name}" is wired or tied already; an input has one source')
         taps: dict[str, tuple[str, int]] = {}
@@ -183,15 +185,15 @@ class _Planner:
         for name, targets in list(wired.items()):
             where = (*path, "pins", name)
             inside = bundled(name)
-            if inside and set(inside) <= set(row.pins):
+            if inside and known_pins.issuperset(inside):
                 self._bundle(where, name, inside, targets, row, wired, wide)
-            elif name not in row.pins:
-                self._no_pin(where, name, row.pins, "pin")
+            elif name not in known_pins:
+                self._no_pin(where, name, pins, "pin")
                 del wired[name]
         for name, targets in list(wired.items()):
             tap = self._tap(targets[0]) if targets else None
             if tap is not None and len(targets) == 1 and name not in wide:
-                if name in row.outputs:
+                if name in known_outputs:
                     self._fail(
                         (*path, "pins", name),
                         f'"{targets[0]}" is one wire of {DATA}, which outputs drive together: wire'
@@ -199,11 +201,11 @@ class _Planner:
                     )
                 taps[name] = tap
                 del wired[name]
-        self._inputs |= {f"{section.name}.{pin}" for pin in row.inputs}
+        self._inputs |= {f"{section.name}.{pin}" for pin in inputs}
         have = {*wired, *taps, *tied, *(pin for name in wide for pin in bundled(name))}
         blocks = [block for block in row.blocks if set(block.outputs) & have]
         if not blocks:
-            self._fail(path, f"no output is wired: it does nothing; it has {listed(row.outputs)}")
+            self._fail(path, f"no output is wired: it does nothing; it has {listed(outputs)}")
         for block in blocks:
             lacking = [pin for pin in block.inputs if pin not in have]
             if lacking:
@@ -217,7 +219,7 @@ class _Planner:
             Planned(section.name, section.delay, tuple(rows), tuple(blocks), taps, tied)
         )
         self._rows |= {f"{section.name}.{pin.name}": pin for pin in rows}
-        inner = set(row.inputs) & set(row.outputs)
+        inner = known_inputs & known_outputs
         self._inner |= {f"{section.name}.{pin}" for pin in inner if pin in wired}
         return wired
 

@@ -4,7 +4,7 @@ import re
 from ipaddress import ip_address
 from typing import Final
 
-from vbus.addresses import loopback_like, meant
+from vbus.addresses import loopback_like, meant, stays_here
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.values.settings import quoted
@@ -44,3 +44,24 @@ def check_metrics(file: BoardFile, source: Source) -> None:
             metrics_address(file.metrics.listen, file.metrics.remote)
         except ValueError as error:
             source.fail(("metrics", "listen"), str(error))
+
+
+def check_scope(file: BoardFile, source: Source) -> None:
+    """Check ``[scope]``; mistakes go to ``source``."""
+    scope = file.scope
+    if (scope.certificate == "") != (scope.key == ""):
+        source.fail(("scope",), "certificate and key belong together")
+    if not scope.listen:
+        return
+    where = ("scope", "listen")
+    try:
+        host, port = metrics_address(scope.listen, remote=True)
+    except ValueError as error:
+        source.fail(where, str(error))
+        return
+    if not stays_here(host) and not (scope.remote and scope.certificate):
+        source.fail(
+            where,
+            f'"{scope.listen}" lets other computers in; write "{loopback_like(host)}:{port}", or'
+            " remote = true with certificate and key in [scope] if that is meant",
+        )

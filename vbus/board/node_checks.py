@@ -80,25 +80,13 @@ class NodeChecks:
             )
 
     def _processes(self) -> None:
-        """Check which nodes share a process, and what their containers are made from."""
-        images: dict[str, tuple[str, str]] = {}
+        """Check which nodes share a process."""
         for section in self._file.nodes:
             path: Path = ("nodes", section.name)
             if section.process and not NAME_FORM.fullmatch(section.process):
                 self._source.fail(
                     (*path, "process"),
                     "a name begins with a letter and goes on with letters, digits, - and _",
-                )
-            if not section.image:
-                continue
-            if section.image.strip() != section.image or " " in section.image:
-                self._source.fail((*path, "image"), "the name of an image has no blanks")
-            name = section.process or section.name
-            other, image = images.setdefault(name, (section.name, section.image))
-            if image != section.image:
-                self._source.fail(
-                    (*path, "image"),
-                    f"node {other} shares its process, and has another image: {image}",
                 )
 
     def _nets(self) -> None:

@@ -44,7 +44,7 @@ class PinMap(Struct, frozen=True):
     chips: tuple[str, ...]
 
 
-class Wire(Struct, frozen=True):
+class MappedPin(Struct, frozen=True):
     """One end of a pin map: a chip's pin and what drives it.
 
     Attributes:
@@ -75,7 +75,7 @@ def below(bit: str, names: tuple[str, ...]) -> Iterator[tuple[tuple[str | int, .
 
 def wires(
     pin_map: PinMap, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
-) -> Iterator[Wire]:
+) -> Iterator[MappedPin]:
     """Give every wire of the map; pins that do not exist are left out.
 
     Args:
@@ -84,15 +84,15 @@ def wires(
         interrupts: the pins of cards' interrupts, by the name of the card.
     """
 
-    def ends(source: str, name: str, path: tuple[str | int, ...]) -> Iterator[Wire]:
+    def ends(source: str, name: str, path: tuple[str | int, ...]) -> Iterator[MappedPin]:
         inverted = name.startswith("!")
         owner, dot, pin = name.removeprefix("!").partition(".")
         if pin in interrupts.get(owner, ()):
-            yield Wire("!" * inverted + source, owner, pin, path)
+            yield MappedPin("!" * inverted + source, owner, pin, path)
             return
         for chip in [owner] if dot else pin_map.chips:
             if chip in chips and (pin if dot else owner) in targets(chips[chip]):
-                yield Wire("!" * inverted + source, chip, pin if dot else owner, path)
+                yield MappedPin("!" * inverted + source, chip, pin if dot else owner, path)
 
     for bit, names in pin_map.pins.items():
         match = PORT_BIT.fullmatch(bit)
@@ -162,7 +162,7 @@ def wiring(
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
     with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is
-    side pin 3 (PIN), ``o2`` output line 2. See :class:`Wire` for the source.
+    side pin 3 (PIN), ``o2`` output line 2. See :class:`MappedPin` for the source.
 
     Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
     control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and

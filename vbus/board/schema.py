@@ -12,8 +12,7 @@ from msgspec import Struct
 from vbus import plugins
 from vbus.board import sections
 from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
-from vbus.board.glue_section import GlueSection
-from vbus.board.section import NAMES, rows
+from vbus.board.section import NAMES, GlueSection, rows
 from vbus.faults.table import faults
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES

@@ -1,7 +1,7 @@
 """A section of a board file: keys with titles, units and ranges, as rows for their readers."""
 
 from functools import cache
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 from msgspec import Meta, Struct
@@ -43,3 +43,22 @@ def rows(section: type[Struct]) -> tuple[Option, ...]:
 
 class Section(Struct, frozen=True, kw_only=True):
     """Base of all sections."""
+
+
+class GlueSection(Section, frozen=True, kw_only=True):
+    """``[glue.NAME]``: one part; ``pins`` and ``equations`` say what its pins are wired to."""
+
+    name: str
+    part: Annotated[
+        str, key("text", 'part number without package, such as "74HC138"; "PLD": equations')
+    ]
+    delay: Annotated[
+        int, key("s", "how long its outputs take to follow its inputs", low=0, high=10**15)
+    ] = 0
+    low: Annotated[tuple[str, ...], key(NAMES, "its inputs that are tied to ground")] = ()
+    high: Annotated[tuple[str, ...], key(NAMES, "its inputs that are tied to the supply")] = ()
+    hosts: Annotated[
+        tuple[str, ...], key(NAMES, 'its pins that hosts drive or see, as side pins "NAME.pin"')
+    ] = ()
+    pins: dict[str, tuple[str, ...]] = {}
+    equations: dict[str, str] = {}

@@ -7,8 +7,7 @@ of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its
 from typing import Annotated, Final
 
 from vbus.board.card_section import CardSection
-from vbus.board.glue_section import GlueSection
-from vbus.board.section import NAMES, Section
+from vbus.board.section import NAMES, GlueSection, Section
 from vbus.board.section import key as _key
 from vbus.options import Value
 from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
@@ -131,9 +130,6 @@ class NodeSection(Section, frozen=True, kw_only=True):
     ] = ""
     process: Annotated[
         str, _key("text", "nodes with the same name here share a process; else each has its own")
-    ] = ""
-    image: Annotated[
-        str, _key("text", 'image of its container, with its digest: "NAME@sha256:..."')
     ] = ""
 
 

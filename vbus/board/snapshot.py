@@ -17,13 +17,41 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.loading import prepare
-from vbus.board.sealed import seal, unseal
 from vbus.errors import SnapshotError
+from vbus.file_kinds import HEAD, is_none
 from vbus.kernel import END, MS, NEVER
 from vbus.protocols.base import Protocol
 from vbus.state import plan, save
 from vbus.state.kinds import Load
 from vbus.version import __version__
+
+
+def seal(magic: bytes, body: bytes) -> bytes:
+    """Return a body as the content of a file."""
+    return magic + hashlib.sha256(body).digest() + body
+
+
+def unseal(magic: bytes, data: bytes, name: str, kind: str) -> bytes:
+    """Return the body in a file's content.
+
+    Args:
+        magic: what the file begins with.
+        data: the bytes.
+        name: what to call it in an error.
+        kind: what it should be.
+
+    Raises:
+        SnapshotError: it is none, or was cut short or damaged.
+    """
+    if not data.startswith(magic):
+        made = '"vbus snap save" takes one of a running board'
+        raise SnapshotError(is_none(name, data[:HEAD], kind, made))
+    start = len(magic) + 32
+    body = data[start:]
+    if hashlib.sha256(body).digest() != data[len(magic) : start]:
+        raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
+    return body
+
 
 MAGIC: Final = b"vbus snapshot\n"
 VERSION: Final = 1

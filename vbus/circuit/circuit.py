@@ -10,6 +10,7 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.circuit.glue_cycles import GlueCycles
 from vbus.circuit.interrupt_check import check_interrupts
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.circuit.strobe_player import StrobePlayer
 from vbus.glue.part import Glue, GluePart, Input
 from vbus.glue.table import Block
@@ -111,6 +112,8 @@ class Circuit:
         self.nets: dict[str, Net] = {}
         self.buses: dict[str, list[str]] = {}
         self.observers: list[Observer] = []
+        self.stream: PacketStream | None = None
+        """One of the observers, while anybody reads packets: all readers have the same."""
         self.listeners: list[Observer] = []
         """Observers that are told of violations only: bus cycles cost nothing for them."""
         self.violations: deque[Violation] = deque(maxlen=1000)
@@ -254,10 +257,10 @@ class Circuit:
         Raises:
             ValueError: there is none.
         """
+        pin = self.glue.pins.get(name)
+        if pin is not None:
+            return pin
         chip_name, _, pin_name = name.partition(".")
-        for part in self.glue.parts:
-            if part.name == chip_name and pin_name in part.pins:
-                return part.pins[pin_name]
         chip = self.chip(chip_name)
         pin = chip.pins.get(pin_name)
         if pin is None:
@@ -408,12 +411,32 @@ class Circuit:
             )  # fmt: skip
 
     def observe(self, observer: Observer) -> None:
-        """Let ``observer`` see bus cycles and violations from now on."""
-        self.observers.append(observer)
+        """Let ``observer`` see bus cycles and violations from now on, and packets if it reads."""
+        if not isinstance(observer, PacketReader) or not observer.reads():
+            self.observers.append(observer)
+            return
+        if self.stream is None:
+            self.stream = PacketStream.of(self.chips)
+            self.observers.append(self.stream)
+        self.stream.readers = (*self.stream.readers, observer)
 
     def unobserve(self, observer: Observer) -> None:
         """Tell ``observer`` no more of bus cycles and violations."""
-        self.observers.remove(observer)
+        stream = self.stream
+        if stream is None or observer not in stream.readers:
+            self.observers.remove(observer)
+            return
+        stream.readers = tuple([one for one in stream.readers if one is not observer])
+        if not stream.readers:
+            self.observers.remove(stream)
+            self.stream = None
+
+    def tell_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """A whole bus cycle has been made: tell the observers."""
+        for observer in self.observers:
+            observer.bus_cycle(when, host, chip, write, address, data)
 
     def listen(self, observer: Observer) -> None:
         """Let ``observer`` see violations, and no bus cycles, from now on."""

@@ -11,7 +11,7 @@ from vbus.glue.part import GluePart
 from vbus.kernel import Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
-from vbus.signals import Net, Observer, Pin, Z
+from vbus.signals import EdgeTaker, Net, Observer, Pin, Z
 from vbus.state import Names
 
 WORD: int = 32
@@ -264,12 +264,12 @@ class HostPins:
             return
         # All outputs are listened to, so that the word reported with an edge is right.
         for number, pin in enumerate(self.outputs[:WORD]):
-            observer = _EdgeWatch(self) if mask >> number & 1 else Observer()
+            observer = EdgeTaker(self._note_edge) if mask >> number & 1 else Observer()
             self._watches.append((pin.net, observer))
             pin.net.observe(observer)
 
-    def note_edge(self, when: int) -> None:
-        """A watched line has moved; for the watch only."""
+    def _note_edge(self, when: int, net: str, level: int) -> None:
+        """A watched line has moved."""
         self._edges.append((self._levels(), when))
         self._on_edge()
 
@@ -340,16 +340,3 @@ class HostPins:
 def offset_of(strobe: Strobe) -> int:
     """Return when an edge is, counted from the latching edge (ps)."""
     return strobe.offset
-
-
-class _EdgeWatch(Observer):
-    """Tells a host's pins that one of its watched lines has moved."""
-
-    WIRING: ClassVar[Names] = ("*",)
-
-    def __init__(self, pins: HostPins) -> None:
-        self._pins: HostPins = pins
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Pass the edge on."""
-        self._pins.note_edge(when)

@@ -6,12 +6,11 @@ from contextlib import contextmanager, nullcontext, suppress
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
-from vbus.client.link import Link
+from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
-from vbus.client.patience import PAUSE_SECONDS, Patience
 from vbus.client.ready import Lock, opened, pause, until_ready
-from vbus.client.wire import Wire
+from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
@@ -29,7 +28,7 @@ MOST_KEPT: Final = 4096
 _LONGEST_WAIT: Final = 86400.0
 
 
-class Cycles:
+class ChipCycles:
     """What can be done to one chip, or to whatever is selected."""
 
     def _names(self) -> PortInfo | None:
@@ -94,7 +93,7 @@ class Cycles:
         self._exchange(message)
 
 
-class Bus(Cycles):
+class Bus(ChipCycles):
     """One session with a board, over one link.
 
     Calls run strictly in order. Calls without a result return when their bytes are sent; if the
@@ -111,10 +110,10 @@ class Bus(Cycles):
         timeout: seconds a reply may take, on top of the time the requests let pass.
     """
 
-    def __init__(self, link: Link, timeout: float = TIMEOUT) -> None:
-        self.link: Link = link
+    def __init__(self, link: BoardLink, timeout: float = TIMEOUT) -> None:
+        self.link: BoardLink = link
         self.timeout: float = timeout
-        self._wire: Wire = Wire()
+        self._wire: SessionWire = SessionWire()
         self._lock = Lock()
         self._info: PortInfo | None = None
         self._passing: int = 0
@@ -363,7 +362,7 @@ class Bus(Cycles):
         return TransportError(f"{self.link.where}: the other end takes no more bytes")
 
 
-class Chip(Cycles):
+class Chip(ChipCycles):
     """One chip of a session, or several written together; made by :meth:`Bus.chip`.
 
     Every call selects the chip first if another one was selected.
@@ -400,7 +399,7 @@ def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None) -> Bu
         ProtocolError: whoever answers speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
-    patience = Patience(where, wait)
+    patience = RetryPolicy(where, wait)
     while True:
         try:
             return _connect(where, timeout)
@@ -423,7 +422,7 @@ def _connect(where: str, timeout: float) -> Bus:
     return bus
 
 
-def until_ready_to_write(link: Link, timeout: float) -> bool:
+def until_ready_to_write(link: BoardLink, timeout: float) -> bool:
     """Wait until a link that is being opened is open; False if time ran out first."""
     if not until_ready(link.fd, True, monotonic() + timeout):
         return False

@@ -39,7 +39,6 @@ class Demo:
         chip: the chip that is shown.
         gauges: values shown.
         flags: words in the chip's telemetry and the names of their bits.
-        explain: tells a bus cycle (write, address, data) in the manual's words.
         host: what the host does, in a process of its own.
         rest: encoder count at which each motor must stand in the end.
         tolerance: how far from it is near enough.
@@ -50,7 +49,6 @@ class Demo:
     chip: str
     gauges: tuple[Gauge, ...]
     flags: Mapping[str, tuple[Bit, ...]]
-    explain: Callable[[bool, int, int], str]
     host: Callable[[Bus], None]
     rest: tuple[int, ...]
     tolerance: int = 2

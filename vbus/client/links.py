@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qs
 
-from vbus.client.link import Link
+from vbus.client.link import BoardLink
 from vbus.errors import TransportError
 from vbus.runtime import expanded, lock_state
 
@@ -23,8 +23,8 @@ MOST_LINKS: Final = 8
 """Names that may lead to a board's name one after the other."""
 
 
-def open_link(where: str) -> Link:
-    """Open a link; a TCP connection may still be on its way (see :meth:`Link.check`).
+def open_link(where: str) -> BoardLink:
+    """Open a link; a TCP connection may still be on its way (see :meth:`BoardLink.check`).
 
     ``where`` is ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
     ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of a PTY.
@@ -52,7 +52,7 @@ def open_link(where: str) -> Link:
     try:
         if kind == "pty":
             board = _board_at(Path(rest))
-        return Link(f"{kind}:{rest}", opener[kind](rest), board)
+        return BoardLink(f"{kind}:{rest}", opener[kind](rest), board)
     except (OSError, termios.error) as error:
         reason = error.args[1] if len(error.args) > 1 else str(error)
         if "$" in rest:

@@ -99,7 +99,7 @@ class Later(Generic[T]):
         return self._value  # type: ignore[return-value]
 
     def settle(self, values: Values) -> None:
-        """Take the reply's values; for :class:`~vbus.client.wire.Wire` only."""
+        """Take the reply's values; for :class:`~vbus.client.wire.SessionWire` only."""
         try:
             self._value = self._decode(values)
         except ValueError as error:
@@ -107,7 +107,7 @@ class Later(Generic[T]):
         self.done = True
 
     def fail(self, error: VbusError) -> None:
-        """Take an error in the reply's place; for :class:`~vbus.client.wire.Wire` only."""
+        """Take an error in the reply's place; for :class:`~vbus.client.wire.SessionWire` only."""
         self._error = error
         self.done = True
 

@@ -3,7 +3,7 @@
 
 from typing import Final
 
-from vbus.client.bus import Cycles
+from vbus.client.bus import ChipCycles
 from vbus.client.words import bytes_of
 from vbus.errors import NotReadyError
 
@@ -34,10 +34,12 @@ class Packets:
     READY_LEVEL: int = 0
     """What is left of the status under the mask while the chip is ready."""
 
-    def __init__(self, cycles: Cycles, *, ready: str = "poll", polls: int = READY_POLLS) -> None:
+    def __init__(
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS
+    ) -> None:
         if ready not in ("poll", "wait"):
             raise ValueError(f"ready = {ready!r}: allowed are 'poll' and 'wait'")
-        self.cycles: Cycles = cycles
+        self.cycles: ChipCycles = cycles
         self.ready: str = ready
         self.polls: int = polls
 

@@ -1,10 +1,10 @@
 # Made from aio/registers.py by vbus.tools.generate; change that file.
 """How a host moves register values to and from a chip with a register map, blocking."""
 
-from vbus.client.bus import Cycles
+from vbus.client.bus import ChipCycles
 
 
-class Registers:
+class RegisterCycles:
     """Values of one or more bytes.
 
     Args:
@@ -12,8 +12,8 @@ class Registers:
             with one chip.
     """
 
-    def __init__(self, cycles: Cycles) -> None:
-        self.cycles: Cycles = cycles
+    def __init__(self, cycles: ChipCycles) -> None:
+        self.cycles: ChipCycles = cycles
 
     def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
         """Read the register at ``addresses`` (most significant byte first) as a number.

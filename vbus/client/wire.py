@@ -25,7 +25,7 @@ _BY_CODE: Final = {reply.code: reply for reply in REPLIES.values()}
 _DATA: Final = ord("D")
 
 
-class Wire:
+class SessionWire:
     """One session as the host sees it: what has been asked, and what has come back.
 
     Attributes:

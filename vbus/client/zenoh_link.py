@@ -19,14 +19,55 @@ from weakref import WeakSet
 
 import zenoh
 
-from vbus.client.link import Link
-from vbus.client.zenoh_options import endpoints_of, seconds
+from vbus.client.link import BoardLink
 from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security
 from vbus.network.session import FORKED, close_session, open_session
 from vbus.wall_clock import monotonic
+
+LONGEST_PATIENCE: Final = 86400.0
+
+
+def seconds(where: str, text: str) -> float:
+    """Return the patience that a link asks for.
+
+    Raises:
+        ValueError: it is no time.
+    """
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0 <= seconds <= LONGEST_PATIENCE:
+        raise ValueError(
+            f"'{where}': patience={text} is no time; write seconds from 0 to {LONGEST_PATIENCE:g},"
+            " such as patience=30"
+        )
+    return seconds
+
+
+def endpoints_of(board: str, given: str) -> tuple[str, ...]:
+    """Return where to connect to: as given, as the environment says, or found on this computer.
+
+    Raises:
+        TransportError: nothing is known of the board here.
+    """
+    text = given or os.environ.get(places.VARIABLE, "")
+    if text:
+        return tuple(text.split(","))
+    found = places.endpoints_at(places.board_place(board)) or places.endpoints_at(
+        places.router_place()
+    )
+    if not found:
+        raise TransportError(
+            f'zenoh:{board} cannot be opened: no board called "{board}" and no router runs on this'
+            f" computer; write zenoh:{board}?connect=tcp/HOST:PORT, or set {places.VARIABLE} to the"
+            " endpoint of a router"
+        )
+    return found
+
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5
@@ -60,7 +101,7 @@ class Sent:
         silent_since: when it was first found that nobody answers; 0 if somebody may.
     """
 
-    link: ZenohLink
+    link: ZenohBoardLink
     number: int
     data: bytes
     sent: float = 0.0
@@ -98,7 +139,7 @@ class Sent:
         return self.over != self.sendings
 
 
-_open: WeakSet[ZenohLink] = WeakSet()
+_open: WeakSet[ZenohBoardLink] = WeakSet()
 
 
 def _close_all() -> None:
@@ -118,7 +159,7 @@ atexit.register(_close_all)
 os.register_at_fork(after_in_child=_forked)
 
 
-class ZenohLink(Link):
+class ZenohBoardLink(BoardLink):
     """An open link to the bus of a chip, or to all of a board.
 
     Its descriptor becomes readable when replies or events are here.
@@ -447,7 +488,7 @@ class ZenohLink(Link):
         )
 
 
-def open_zenoh(rest: str) -> ZenohLink:
+def open_zenoh(rest: str) -> ZenohBoardLink:
     """Open ``BOARD/CHIP?connect=ENDPOINT``, what stands behind ``zenoh:``.
 
     Raises:
@@ -470,7 +511,7 @@ def open_zenoh(rest: str) -> ZenohLink:
     security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
-        link = ZenohLink(where, keys.bus(*chunks), session, endpoints, security, patience)
+        link = ZenohBoardLink(where, keys.bus(*chunks), session, endpoints, security, patience)
         link.open()
         return link
     except BaseException:

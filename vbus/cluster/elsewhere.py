@@ -6,7 +6,7 @@ from typing import Any, Final
 import msgspec
 
 from vbus.cluster.node_link import NodeLink
-from vbus.cluster.ordering import Request, read_answer
+from vbus.cluster.ordering import NodeRequest, read_answer
 from vbus.cluster.peers import Peers
 from vbus.cluster.timebase import LET_IN
 from vbus.errors import VbusError
@@ -47,7 +47,7 @@ class Elsewhere:
             except VbusError as error:
                 reply({"error": str(error)})
 
-        asked = msgspec.json.encode(Request(plan.digest, save=number))
+        asked = msgspec.json.encode(NodeRequest(plan.digest, save=number))
         self._link.ask(plan.rank(str(name)), asked, ASK_SECONDS, take)
 
     def _done(self, name: str, number: int, data: bytes) -> Any:

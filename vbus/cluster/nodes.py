@@ -74,7 +74,7 @@ class NodeOptions:
 
 
 @dataclass(slots=True)
-class Outcome:
+class NodesOutcome:
     """What has come of a run.
 
     Attributes:
@@ -203,7 +203,7 @@ def serve_nodes(
     on_ready: Callable[[list[Server]], None] | None = None,
     report: Callable[[str], None] = print,
     before: Callable[[], Awaitable[None]] | None = None,
-) -> Outcome:
+) -> NodesOutcome:
     """Run nodes until their scenario is over, or until SIGINT or SIGTERM.
 
     Args:
@@ -222,12 +222,12 @@ def serve_nodes(
         VbusError: a file to write is another writer's.
     """
     with ExitStack() as owned:
-        run = _Run(file, source, options, report, before, owned)
+        run = _NodesRun(file, source, options, report, before, owned)
         run_until_signal(partial(run.serve, on_ready=on_ready))
     return run.outcome()
 
 
-class _Run:
+class _NodesRun:
     """Nodes of this process from their start to their end."""
 
     def __init__(
@@ -403,11 +403,11 @@ class _Run:
             self._records.lost.append(str(error))
             self._report(str(error))
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> NodesOutcome:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
         lost = [*self._records.lost, *self._peers.lost]
-        return Outcome(self._nodes, over, lost, **self._peers.figures())
+        return NodesOutcome(self._nodes, over, lost, **self._peers.figures())
 
 
 def _refuse(name: str, request: dict[str, Any]) -> NoReturn:

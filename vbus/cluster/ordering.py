@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from vbus.board.sections import BoardFile
-from vbus.cluster.saving import NO_ROUNDS, Part
+from vbus.cluster.saving import NO_ROUNDS, SavedNode
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
@@ -27,7 +27,7 @@ LABEL: Final = "order"
 NO_ORDER: Final = "this is no order"
 
 
-class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class NodeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What is asked of a node.
 
     Attributes:
@@ -61,14 +61,14 @@ class Answer(msgspec.Struct, frozen=True):
     taken: int = 0
     error: str = ""
     uncertainty: int = 0
-    part: Part | None = None
+    part: SavedNode | None = None
 
 
-_request: Final = msgspec.json.Decoder(Request)
+_request: Final = msgspec.json.Decoder(NodeRequest)
 _answer: Final = msgspec.json.Decoder(Answer)
 
 
-def read_request(data: bytes) -> Request:
+def read_request(data: bytes) -> NodeRequest:
     """Return what is asked of a node.
 
     Raises:
@@ -183,7 +183,7 @@ def order(
     try:
         root = f"vbus/{plan.board}/@nodes"
         here = [
-            _ask(session, f"{root}/{node}/orders", node, Request(plan.digest))
+            _ask(session, f"{root}/{node}/orders", node, NodeRequest(plan.digest))
             for node in plan.nodes
         ]
         vague = max(here, key=lambda answer: answer.uncertainty)
@@ -199,7 +199,7 @@ def order(
         for node in plan.nodes:
             mine = _lines_of(scenario, {chip for chip, home in homes.items() if home == node})
             if mine:
-                request = Request(plan.digest, at, mine)
+                request = NodeRequest(plan.digest, at, mine)
                 answers.append(_ask(session, f"{root}/{node}/orders", node, request))
     finally:
         session.close()  # type: ignore[no-untyped-call]
@@ -216,7 +216,7 @@ def _lines_of(scenario: Scenario, chips: set[str]) -> str:
     )
 
 
-def _ask(session: zenoh.Session, key: str, node: str, request: Request) -> Answer:
+def _ask(session: zenoh.Session, key: str, node: str, request: NodeRequest) -> Answer:
     for reply in session.get(key, payload=msgspec.json.encode(request), timeout=ANSWER_SECONDS):
         if reply.ok is None:
             continue

@@ -180,7 +180,7 @@ class Peers(Receiver):
         return None
 
     def figures(self) -> dict[str, Any]:
-        """Return what was measured: keys of :class:`~vbus.cluster.nodes.Outcome`."""
+        """Return what was measured: keys of :class:`~vbus.cluster.nodes.NodesOutcome`."""
         raise NotImplementedError
 
     # -- life ----------------------------------------------------------------------------------

@@ -22,12 +22,10 @@ class Process:
     Attributes:
         name: the text that the nodes have as ``process``; without one the node's own name.
         nodes: their names, in the order of the board file.
-        image: what a container of it is made from; empty if the board file does not say.
     """
 
     name: str
     nodes: tuple[str, ...]
-    image: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +54,9 @@ def processes_of(file: BoardFile) -> tuple[Process, ...]:
             f'{file.path}: there is no [nodes.NAME]; "vbus run" runs a board without nodes'
         )
     nodes: dict[str, list[str]] = {}
-    images: dict[str, str] = {}
     for node in file.nodes:
-        name = node.process or node.name
-        nodes.setdefault(name, []).append(node.name)
-        images[name] = images.get(name) or node.image
-    return tuple(Process(name, tuple(nodes[name]), images[name]) for name in nodes)
+        nodes.setdefault(node.process or node.name, []).append(node.name)
+    return tuple(Process(name, tuple(names)) for name, names in nodes.items())
 
 
 def endpoint_parts(endpoint: str) -> tuple[str, str, int]:

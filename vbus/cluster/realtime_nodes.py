@@ -3,23 +3,81 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
 from vbus.board.board import Board
 from vbus.board.sections import BoardFile
-from vbus.cluster.node_clock import ClockEstimate, monotonic_clock
 from vbus.cluster.ordering import Answer, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
-from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
+from vbus.nodes.messages import Mark, Message, Ping, Pong, WireEdges
 from vbus.nodes.node import Edge, Node
 from vbus.server.pacer import Pacer
+
+KEPT: Final = 64
+"""Exchanges looked back at."""
+ENOUGH: Final = 6
+"""Exchanges after which the estimate is used."""
+
+
+def monotonic_clock() -> str:
+    """Return what names the clock that counts here: processes with one name read one clock.
+
+    It counts from the start of this computer, and from elsewhere in a time namespace of its own.
+    Empty if the system does not tell.
+    """
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        return f"{boot} {os.readlink('/proc/self/ns/time')}"
+    except OSError:
+        return ""
+
+
+class ClockEstimate:
+    """The offset between two clocks from exchanges of messages, as NTP does it.
+
+    A message and its answer give four instants. The fastest exchange of late is believed: queues
+    only make exchanges slower. The true offset differs from the estimate by at most half of that
+    exchange's round trip, whatever the two ways share it.
+    """
+
+    def __init__(self) -> None:
+        self._exchanges: deque[tuple[int, int]] = deque(maxlen=KEPT)
+        self.offset: int = 0
+        """The other clock minus this one (ns)."""
+        self.uncertainty: int = -1
+        """At most this far from the truth (ns); -1: nothing is known."""
+        self.shared: bool = False
+        """Whether both go by one clock."""
+
+    def share(self) -> None:
+        """Both go by one clock: there is nothing to estimate."""
+        self.shared = True
+        self.offset = self.uncertainty = 0
+
+    def add(self, sent: int, came: int, answered: int, back: int) -> None:
+        """Take one exchange: sent and back by this clock, came and answered by the other (ns)."""
+        trip = (back - sent) - (answered - came)
+        if trip < 0:
+            return
+        self._exchanges.append((trip, ((came - sent) + (answered - back)) // 2))
+        best, self.offset = min(self._exchanges)
+        self.uncertainty = (best + 1) // 2
+
+    @property
+    def good(self) -> bool:
+        """Whether there have been enough exchanges."""
+        return self.shared or len(self._exchanges) >= ENOUGH
+
 
 HEAD_START_NS: Final = 300_000_000
 """Wall time between agreeing on the epoch and the epoch itself."""
@@ -211,7 +269,7 @@ class RealTime(Peers):
                 if other is not node:
                     self._accept(other, edges)
             number = self._sent[node.rank]
-            self.send(node.rank, Edges(self.plan.digest, node.rank, number, tuple(edges)))
+            self.send(node.rank, WireEdges(self.plan.digest, node.rank, number, tuple(edges)))
             self._sent[node.rank] = number + 1
         if self._until >= 0 and self._done_at < 0:
             if all(mine.board.now > self._until for mine in self.nodes.values()):
@@ -276,7 +334,7 @@ class RealTime(Peers):
                 )  # fmt: skip
         elif isinstance(message, Pong):
             self._answered(message)
-        elif isinstance(message, Edges):
+        elif isinstance(message, WireEdges):
             self._look_for_gap(rank, message.round)
             for node in self.nodes.values():
                 self._accept(node, message.edges)

@@ -9,7 +9,7 @@ from vbus.nodes.conductor import Conductor
 NO_ROUNDS: Final = "a snapshot is for virtual time; this board is realtime"
 
 
-class Part(msgspec.Struct, frozen=True):
+class SavedNode(msgspec.Struct, frozen=True):
     """What a snapshot of a machine has of one node; bytes travel in base64.
 
     Attributes:
@@ -29,13 +29,13 @@ class Part(msgspec.Struct, frozen=True):
     data: bytes
 
 
-def saved(conductor: Conductor) -> Part:
+def saved(conductor: Conductor) -> SavedNode:
     """Return the part of a node that has just ended a round."""
     board = conductor.node.board
     hosts = [
         (port.label, tuple(chip.name for chip in port.chips), port.cycle_ps) for port in board.ports
     ]
-    return Part(
+    return SavedNode(
         conductor.participant.round, board.now, board.file, board.text, tuple(hosts),
         conductor.save(),
     )  # fmt: skip

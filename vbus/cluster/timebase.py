@@ -1,6 +1,7 @@
 """Nodes that keep one virtual time: what is granted is run, what was lost is asked for."""
 
 import asyncio
+import heapq
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -8,18 +9,56 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
+from vbus.board.board import Board
 from vbus.board.sections import BoardFile
-from vbus.cluster.granted import GrantedPacer
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.saving import saved
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
-from vbus.nodes.messages import Message, Need, Report, Reports
+from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
+
+
+class GrantedPacer(Pacer):
+    """Wakes sessions when a grant has reached what they wait for.
+
+    Args:
+        board: the node's board, in lockstep or slaved time.
+        changed: called when a host has done something, so that time may run on.
+    """
+
+    def __init__(self, board: Board, changed: Callable[[], None]) -> None:
+        super().__init__(board)
+        self._changed: Callable[[], None] = changed
+
+    def catch_up(self) -> bool:
+        """Do nothing: time is where its nodes have brought it."""
+        return True
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Serve sessions from here on."""
+        self._loop = loop
+
+    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
+        """Call back when the grant includes ``instant`` (ps)."""
+        self._wake_number += 1
+        heapq.heappush(self._wakes, (instant, self._wake_number, callback))
+        self._changed()
+
+    def touched(self) -> None:
+        """A host has been served: it may want time now."""
+        self._changed()
+
+    def granted(self) -> None:
+        """Time may run further: go on with the sessions that waited for it."""
+        if self.board.limit > self._near:
+            self._nearing(self.board.limit)
+        self._wake(self.board.limit)
+
 
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
@@ -69,7 +108,7 @@ class Timebase(Peers):
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
         self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
-        self._to_send: list[Report] = []
+        self._to_send: list[NodeReport] = []
         """Reports of this turn; they travel as one message."""
 
     # -- life -----------------------------------------------------------------------------------
@@ -133,7 +172,7 @@ class Timebase(Peers):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _share(self, rank: int, report: Report) -> None:
+    def _share(self, rank: int, report: NodeReport) -> None:
         for other, conductor in self._mine.items():
             if other != rank:
                 conductor.participant.receive(report)
@@ -162,7 +201,7 @@ class Timebase(Peers):
 
     def deliver(self, rank: int, message: Message) -> None:
         """Take reports, or that reports are lacking."""
-        if isinstance(message, Report):
+        if isinstance(message, NodeReport):
             self._take(message)
         elif isinstance(message, Reports):
             for report in message.reports:
@@ -171,7 +210,7 @@ class Timebase(Peers):
         elif isinstance(message, Need) and message.other in self._mine:
             self._resend(message.other, self._peers[rank].name, message.round)
 
-    def _take(self, report: Report) -> None:
+    def _take(self, report: NodeReport) -> None:
         other = self._peers[report.node]
         for conductor in self.conductors:
             conductor.participant.receive(report)
@@ -292,7 +331,7 @@ class Timebase(Peers):
 
         Args:
             rank: of the node.
-            data: a :class:`~vbus.cluster.ordering.Request`.
+            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
             answer: takes a :class:`~vbus.cluster.ordering.Answer`.
         """
         conductor = self._mine[rank]

@@ -1,18 +1,22 @@
-"""Watching a board for a condition: what is looked at, and when."""
+"""Watching a board for a condition: what is looked at, and when; and the loop that waits for it."""
 
 from collections.abc import Callable
 from typing import Final
 
+from vbus.chips.packets import Packet
 from vbus.circuit.circuit import Circuit
-from vbus.events.condition import VIOLATION, Condition, Course
+from vbus.circuit.stream import PacketReader
+from vbus.errors import VbusError
+from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
 from vbus.kernel import MS, NEVER, Timer
-from vbus.signals import Observer, Violation
+from vbus.protocols.quantities import format_instant
+from vbus.signals import Violation
 
 LOOK: Final = MS
 """How often at least a chip is looked into that somebody outside may wake at any time."""
 
 
-class Watch(Observer):
+class Watch(PacketReader):
     """Looks at a board for a condition.
 
     Edges, violations and bus cycles are taken down as they happen; values are looked at by
@@ -24,6 +28,7 @@ class Watch(Observer):
         board: the board.
         what: what the condition is called in messages.
         met: is called at the instant at which it holds.
+        anew: what holds from the beginning must cease to first, and again after each time.
 
     Raises:
         ConditionError: the condition is none, or names what the board does not have.
@@ -35,12 +40,16 @@ class Watch(Observer):
         board: Circuit,
         what: str = "condition",
         met: Callable[[], None] | None = None,
+        anew: bool = False,
     ) -> None:
         self.condition: Condition = Condition(text, board, what)
         self.board: Circuit = board
         self._met: Callable[[], None] | None = met
         self._timer = self.timer() if met is not None else None
         self._watching = False
+        self._anew = anew
+        self._held = False
+        """Whether it has held at the last look, if that counts."""
         self._course = Course(broken=dict(board.counters))
         self._chips = [board.chip(name) for name in self.condition.chips()]
         self._nets = [one.net for one in self.condition.levels.values() if one.net is not None]
@@ -56,6 +65,7 @@ class Watch(Observer):
             net.observe(self)
         if self._chips or self.condition.events:
             self.board.observe(self)
+        self._held = self._anew and self.look()
         if self._timer is not None:
             self._timer.at(self.board.now)
 
@@ -72,6 +82,14 @@ class Watch(Observer):
             self._timer.cancel()
 
     # -- what happens -------------------------------------------------------------------------
+
+    def reads(self) -> bool:
+        """Tell whether the condition is about commands."""
+        return bool(self.condition.commands)
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down a command: it has come at the end of its packet."""
+        self.happen(COMMAND, chip, packet.text)
 
     def edge(self, when: int, net: str, level: int) -> None:
         """Take down an edge."""
@@ -106,15 +124,21 @@ class Watch(Observer):
         return self.condition.holds(self._course, self.board.now)
 
     def next_look(self) -> int:
-        """Return the next instant at which it may hold though nothing happens outside (ps)."""
+        """Return the next instant at which it may hold though no host does anything (ps)."""
+        return max(min(self._next_change(), self.board.next_due()), self.board.now + 1)
+
+    def _next_change(self) -> int:
+        """Return the same for a watch that is told of edges (ps)."""
         changes = [chip.next_change() for chip in self._chips]
         return max(min([self._course.due, *changes]), self.board.now + 1)
 
     def _look(self) -> None:
-        if self.look() and self._met is not None:
+        held, before = self.look(), self._held
+        self._held = self._anew and held
+        if held and not before and self._met is not None:
             self._met()
             return
-        due = self.next_look()
+        due = self._next_change()
         if self._chips:
             due = min(due, self.board.now + LOOK)
         if self._timer is not None and due < NEVER:
@@ -130,3 +154,64 @@ class Watch(Observer):
         """Return what the levels are, for people."""
         values = self._course.values
         return ", ".join(f"{key} is {values[key]}" for key in self.condition.levels)
+
+
+class Holds:
+    """Tells, look by look, whether a condition holds; a board not looked at before begins anew.
+
+    Args:
+        text: the condition.
+        board: a board for its names, or one like it.
+
+    Attributes:
+        stays: whether it holds for ever once it does.
+
+    Raises:
+        ConditionError: it is none, or names what the board does not have.
+    """
+
+    def __init__(self, text: str, board: Circuit) -> None:
+        self._text = text
+        self._watch: Watch | None = None
+        self.stays: bool = Watch(text, board).condition.stays
+
+    def __call__(self, board: Circuit) -> bool:
+        """Tell whether it holds on a board that is up to date."""
+        if self._watch is None or self._watch.board is not board:
+            self._watch = Watch(self._text, board)
+            self._watch.begin()
+        return self._watch.look()
+
+
+def wait_until(board: Circuit, condition: str, within: int) -> int:
+    """Let time pass until a condition holds, or not at all if it does; return that instant (ps).
+
+    Args:
+        board: a board whose time is nobody else's.
+        condition: the condition.
+        within: chip time in which it must come to hold (ps).
+
+    Raises:
+        VbusError: it makes no sense on this board, or has not come to hold in time.
+    """
+    watch = Watch(condition, board)
+    watch.begin()
+    begun = board.now
+    try:
+        while not watch.look():
+            if board.now >= begun + within:
+                raise VbusError(not_met(watch, begun, within))
+            board.pass_until(min(watch.next_look(), begun + within))
+    finally:
+        watch.end()
+        board.catch_up()
+    return board.now
+
+
+def not_met(watch: Watch, begun: int, within: int) -> str:
+    """Return a sentence about a condition that has not come to hold."""
+    found = watch.found()
+    return (
+        f'"{watch.condition.text}" has not come to hold within {format_instant(within)} of chip'
+        f" time, since {format_instant(begun)}{'; ' if found else ''}{found}"
+    )

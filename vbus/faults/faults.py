@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from heapq import heappop, heappush
 from typing import ClassVar, Final
 
@@ -10,7 +10,6 @@ from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
-from vbus.faults.parameters import check_parameters
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
@@ -28,10 +27,52 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import ConditionWatch, CycleWatcher, write_of
+from vbus.faults.watch import ConditionWatch, write_of
 from vbus.kernel import US
+from vbus.options import Option, Value, with_defaults
+from vbus.signals import Observer
 from vbus.state import Names
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import allowed, check_value, listed, quoted, suggestion
+from vbus.values.units import DIMENSIONS
+
+
+def check_parameters(fault: Fault, given: Mapping[str, object]) -> dict[str, Value]:
+    """Return every parameter of ``fault``: as given, or its default.
+
+    Raises:
+        ValueError: one it does not have, or a value that cannot be; says what is allowed.
+    """
+    rows = {row.name: row for row in fault.parameters}
+    result: dict[str, Value] = {row.name: row.default for row in fault.parameters}  # type: ignore[misc]
+    for key, value in given.items():
+        row = rows.get(key)
+        if row is None:
+            hint = suggestion(key, rows)
+            raise ValueError(f'{fault.name} has no "{key}"; {hint}it has {listed(rows)}')
+        result[key] = _value(fault, row, value)
+    _fits(fault, result)
+    return result
+
+
+def _value(fault: Fault, row: Option, value: object) -> Value:
+    try:
+        if row.kind in DIMENSIONS and isinstance(value, int | float):
+            return with_defaults((row,), {row.name: value})[row.name]
+        if row.kind in ("count", "ratio") and isinstance(value, str):
+            value = int(value, 0) if row.kind == "count" else float(value)
+        return check_value(value, row)
+    except ValueError as error:
+        reason = str(error) if "invalid literal" not in str(error) else allowed(row)
+        raise ValueError(f"{fault.name}: {row.name} = {quoted(value)}: {reason}") from None
+
+
+def _fits(fault: Fault, values: dict[str, Value]) -> None:
+    if fault.name == "index_double" and int(values["distance"]) % 4:
+        raise ValueError(
+            f"index_double: distance = {values['distance']}: an index lies where A and B are low,"
+            " so write a multiple of 4"
+        )
+
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
@@ -46,7 +87,7 @@ _CALL: Final = 4
 _STOP: Final = 5
 
 
-class Faults:
+class Faults(Observer):
     """What is broken, or will be, on one board; ``board.faults``.
 
     Everything happens at exact instants of chip time: a trigger that is met by a bus cycle or an
@@ -64,7 +105,7 @@ class Faults:
         "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
         "acts: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_board", "_watcher", "_timer", "log")
+    WIRING: ClassVar[Names] = ("_board", "_timer", "log")
     DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
 
     def __init__(self, board: Circuit) -> None:
@@ -77,7 +118,6 @@ class Faults:
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
         self._timer = board.kernel.timer(self._due, saved=False)
-        self._watcher: CycleWatcher = CycleWatcher(self._cycle)
         self._watching: bool = False
 
     @property
@@ -259,7 +299,9 @@ class Faults:
         gap = 1 + (2 * armed.when.number * armed.draws >> 32)
         self._push(self._board.now + gap, _BEGIN, armed.number)
 
-    def _cycle(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
         """A bus cycle has been made: what waited for it begins, what was to last for it ends."""
         names = chip.split("+")
         for armed in self.live():
@@ -389,9 +431,9 @@ class Faults:
         if wanted != self._watching:
             self._watching = wanted
             if wanted:
-                self._board.observe(self._watcher)
+                self._board.observe(self)
             else:
-                self._board.unobserve(self._watcher)
+                self._board.unobserve(self)
 
     def _note(self, order: str, values: list[object]) -> None:
         for observer in (*self._board.listeners, *self._board.observers):

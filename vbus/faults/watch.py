@@ -1,7 +1,6 @@
-"""What triggers look at: bus cycles, commands, edges."""
+"""What triggers look at: conditions, and the first bytes of commands."""
 
 from collections.abc import Callable
-from typing import ClassVar
 
 from vbus import plugins
 from vbus.chips.base import Chip
@@ -9,28 +8,8 @@ from vbus.circuit.circuit import Circuit
 from vbus.events.condition import COMMAND
 from vbus.events.watch import Watch
 from vbus.kernel import Timer
-from vbus.signals import Observer
-from vbus.state import Names
 from vbus.values.lexer import ConditionError
 from vbus.values.settings import listed, suggestion
-
-Cycle = Callable[[int, str, bool, int, int], None]
-"""Is told of a bus cycle: instant, chips, write, address, byte."""
-
-
-class CycleWatcher(Observer):
-    """Sees whole bus cycles, in the place of somebody who wants to hear of them."""
-
-    WIRING: ClassVar[Names] = ("*",)
-
-    def __init__(self, tell: Cycle) -> None:
-        self._tell: Cycle = tell
-
-    def bus_cycle(
-        self, when: int, host: str, chip: str, write: bool, address: int, data: int
-    ) -> None:
-        """Pass it on."""
-        self._tell(when, chip, write, address, data)
 
 
 class ConditionWatch(Watch):
@@ -64,6 +43,10 @@ class ConditionWatch(Watch):
             if of is None:
                 raise ValueError(f'when = "{text}": a fault of a link or a wire has no command')
             self._writes.append((of.name, wanted, write_of(of, wanted)))
+
+    def reads(self) -> bool:
+        """Read no packets: commands are known by their first byte."""
+        return False
 
     def timer(self) -> Timer:
         """Return a timer that hosts' promises heed: what a fault does, they notice."""

@@ -203,7 +203,7 @@ class Glue:
     """
 
     STATE: ClassVar[Names] = ("parts: parts",)
-    WIRING: ClassVar[Names] = ("_blocks", "_kernel", "_swings", "_watcher", "order")
+    WIRING: ClassVar[Names] = ("_blocks", "_kernel", "_swings", "_watcher", "order", "pins")
     DERIVED: ClassVar[Names] = ("_batch", "_turns")
 
     def __init__(self, kernel: Kernel, swings: Callable[[str], None]) -> None:
@@ -212,6 +212,8 @@ class Glue:
         self._batch: int = -1
         self._turns: int = 0
         self.parts: list[GluePart] = []
+        self.pins: dict[str, Pin] = {}
+        """Pins of all parts, by "part.pin"."""
         self.order: list[tuple[str, int]] = []
         """Name of the part and number of the block, of all that follow one another, in order."""
         self._blocks: list[GlueBlock] = []
@@ -225,6 +227,8 @@ class Glue:
     def add(self, part: GluePart) -> None:
         """Put a part on the board: it follows its inputs from now on."""
         self.parts.append(part)
+        for name, pin in part.pins.items():
+            self.pins.setdefault(f"{part.name}.{name}", pin)
         for block in part.blocks:
             self._blocks.append(block)
             block.after_load()
@@ -264,11 +268,14 @@ class Glue:
 
     def leading_to(self, nets: Iterable[Net]) -> list[GlueBlock]:
         """Return the blocks that decide about the levels of some nets."""
+        drivers: dict[int, list[GlueBlock]] = {}
+        for block in self._blocks:
+            for net in dict.fromkeys(pin.net for pin in block.outputs):
+                drivers.setdefault(id(net), []).append(block)
         waiting, found = list(nets), dict[int, GlueBlock]()
         while waiting:
-            net = waiting.pop()
-            for block in self._blocks:
-                if id(block) not in found and any(pin.net is net for pin in block.outputs):
+            for block in drivers.get(id(waiting.pop()), ()):
+                if id(block) not in found:
                     found[id(block)] = block
                     waiting += [pin.net for pin, _ in block.inputs]
         return list(found.values())

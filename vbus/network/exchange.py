@@ -14,7 +14,7 @@ MOST_STORED: Final = 16 << 20
 """Bytes of replies kept for a host that does not acknowledge them."""
 
 
-class _Message:
+class _Received:
     """A message that came, and the way back to whoever asked."""
 
     __slots__ = ("answer", "data", "refuse")
@@ -39,8 +39,8 @@ class Exchange:
     def __init__(self, carry_out: Callable[[bytes], None]) -> None:
         self._carry_out: Callable[[bytes], None] = carry_out
         self.following: int = 0
-        self._arrived: dict[int, _Message] = {}
-        self._current: _Message | None = None
+        self._arrived: dict[int, _Received] = {}
+        self._current: _Received | None = None
         self._stored: dict[int, bytes] = {}
         self._stored_bytes: int = 0
         self._running: bool = False
@@ -54,7 +54,7 @@ class Exchange:
             refuse(GONE, self._ended)
             return
         self._forget(acknowledged)
-        message = _Message(data, answer, refuse)
+        message = _Received(data, answer, refuse)
         if number in self._stored:
             answer(self._stored[number])
         elif number == self.following - 1 and self._current is not None:

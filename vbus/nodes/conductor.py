@@ -8,7 +8,7 @@ import msgpack
 from vbus.errors import SnapshotError
 from vbus.kernel import MS, NEVER
 from vbus.nodes.host import NodeBus
-from vbus.nodes.messages import Report
+from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
 from vbus.state import save
@@ -93,7 +93,7 @@ class Conductor:
 
     # -- running ------------------------------------------------------------------------------
 
-    def poll(self) -> Report | None:
+    def poll(self) -> NodeReport | None:
         """Do what can be done now: at most one slice of time, or the end of a round.
 
         Returns:
@@ -135,7 +135,7 @@ class Conductor:
             while self.outside:
                 self.outside.pop(0)()
 
-    def _report(self) -> Report:
+    def _report(self) -> NodeReport:
         waited = [port.hold_until for port in self._hosts() if port.wants_time]
         # Before that instant the node sends no edge of its own.
         following = min([self.node.board.kernel.next_due, *waited])

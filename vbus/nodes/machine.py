@@ -7,7 +7,7 @@ from vbus.board.source import Source
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.host import NodeBus
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore
-from vbus.nodes.messages import Report
+from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, build_node, plan_of
 from vbus.nodes.scenario import Scenario
@@ -116,7 +116,7 @@ class Machine:
             participant = conductor.participant
             self._share(conductor, participant.log[participant.round])
 
-    def _share(self, conductor: Conductor, report: Report) -> None:
+    def _share(self, conductor: Conductor, report: NodeReport) -> None:
         for other in self.conductors:
             if other is not conductor:
                 other.participant.receive(report)

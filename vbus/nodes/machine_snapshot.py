@@ -10,7 +10,7 @@ from typing import Annotated, Final
 import msgpack
 import msgspec
 
-from vbus.board.sealed import seal, unseal
+from vbus.board.snapshot import seal, unseal
 from vbus.errors import SnapshotError
 from vbus.kernel import NEVER
 from vbus.nodes.conductor import Conductor

@@ -28,7 +28,7 @@ class NodeMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_f
     round: int
 
 
-class Report(NodeMessage, frozen=True, tag="r"):
+class NodeReport(NodeMessage, frozen=True, tag="r"):
     """A node has done everything before an instant.
 
     Attributes:
@@ -51,7 +51,7 @@ class Reports(NodeMessage, frozen=True, tag="s"):
         reports: in the order in which they were made.
     """
 
-    reports: tuple[Report, ...]
+    reports: tuple[NodeReport, ...]
 
 
 class Alive(NodeMessage, frozen=True, tag="a"):
@@ -106,7 +106,7 @@ class Pong(NodeMessage, frozen=True, tag="q"):
     shared: bool = False
 
 
-class Edges(NodeMessage, frozen=True, tag="w"):
+class WireEdges(NodeMessage, frozen=True, tag="w"):
     """Edges on wires, in real time.
 
     Attributes:
@@ -128,7 +128,7 @@ class Mark(NodeMessage, frozen=True, tag="m"):
     uncertainty: int = 0
 
 
-Message = Report | Reports | Alive | Need | Ping | Pong | Edges | Mark
+Message = NodeReport | Reports | Alive | Need | Ping | Pong | WireEdges | Mark
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoder: Final = msgspec.msgpack.Decoder(Message)
@@ -179,12 +179,12 @@ def _wrong(message: Message, nodes: int, wires: int) -> str:
         return f"node {message.other} of {nodes}"
     if isinstance(message, Mark) and message.uncertainty < 0:
         return f"an uncertainty of {message.uncertainty} ns"
-    if isinstance(message, Edges):
+    if isinstance(message, WireEdges):
         return _wrong_edges(message.node, message.edges, wires, NEVER)
     if isinstance(message, Reports):
         wrong = (_wrong(report, nodes, wires) for report in message.reports)
         return next(filter(None, wrong), "")
-    if isinstance(message, Report):
+    if isinstance(message, NodeReport):
         if not 0 <= message.horizon <= message.following <= NEVER:
             return f"horizon {message.horizon}, next event {message.following}"
         if message.until > NEVER:

@@ -106,7 +106,7 @@ def _digest(file: BoardFile) -> str:
     rate = file.board.rate if file.board.time == "realtime" else 1.0
     board = msgspec.structs.replace(file.board, rate=rate, stall="catch_up")
     nodes = tuple(
-        msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="", process="", image="")
+        msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="", process="")
         for node in file.nodes
     )
     core = msgspec.structs.replace(

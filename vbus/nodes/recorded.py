@@ -10,7 +10,7 @@ from vbus.nodes.plan import Plan, plan_of
 from vbus.trace.journal.format import Header
 
 
-class Recorded:
+class RebuiltBoard:
     """What a journal was recorded on, made again, at instant 0.
 
     Args:

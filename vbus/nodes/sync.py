@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER
-from vbus.nodes.messages import MOST_WIRES, Report, decode, encode
+from vbus.nodes.messages import MOST_WIRES, NodeReport, decode, encode
 from vbus.nodes.node import Edge
 from vbus.state import Names, Saved, plan
 from vbus.state.kinds import Load
@@ -50,15 +50,15 @@ class Participant:
         self.round: int = 0
         self.granted: int = 0
         self.rested: bool = False
-        self.log: dict[int, Report] = {}
+        self.log: dict[int, NodeReport] = {}
         """This node's own reports, for those who lack them."""
-        self._heard: dict[int, dict[int, Report]] = {}
+        self._heard: dict[int, dict[int, NodeReport]] = {}
         """Reports of this round and later ones, by round and node."""
         self.reported: bool = False
 
     # -- reports ------------------------------------------------------------------------------
 
-    def report(self, following: int, until: int, edges: list[Edge]) -> Report:
+    def report(self, following: int, until: int, edges: list[Edge]) -> NodeReport:
         """End this node's round: everything before the grant is done.
 
         Args:
@@ -68,7 +68,7 @@ class Participant:
         """
         if self.reported:
             raise ValueError(f"round {self.round} is reported already")
-        report = Report(
+        report = NodeReport(
             self.digest,
             self.me,
             self.round,
@@ -83,7 +83,7 @@ class Participant:
         self._heard.setdefault(self.round, {})[self.me] = report
         return report
 
-    def receive(self, report: Report) -> None:
+    def receive(self, report: NodeReport) -> None:
         """Take another node's report; one that is known already changes nothing.
 
         Raises:
@@ -173,14 +173,14 @@ class Participant:
         self._heard = {self.round: {self.me: self.log[self.round]}}
         self.reported = True
 
-    def _own(self, data: bytes) -> Report:
+    def _own(self, data: bytes) -> NodeReport:
         """Return a saved report.
 
         Raises:
             SnapshotError: another node made it, or it was made on another board.
         """
         report = decode(data, self.names[self.me], len(self.names), MOST_WIRES)
-        if not isinstance(report, Report) or report.node != self.me:
+        if not isinstance(report, NodeReport) or report.node != self.me:
             raise SnapshotError("the state was made by another node")
         if report.digest != self.digest:
             raise SnapshotError("the state was made with another board file or version")

@@ -49,7 +49,7 @@ class Field(Struct, frozen=True):
         return "u" + self.kind[5:] if self.counted else self.kind
 
 
-class Layout:
+class PayloadLayout:
     """The bytes behind an opcode or a tag: numbers of fixed size, then perhaps a run of bytes.
 
     Attributes:
@@ -114,7 +114,7 @@ class Reply(Struct, frozen=True):
     """
 
     tag: str
-    layout: Layout
+    layout: PayloadLayout
     title: str
 
     @property
@@ -138,7 +138,7 @@ class Request(Struct, frozen=True):
     name: str
     code: int
     title: str
-    layout: Layout = field(default_factory=Layout)
+    layout: PayloadLayout = field(default_factory=PayloadLayout)
     reply: str = ""
     span: int = 1
 
@@ -157,10 +157,10 @@ class Request(Struct, frozen=True):
         return bytes((self.code + address,)) + self.layout.pack(*values[1:])
 
 
-def _layout(text: str) -> Layout:
+def _layout(text: str) -> PayloadLayout:
     """Read ``"mask:u16 levels:u16"``."""
     parts = [part.split(":") for part in text.split()]
-    return Layout(*(Field(name, kind) for name, kind in parts))
+    return PayloadLayout(*(Field(name, kind) for name, kind in parts))
 
 
 class RequestTable:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
-from vbus.events.decode import BoardPackets, settings_for_decoders
+from vbus.circuit.stream import PacketReader, decoder_of
 from vbus.scope.frames import (
     ALL,
     CHIPS,
@@ -45,7 +45,7 @@ MOST_ROWS: Final = 8192
 Columns = Callable[[Sequence[float]], Column]
 
 
-class Recorder(BoardPackets):
+class Recorder(PacketReader):
     """Records every lane of a board from :meth:`start` to :meth:`stop`.
 
     Args:
@@ -63,8 +63,6 @@ class Recorder(BoardPackets):
         strobes: bool = False,
         late: Callable[[], Lateness] | None = None,
     ) -> None:
-        families = {chip.name: chip.FAMILY for chip in board.chips}
-        super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
         self.lanes: Lanes = Lanes(board, strobes and edges, late and late())
         self._late: Callable[[], Lateness] | None = late
@@ -85,6 +83,9 @@ class Recorder(BoardPackets):
         self._broken: dict[str, list[tuple[int, dict[str, Any]]]] = {}
         """Violations by chip that no packet has been told since."""
         self._hosts: set[str] = set()
+        self._commanded: set[str] = {
+            chip.name for chip in board.chips if isinstance(decoder_of(chip.FAMILY), CommandPackets)
+        }
         self._known_until: int = -1
         self._taken: int = 0
         """When frames were taken last (ps)."""
@@ -123,7 +124,8 @@ class Recorder(BoardPackets):
         """Record no more; may be called again."""
         if self._running:
             self._running = False
-            self.finish()
+            if self.board.stream is not None:
+                self.board.stream.finish(self)
             self.board.unobserve(self)
             for look in self._looks.values():
                 look.stop()
@@ -139,16 +141,16 @@ class Recorder(BoardPackets):
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
-        """Follow the packets, and look at a chip that rested."""
+        """Mark a host's first, and look at a chip that rested."""
         if host not in self._hosts:
             self._hosts.add(host)
             self._mark(when, host, "host")
-        super().bus_cycle(when, host, chip, write, address, data)
         for name in chip.split("+"):
             if name in self._looks:
                 self._looks[name].meet(write, address, data)
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down a packet."""
         clause = f"  [{packet.clause}]" if packet.clause else ""
         said = packet.text + clause, " ".join(map(_cycle, packet.cycles))
         label = self._labels.get(said)
@@ -171,13 +173,12 @@ class Recorder(BoardPackets):
             return VIOLATED
         if packet.kind != WHOLE:
             return OTHER
-        if isinstance(self._decoders[chip], CommandPackets):
+        if chip in self._commanded:
             return COMMAND
         return WRITTEN if packet.cycles[0].write else READ
 
     def violation(self, violation: Violation) -> None:
         """Mark a breach."""
-        super().violation(violation)
         v = violation
         mark = self._mark(v.when, f"{v.chip}: {v.detail}", "violation", v.rule, v.clause)
         self._broken.setdefault(v.chip, []).append((v.when, mark))

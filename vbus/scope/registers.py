@@ -13,7 +13,7 @@ from vbus.chips.base import Chip
 from vbus.chips.family import Family, InnerRegister
 from vbus.chips.packets import Decoder, RegisterPackets
 from vbus.chips.tables import Bit, Register
-from vbus.events.decode import decoder_of
+from vbus.circuit.stream import decoder_of
 from vbus.kernel import MS
 from vbus.scope.lane import Lane
 from vbus.scope.lanes import Lanes

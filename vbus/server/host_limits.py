@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.chips.packets import Packet
-from vbus.events.decode import BoardPackets, settings_for_decoders
+from vbus.chips.packets import Cycle, Packet
+from vbus.circuit.stream import PacketStream
 from vbus.faults.armed import BEGUN
 from vbus.kernel import END, MS, NEVER, SECOND
 from vbus.protocols.quantities import format_instant
 from vbus.server.polls import Polls
-from vbus.signals import Violation
+from vbus.signals import Observer, Violation
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.latest_lines import LatestLines
 
@@ -62,7 +62,7 @@ class Limits:
     wall: float = 60.0
 
 
-class Watch(BoardPackets):
+class HostWatch(Observer):
     """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
 
     Args:
@@ -86,10 +86,8 @@ class Watch(BoardPackets):
         over: Callable[[str], None] | None = None,
         times: bool = False,
     ) -> None:
-        super().__init__(
-            {chip.name: chip.FAMILY for chip in board.chips}, self._packet,
-            settings_for_decoders(board.chips),
-        )  # fmt: skip
+        self._stream: PacketStream = PacketStream.of(board.chips)
+        """Of its own: bus cycles are read late, and perhaps never."""
         self._connectors: set[str] = {chip.name for chip in board.chips if chip.CONNECTOR}
         self._reached: int = -1
         """Instant of the latest cycle at a chip: the access on a card's bus that has made it comes
@@ -151,7 +149,10 @@ class Watch(BoardPackets):
                 self._show(one)
             else:
                 self._read += 1
-                super().bus_cycle(*one)
+                when, _, names, write, address, data = one
+                cycle = Cycle(when, write, address, data)
+                for chip, packet in self._stream.decoded(names, cycle):
+                    self._packet(chip, packet)
         self._read_at = self.cycles + self._polls.left
 
     def _packet(self, chip: str, packet: Packet) -> None:
@@ -230,8 +231,8 @@ class Watch(BoardPackets):
         self._kept.append(violation)
 
     def _show(self, violation: Violation) -> None:
-        super().violation(violation)
-        if self.loses(violation):  # its cycle says so
+        self._stream.violation(violation)
+        if self._stream.loses(violation):  # its cycle says so
             return
         text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
         self._lines.add(violation.when, text)

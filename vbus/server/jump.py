@@ -44,7 +44,7 @@ class Onlooker(Protocol):
         """Hold and watch it again."""
 
 
-class Jump:
+class JumpBack:
     """``back``, for one served board.
 
     Args:

@@ -12,7 +12,7 @@ CROWDED: Final = 1024
 """Messages after which looking is tried again then."""
 
 
-class Patience:
+class SpinPolicy:
     """The patience of one session.
 
     It is lost for a while when nothing came, and for longer where others want the processor:

@@ -14,7 +14,6 @@ from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, write_errors
-from vbus.events.decode import settings_for_decoders
 from vbus.server.output_file import OutputFile, output
 from vbus.server.registry import journal_path
 from vbus.signals import Observer
@@ -174,7 +173,6 @@ class Recording:
             all_rules(),
             accepted,
             self._name,
-            settings_for_decoders(board.chips),
         )
         self._write_at_end("report", path, report, lambda: style(report))
 
@@ -187,9 +185,7 @@ class Recording:
             known = ", ".join(COVERAGE_FORMATS)
             raise VbusError(f"{path}: a coverage file's name ends in one of {known}")
         board = self._board
-        observer = CoverageObserver(
-            _families(board), board.name, settings_for_decoders(board.chips)
-        )
+        observer = CoverageObserver(_families(board), board.name)
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))
 
     def _wave(self, section: WaveSection) -> Callable[[], None]:

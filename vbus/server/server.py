@@ -4,16 +4,20 @@ import asyncio
 import json
 import logging
 import os
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
+from vbus.board.host_bus import HostBus
+from vbus.board.sections import HostSection
+from vbus.circuit.stream import settings_for_decoders
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
-from vbus.events.decode import settings_for_decoders
 from vbus.kernel import END
+from vbus.protocols.base import Protocol
+from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
@@ -27,7 +31,6 @@ from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
 from vbus.server.recording import Recording, no_journal
 from vbus.server.registry import control_path, own_board, runs_already, status_path, watch_path
-from vbus.server.serial_lines import on_line
 from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
@@ -38,8 +41,38 @@ from vbus.transports.runtime import mark_pause
 
 if TYPE_CHECKING:
     from vbus.scope.lanes import Lateness
-    from vbus.server.jump import Jump
-    from vbus.server.watching import Watcher
+    from vbus.server.jump import JumpBack
+    from vbus.server.watching import RemoteWatcher
+
+
+def on_line(host: HostSection, board: Board, port: HostBus, wire: Protocol) -> SerialLine | None:
+    """Return a wire format at the end of the line a host entry describes; None without a line.
+
+    Args:
+        host: the entry.
+        board: the board.
+        port: the session's port.
+        wire: the wire format, on that port.
+    """
+    modem = None
+    if any(host.driven.values()):
+        lines = ((DTR, host.dtr), (RTS, host.rts), (BREAK, host.breaks))
+        modem = ModemPins(
+            tuple((bit, number) for bit, pins in lines for number in _numbers(board, port, pins)),
+            tuple(_numbers(board, port, host.reset)),
+            host.change_time,
+        )
+    elif not host.baud:
+        return None
+    port.promises = not host.baud
+    return SerialLine(port, wire, frame_ps(host.baud, host.frame) if host.baud else 0, modem)
+
+
+def _numbers(board: Board, port: HostBus, pins: Iterable[str]) -> Iterable[int]:
+    """Return the numbers of the session's side pins that are on the nets of these, each once."""
+    nets = [board.find_pin(name).net for name in pins]
+    return [number for number, side in enumerate(port.pins.sides) if side.net in nets]
+
 
 log = logging.getLogger("vbus")
 
@@ -89,7 +122,7 @@ class Server:
         self.control.orders |= self.faults.orders()
         self.steps: Steps = Steps(board, self.pacer, self.sessions)
         self.control.orders |= self.steps.orders()
-        self._jump: Jump | None = None
+        self._jump: JumpBack | None = None
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
@@ -182,14 +215,16 @@ class Server:
         for session in self.sessions():
             session.tell_pause(paused)
 
-    def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> "Watcher":
-        from vbus.server.jump import Jump
-        from vbus.server.watching import Watcher
+    def _watcher(
+        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
+    ) -> "RemoteWatcher":
+        from vbus.server.jump import JumpBack
+        from vbus.server.watching import RemoteWatcher
 
         if self._jump is None:
-            self._jump = Jump(self.board, self.pacer, self.steps, self._onlookers)
+            self._jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
             self._jump.recording = self._recording
-        return Watcher(
+        return RemoteWatcher(
             loop, link, on_end, self.board, self.status(), self._late, self.control,
             self.steps, self._jump,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from vbus.protocols.port import HostPort
 from vbus.server.departures import Departures, by_claim
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
-from vbus.server.patience import LATE_NS, Patience
+from vbus.server.patience import LATE_NS, SpinPolicy
 from vbus.server.statistics import Histogram
 from vbus.server.turns import Turns
 from vbus.transports.base import Link, LinkFilter
@@ -98,7 +98,7 @@ class Session:
         self._hang_ups: HangUps = serving.hang_ups
         self._departures: Departures = serving.departures
         self._flush_scheduled: bool = False
-        self._patience: Patience = Patience()
+        self._patience: SpinPolicy = SpinPolicy()
         self._began: int = 0
         self._ended: int = 0
         self._finished: bool = False

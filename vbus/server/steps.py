@@ -63,10 +63,7 @@ class _Goal:
 
     def next_look(self) -> int:
         """Return the next instant at which it may be, though nothing is asked of the board."""
-        if self.watch is None:
-            return self._at
-        now = self._board.now
-        return max(min(self._board.next_due(), self.watch.next_look()), now + 1)
+        return self._at if self.watch is None else self.watch.next_look()
 
 
 class Steps(Observer):
@@ -169,10 +166,10 @@ class Steps(Observer):
             return _Goal(board, f"a sample of {chip.name}", due)
         if by not in STEPS:
             raise ValueError(f'there is no step by "{by}"; there are {", ".join(STEPS)}')
-        from vbus.events.until import PacketWatch
+        from vbus.events.watch import Watch
 
         text = str(request["until"]) if by == "condition" else f"changed({request['pin']})"
-        return _Goal(board, text, watch=PacketWatch(text, board))
+        return _Goal(board, text, watch=Watch(text, board))
 
     # -- doing it -----------------------------------------------------------------------------
 

@@ -44,13 +44,13 @@ import msgspec
 from vbus.board.board import Board
 from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
-from vbus.events.until import PacketWatch
+from vbus.events.watch import Watch
 from vbus.scope.frames import LASTING, numbers
 from vbus.scope.lanes import Lateness
 from vbus.scope.pin_recording import PinRecorder
 from vbus.scope.recording import Recorder
 from vbus.server.control import Control, refusal_of
-from vbus.server.jump import Jump
+from vbus.server.jump import JumpBack
 from vbus.server.local_socket import Connection, OnEnd
 from vbus.server.manual_host import ManualHost
 from vbus.server.steps import Steps
@@ -84,7 +84,7 @@ class _Wanted(msgspec.Struct):
     after: Annotated[int, msgspec.Meta(ge=-1)] = -1
 
 
-class _Text(io.StringIO):
+class _BufferedText(io.StringIO):
     """A text file whose text goes to a connection's buffer."""
 
     def __init__(self, buffer: bytearray) -> None:
@@ -103,7 +103,7 @@ class _Text(io.StringIO):
         return len(text)
 
 
-class Watcher(Connection, Observer):
+class RemoteWatcher(Connection, Observer):
     """Somebody who watches a board from another process.
 
     Args:
@@ -128,10 +128,10 @@ class Watcher(Connection, Observer):
         late: Callable[[], Lateness],
         control: Control,
         steps: Steps,
-        jump: Jump,
+        jump: JumpBack,
     ) -> None:
         super().__init__(loop, link, on_end)
-        self._jump: Jump = jump
+        self._jump: JumpBack = jump
         self._inside: bool = False
         self._samples: bool = True
         self.pending += status + b"\n"
@@ -146,7 +146,7 @@ class Watcher(Connection, Observer):
         self._late: Callable[[], Lateness] = late
         self._recorder: Recorder | None = None
         self._pins: PinRecorder | None = None
-        self._until: PacketWatch | None = None
+        self._until: Watch | None = None
 
     def begin(self) -> None:
         """Watch from now on."""
@@ -189,13 +189,13 @@ class Watcher(Connection, Observer):
                 self._begin_pins(PinRecorder(self._board, **asked["pins"]))
                 return
             if "until" in asked:
-                self._until = PacketWatch(str(asked["until"]), self._board, met=self._met)
+                self._until = Watch(str(asked["until"]), self._board, met=self._met)
                 self._until.begin()
                 self._lines.append(["waiting"])
                 return
             section = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
             self._wave = Wave(
-                self._board, _Text(self.pending), section.profile, section.signals,
+                self._board, _BufferedText(self.pending), section.profile, section.signals,
                 section.trigger, section.before, section.duration, section.sample,
             )  # fmt: skip
         except (ValueError, KeyError, TypeError, VbusError) as error:

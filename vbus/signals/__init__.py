@@ -3,7 +3,7 @@
 from vbus.signals.axis import Plant, Switch
 from vbus.signals.lane import nearest
 from vbus.signals.net import HIGH, LOW, Guard, Net, Pin, Watcher, Z
-from vbus.signals.observer import Observer
+from vbus.signals.observer import EdgeTaker, Observer
 from vbus.signals.tables import LaneRow, Rule, Violation
 from vbus.signals.trace_hash import TraceHash
 from vbus.signals.violation import OFF, STRICT, WARN, Policy
@@ -14,6 +14,7 @@ __all__ = [
     "OFF",
     "STRICT",
     "WARN",
+    "EdgeTaker",
     "Guard",
     "LaneRow",
     "Net",

@@ -1,8 +1,12 @@
 """Those who see everything and change nothing."""
 
+from collections.abc import Callable
+from typing import ClassVar
+
 from mypy_extensions import mypyc_attr
 
 from vbus.signals.tables import Violation
+from vbus.state import Names
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -37,3 +41,16 @@ class Observer:
 
     def settled(self, now: int) -> None:
         """Everything up to ``now`` (ps) has been reported; nothing earlier will come."""
+
+
+class EdgeTaker(Observer):
+    """Hands each edge to a function: its instant (ps), the name of its net, and the new level."""
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, take: Callable[[int, str, int], object]) -> None:
+        self._take: Callable[[int, str, int], object] = take
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Hand it on."""
+        self._take(when, net, level)

@@ -16,8 +16,8 @@ from vbus.state.kinds import (
     Octets,
     Real,
     Refused,
+    Repeated,
     Row,
-    Several,
     Sorted,
 )
 
@@ -130,7 +130,7 @@ def kind_of(text: str) -> Kind:
         each, *like = _split(inner[:-1])
         if outer in ("set", "heap"):
             return Sorted(MAKERS[outer], kind_of(each))
-        return Several(MAKERS[outer], kind_of(each), "".join(like).strip())
+        return Repeated(MAKERS[outer], kind_of(each), "".join(like).strip())
     raise ValueError(f"{text!r} is no kind of field")
 
 

@@ -193,7 +193,7 @@ class InPlace(Octets):
         return now
 
 
-class Several(Kind):
+class Repeated(Kind):
     """Several values of one kind: as many as ``like`` has, or ``"..."``, as the field has now."""
 
     def __init__(self, make: type, each: Kind, like: str = "...") -> None:
@@ -233,7 +233,7 @@ class Several(Kind):
         return self.make([take(value, None, load) for value in saved])
 
 
-class Sorted(Several):
+class Sorted(Repeated):
     """Several values whose order says nothing."""
 
     def save(self, value: Any) -> Any:

@@ -8,7 +8,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.kernel import MS, NEVER, SECOND, US
-from vbus.signals import Observer
+from vbus.signals import EdgeTaker, Observer
 from vbus.state import save
 from vbus.testing.finding import Nonconformance, demand, packed
 
@@ -19,15 +19,7 @@ Step = tuple[int, bool, int, int]
 """Pause before it (ps), whether it writes, address, byte."""
 
 
-class _Edges(Observer):
-    def __init__(self) -> None:
-        self.seen: list[tuple[int, str, int]] = []
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        self.seen.append((when, net, level))
-
-
-class _Run:
+class _CheckRun:
     """One board with one chip under test and one host."""
 
     def __init__(self, factory: Callable[[], Board], chip: str) -> None:
@@ -69,7 +61,7 @@ class _Run:
         self.board.run_for(MS)
         self.board.catch_up()
 
-    def play(self, steps: list[Step]) -> "_Run":
+    def play(self, steps: list[Step]) -> "_CheckRun":
         """Play all steps from power-on; whatever a host does, a chip goes on."""
         self.start()
         for number, step in enumerate(steps):
@@ -94,7 +86,7 @@ class _Run:
         return [(found.when, found.rule) for found in self.board.violations]
 
 
-class _ObservedRun(_Run):
+class _ObservedRun(_CheckRun):
     """Time comes in pieces, and somebody looks at the chip after each of them."""
 
     def wait(self, gap: int) -> None:
@@ -113,7 +105,7 @@ class _ObservedRun(_Run):
             self.state()
 
 
-class _SlicedRun(_Run):
+class _SlicedRun(_CheckRun):
     """The chip is looked at again and again while time passes."""
 
     def wait(self, gap: int) -> None:
@@ -140,12 +132,12 @@ def check_chip(
     Raises:
         Nonconformance: it does not; says what differs, and where.
     """
-    first = _Run(factory, chip)
+    first = _CheckRun(factory, chip)
     demand(first.board.policy == "lockstep", "check_chip wants a board in lockstep time")
     _declared(first.chip)
     steps = _garbage(first.chip, Random(seed), cycles)
     first.play(steps)
-    again = _Run(factory, chip).play(steps)
+    again = _CheckRun(factory, chip).play(steps)
     _same(first, again, "two runs with the same bus cycles differ: something is not repeatable")
     observed = _ObservedRun(factory, chip).play(steps)
     sentence = "looking at it (advance, next_event, telemetry, ready_at, save) changes its run"
@@ -182,7 +174,7 @@ def _garbage(chip: Chip, random: Random, cycles: int) -> list[Step]:
     ]
 
 
-def _same(one: _Run, other: _Run, sentence: str, strobes: bool = False) -> None:
+def _same(one: _CheckRun, other: _CheckRun, sentence: str, strobes: bool = False) -> None:
     """Demand that two runs came to the same end."""
     for number, (a, b) in enumerate(zip(one.replies, other.replies, strict=True)):
         demand(a == b, f"{one.name}: {sentence}: read {number} gave {a:02X}h, then {b:02X}h")
@@ -204,16 +196,18 @@ def _same(one: _Run, other: _Run, sentence: str, strobes: bool = False) -> None:
     demand(one.state() == other.state(), f"{one.name}: {sentence}: its state at the end differs")
 
 
-def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
+def _snapshots(
+    factory: Callable[[], Board], chip: str, steps: list[Step], first: _CheckRun
+) -> None:
     """A state that was saved and loaded goes on as the first one."""
     for place in (0, len(steps) // 3, len(steps) - 2):
-        before = _Run(factory, chip)
+        before = _CheckRun(factory, chip)
         before.start()
         for step in steps[:place]:
             before.step(step)
         saved = before.board.save()
         packed(before.name, save(before.chip))
-        after = _Run(factory, chip)
+        after = _CheckRun(factory, chip)
         # So that a field STATE leaves out is not right by chance.
         after.start()
         for step in steps[place : place + 20]:
@@ -232,10 +226,10 @@ def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first
         _same(first, after, f"saved and loaded at bus cycle {place}, it goes on differently")
 
 
-def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
+def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: _CheckRun) -> None:
     """Strobes on the nets give what whole cycles give."""
-    run = _Run(factory, chip)
-    run.chip.bus_net.observe(_Edges())
+    run = _CheckRun(factory, chip)
+    run.chip.bus_net.observe(Observer())
     _same(
         first,
         run.play(steps),
@@ -248,9 +242,10 @@ def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
     """No output changes before next_event() says so."""
     quick = _SlicedRun(factory, chip)
     seen = []
-    for run in (quick, _Run(factory, chip)):
-        edges = _Edges()
-        seen.append(edges.seen)
+    for run in (quick, _CheckRun(factory, chip)):
+        found: list[tuple[int, str, int]] = []
+        edges = EdgeTaker(lambda *edge, into=found: into.append(edge))
+        seen.append(found)
         for row in run.chip.pin_rows:
             if row.direction in ("out", "od") and not row.wave:
                 run.chip.pins[row.name].net.observe(edges)

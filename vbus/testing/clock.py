@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.events.until import wait_until
+from vbus.events.watch import wait_until
 from vbus.protocols.quantities import format_instant, picoseconds
 
 WITHIN: Final = "10 s"

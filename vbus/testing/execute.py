@@ -14,7 +14,7 @@ from vbus.errors import VbusError
 from vbus.kernel import SECOND
 from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
-from vbus.testing.programs import Outcome, run_program
+from vbus.testing.programs import ProgramOutcome, run_program
 from vbus.testing.tested_board import TestedBoard
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
@@ -41,7 +41,7 @@ class Execute:
         timeout: float = 60.0,
         longest: int | None = None,
         environment: Mapping[str, str] | None = None,
-    ) -> Outcome:
+    ) -> ProgramOutcome:
         """Run a program on the test's board and wait for its end.
 
         Paths are looked for beside the test first. ``{link}`` in an argument, and ``$VBUS_LINK``,

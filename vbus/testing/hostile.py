@@ -31,13 +31,13 @@ from vbus.options import Value
 from vbus.plugins import chip_class
 from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import HostStuck, Limits, Watch
-from vbus.testing.programs import Outcome, run_program
+from vbus.testing.limits import HostStuck, HostWatch, Limits
+from vbus.testing.programs import ProgramOutcome, run_program
 
 Host = Callable[[Bus], object] | Sequence[str]
 """A function that is given a client's bus, or a program with its arguments."""
 
-Judge = Callable[[Outcome], str]
+Judge = Callable[[ProgramOutcome], str]
 """Says in a sentence what is wrong with an outcome; "" if nothing is."""
 
 PHASES: Final = 32
@@ -47,7 +47,7 @@ PHASE: Final = 17 * US
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
+class Extremes:
     """One set of extremes.
 
     Attributes:
@@ -81,9 +81,9 @@ class Weakness:
         board: board file with these extremes: the host fails on it in every run.
     """
 
-    scenario: Scenario
+    scenario: Extremes
     reason: str
-    outcome: Outcome
+    outcome: ProgramOutcome
     board: str
 
     def __str__(self) -> str:
@@ -116,14 +116,14 @@ def extremes(file: BoardFile) -> list[tuple[str, str, tuple[Value, ...]]]:
     ]
 
 
-def possible(board: str, scenario: Scenario) -> bool:
+def possible(board: str, scenario: Extremes) -> bool:
     """Tell whether the chips of a board file (text) may have the extremes of a scenario."""
     file, _ = read_board_text(board)
     values = {(chip, key): values for chip, key, values in extremes(file)}
     return all(value in values.get((chip, key), ()) for chip, key, value in scenario.extremes)
 
 
-def with_extremes(text: str, scenario: Scenario) -> str:
+def with_extremes(text: str, scenario: Extremes) -> str:
     """Return a board file with the settings of ``scenario`` in it.
 
     Raises:
@@ -143,7 +143,7 @@ def with_extremes(text: str, scenario: Scenario) -> str:
 
 
 @st.composite
-def scenarios(draw: st.DrawFn, board: str) -> Scenario:
+def scenarios(draw: st.DrawFn, board: str) -> Extremes:
     """Draw scenarios for the board file ``board`` (text); they shrink to the fewest extremes."""
     file, _ = read_board_text(board)
     chosen = []
@@ -151,12 +151,12 @@ def scenarios(draw: st.DrawFn, board: str) -> Scenario:
         place = draw(st.integers(0, len(values)))
         if place:
             chosen.append((chip, key, values[place - 1]))
-    return Scenario(tuple(chosen), draw(st.integers(0, 9)), draw(st.integers(0, PHASES - 1)))
+    return Extremes(tuple(chosen), draw(st.integers(0, 9)), draw(st.integers(0, PHASES - 1)))
 
 
 def play(
-    board: str, host: Host, scenario: Scenario, limits: Limits | None = None, name: str = ""
-) -> Outcome:
+    board: str, host: Host, scenario: Extremes, limits: Limits | None = None, name: str = ""
+) -> ProgramOutcome:
     """Run a host under one scenario.
 
     Args:
@@ -181,9 +181,9 @@ def play(
         start = scenario.phase * PHASE
         return run_program(file, source, host, bounds, folder=folder, start=start)
     made = build(file, source)
-    watch = Watch(made, bounds)
+    watch = HostWatch(made, bounds)
     made.run_for(scenario.phase * PHASE)
-    outcome = Outcome()
+    outcome = ProgramOutcome()
     bus = connect_in_process(made)
     try:
         result = host(bus)
@@ -200,7 +200,7 @@ def play(
     return outcome
 
 
-def failed(outcome: Outcome) -> str:
+def failed(outcome: ProgramOutcome) -> str:
     """Say what is wrong with a host that hangs or ends with another exit code than 0."""
     if outcome.stuck:
         return f"the host hangs: {outcome.stuck}"
@@ -208,8 +208,8 @@ def failed(outcome: Outcome) -> str:
 
 
 def search(
-    board: str, weak: Callable[[Scenario], bool], examples: int, seed: int = 0
-) -> Scenario | None:
+    board: str, weak: Callable[[Extremes], bool], examples: int, seed: int = 0
+) -> Extremes | None:
     """Return the fewest extremes of a board file (text) that are ``weak``; None if none are found.
 
     Args:
@@ -259,9 +259,9 @@ def find_weakness(
     """
     name = str(board) if isinstance(board, Path) else ""
     text = board.read_text() if isinstance(board, Path) else board
-    outcomes: dict[Scenario, Outcome] = {}
+    outcomes: dict[Extremes, ProgramOutcome] = {}
 
-    def weak(scenario: Scenario) -> bool:
+    def weak(scenario: Extremes) -> bool:
         if scenario not in outcomes:
             outcomes[scenario] = play(text, host, scenario, limits, name)
         return bool(judge(outcomes[scenario]))

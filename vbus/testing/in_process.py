@@ -7,15 +7,15 @@ from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.client.bus import Bus
-from vbus.client.link import Link
+from vbus.client.link import BoardLink
 from vbus.client.message import Message
 from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
-from vbus.testing.limits import Watch
+from vbus.testing.limits import HostWatch
 
 
-class Turn:
+class HostTurn:
     """What has to be done around a host's calls: on one board, nothing but letting time pass.
 
     Args:
@@ -34,7 +34,7 @@ class Turn:
         self.board.catch_up()
 
 
-class InProcessLink(Link):
+class InProcessLink(BoardLink):
     """Carries bytes to a port of ``board`` and back, in the caller's own thread.
 
     What a host has to wait for (WAIT, DELAY) has happened when its call returns: time is moved as
@@ -59,11 +59,11 @@ class InProcessLink(Link):
         chips: tuple[str, ...] = (),
         cycle_ps: int = 0,
         card: Card | None = None,
-        turn: Turn | None = None,
+        turn: HostTurn | None = None,
     ) -> None:
         # Always readable: whatever a call waits for is here when it looks.
-        super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
-        self._turn: Final = turn or Turn(board)
+        super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
+        self._turn: Final = turn or HostTurn(board)
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._port.promises = False
         self._protocol = ByteProtocol(self._port)
@@ -101,14 +101,14 @@ class InProcessLink(Link):
 
 
 class InProcessBus(Bus):
-    """A client's bus that ends a host which has passed a bound of a :class:`Watch` on its board.
+    """A client's bus that ends a host which has passed a bound of a :class:`HostWatch`.
 
     Args:
         link: leads to the board.
         watches: those that look at it.
     """
 
-    def __init__(self, link: InProcessLink, watches: list[Watch]) -> None:
+    def __init__(self, link: InProcessLink, watches: list[HostWatch]) -> None:
         super().__init__(link)
         self._watches: Final = watches
 
@@ -125,13 +125,13 @@ class InProcessBus(Bus):
 
 
 def connect_in_process(
-    board: Board, label: str = "host", chips: tuple[str, ...] = (), turn: Turn | None = None
+    board: Board, label: str = "host", chips: tuple[str, ...] = (), turn: HostTurn | None = None
 ) -> Bus:
     """Return a client's bus on a board of this process, with HELLO done.
 
     It is what :func:`vbus.client.connect` returns, so a driver written on that runs unchanged.
     """
-    watches = [one for one in board.observers if isinstance(one, Watch)]
+    watches = [one for one in board.observers if isinstance(one, HostWatch)]
     bus = InProcessBus(InProcessLink(board, label, chips, turn=turn), watches)
     try:
         bus.hello()

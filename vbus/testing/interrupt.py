@@ -9,7 +9,7 @@ from types import FrameType, TracebackType
 from typing import Any, Final, Self
 
 from vbus.errors import VbusError
-from vbus.testing.limits import HostStuck, Watch
+from vbus.testing.limits import HostStuck, HostWatch
 from vbus.testing.serving import THREAD
 
 NUMBER: Final = signal.SIGRTMAX - 1
@@ -36,7 +36,7 @@ class Interrupt:
         allowed: whether the main thread runs the test now, and may be interrupted.
     """
 
-    def __init__(self, watch: Watch) -> None:
+    def __init__(self, watch: HostWatch) -> None:
         self.allowed: bool = True
         self._watch: Final = watch
         self._sent: bool = False

@@ -9,8 +9,8 @@ from vbus.server.host_limits import IN_VAIN, PATIENCE
 from vbus.server.host_limits import POLLING as POLLING
 from vbus.server.host_limits import UNBOUNDED as UNBOUNDED
 from vbus.server.host_limits import HostStuck as HostStuck
+from vbus.server.host_limits import HostWatch as HostWatch
 from vbus.server.host_limits import Limits as Limits
-from vbus.server.host_limits import Watch as Watch
 from vbus.values.settings import listed, suggestion
 
 BUDGET: Final = Limits(300_000, 60 * SECOND, IN_VAIN, PATIENCE)

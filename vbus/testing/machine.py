@@ -19,7 +19,7 @@ from vbus.protocols.quantities import format_instant
 from vbus.signals import Plant
 from vbus.testing.around_chip import host_of, plants_of
 from vbus.testing.clock import coming, span_of
-from vbus.testing.in_process import Turn, connect_in_process
+from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
 from vbus.trace.journal.recorder import recorded
@@ -157,7 +157,7 @@ class TestedMachine:
             raise VbusError("connect: to which chips? name at least one")
         if any(conductor is not found[0] for conductor in found):
             raise VbusError(f"a host is at one node, and {', '.join(chips)} are on several")
-        turn = _Turn(self, found[0])
+        turn = _MachineTurn(self, found[0])
         bus = connect_in_process(found[0].node.board, label, chips, turn)
         self._hosts.callback(bus.close)
         return bus
@@ -267,7 +267,7 @@ def _refuse(condition: str, within: int | str) -> NoReturn:
     )
 
 
-class _Turn(Turn):
+class _MachineTurn(HostTurn):
     """A host of a machine acts: after all that was done before, and for as long as it takes."""
 
     def __init__(self, machine: TestedMachine, conductor: Conductor) -> None:

@@ -8,9 +8,9 @@ import pytest
 from _pytest.runner import runtestprotocol
 
 if TYPE_CHECKING:
-    from vbus.testing.hostile import Scenario
+    from vbus.testing.hostile import Extremes
 
-SCENARIO: pytest.StashKey["Scenario | None"] = pytest.StashKey()
+SCENARIO: pytest.StashKey["Extremes | None"] = pytest.StashKey()
 """The specimen on which the test runs now."""
 SEARCHING: pytest.StashKey[bool] = pytest.StashKey()
 """Whether it runs to find out under which extremes it fails; its last run is what counts."""
@@ -105,12 +105,12 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return True
 
 
-def _weak_on(item: pytest.Item, examples: int) -> "Scenario | None":
+def _weak_on(item: pytest.Item, examples: int) -> "Extremes | None":
     """Return the specimen with the fewest extremes under which a test fails, if there is one."""
     parent = cast(pytest.Item, item.parent)  # whose fixtures stay from one run to the next
-    results: dict[Scenario | None, bool] = {}
+    results: dict[Extremes | None, bool] = {}
 
-    def fails(scenario: "Scenario | None") -> bool:
+    def fails(scenario: "Extremes | None") -> bool:
         if scenario not in results:
             item.stash[SCENARIO] = scenario
             reports = runtestprotocol(item, log=False, nextitem=parent)
@@ -125,13 +125,13 @@ def _weak_on(item: pytest.Item, examples: int) -> "Scenario | None":
 
 
 def _searched(
-    item: pytest.Item, fails: "Callable[[Scenario | None], bool]", examples: int
-) -> "Scenario | None":
+    item: pytest.Item, fails: "Callable[[Extremes | None], bool]", examples: int
+) -> "Extremes | None":
     """Try what failed in the last run first, then search, and keep what is found."""
     board = item.stash.get(BOARD, "")
     if not board:  # it was skipped, or has no board after all
         return None
-    from vbus.testing.hostile import Scenario, possible, search
+    from vbus.testing.hostile import Extremes, possible, search
 
     cache = getattr(item.config, "cache", None)
     from hashlib import sha256
@@ -139,7 +139,7 @@ def _searched(
     key = f"vbus/hostile/{sha256(item.nodeid.encode()).hexdigest()[:16]}"
     kept = cache.get(key, None) if cache is not None else None
     if kept is not None:
-        again = Scenario(tuple(map(tuple, kept["extremes"])), kept["seed"], kept["phase"])
+        again = Extremes(tuple(map(tuple, kept["extremes"])), kept["seed"], kept["phase"])
         if possible(board, again) and fails(again):
             return again
     found = search(board, fails, examples)

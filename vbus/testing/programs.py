@@ -18,7 +18,7 @@ from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.serving import links_of
 from vbus.signals import Violation
-from vbus.testing.limits import UNBOUNDED, Limits, Watch
+from vbus.testing.limits import UNBOUNDED, HostWatch, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.tools.at_rest import LOOK, AtRest
 from vbus.tools.beside import host_of, link_of_program
@@ -26,7 +26,7 @@ from vbus.tools.proc import offspring, what_hangs
 
 
 @dataclass(slots=True)
-class Outcome:
+class ProgramOutcome:
     """What a host did.
 
     Attributes:
@@ -56,7 +56,7 @@ class Outcome:
         """Whether it ended by itself, with exit code 0."""
         return not self.stuck and self.code == 0
 
-    def take(self, watch: Watch) -> None:
+    def take(self, watch: HostWatch) -> None:
         """Take over what was watched."""
         self.stuck = watch.stuck
         self.details = watch.details
@@ -65,7 +65,7 @@ class Outcome:
         self.transcript = watch.lines
 
 
-class _Run(ServedBoard):
+class _ProgramRun(ServedBoard):
     """The board's side of one run."""
 
     def __init__(
@@ -75,11 +75,11 @@ class _Run(ServedBoard):
         limits: Limits,
         folder: Path,
         start: int,
-        of_test: Watch | None,
+        of_test: HostWatch | None,
     ) -> None:
         board.run_for(start)
         self.link: str = f"unix:{folder / 'host.sock'}"
-        self.watch = Watch(board, limits, self.kill)
+        self.watch = HostWatch(board, limits, self.kill)
         self._of_test = of_test
         self._wall = limits.wall
         if of_test is not None:
@@ -140,8 +140,8 @@ def run_program(
     folder: Path | None = None,
     start: int = 0,
     board: Board | None = None,
-    watch: Watch | None = None,
-) -> Outcome:
+    watch: HostWatch | None = None,
+) -> ProgramOutcome:
     """Run a program on a board that lives as long as the program does.
 
     The program finds its link in ``$VBUS_LINK`` (``{link}`` in an argument stands for it), the
@@ -169,7 +169,7 @@ def run_program(
     else:
         bounds = replace(bounds, chip_time=board.now + bounds.chip_time)
     with _runtime, private_runtime() as own, ExitStack() as board_ends:
-        run = _Run(file, board, bounds, own, start, watch)
+        run = _ProgramRun(file, board, bounds, own, start, watch)
         with run:
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
@@ -184,12 +184,12 @@ def run_program(
 
 
 def _communicate(
-    run: _Run,
+    run: _ProgramRun,
     command: Sequence[str],
     limits: Limits,
     environment: Mapping[str, str],
     folder: Path | None,
-) -> Outcome:
+) -> ProgramOutcome:
     line = [part.replace("{link}", run.link) for part in command]
     if line[0] == "python":
         line[0] = sys.executable
@@ -235,4 +235,4 @@ def _communicate(
         if run.virtual:
             looker.join()
     code = process.returncode
-    return Outcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)
+    return ProgramOutcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)

@@ -8,7 +8,6 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.errors import VbusError, read_errors, write_errors
-from vbus.events.decode import settings_for_decoders
 from vbus.server.output_file import write_file
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver, from_json
 from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text, difference
@@ -17,7 +16,7 @@ from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text, difference
 def coverage_observer(board: Board) -> CoverageObserver:
     """Return what counts what the hosts of a test's board exercise, from now on."""
     families = {chip.name: chip.FAMILY for chip in board.chips}
-    observer = CoverageObserver(families, board.name, settings_for_decoders(board.chips))
+    observer = CoverageObserver(families, board.name)
     board.observe(observer)
     return observer
 

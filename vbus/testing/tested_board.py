@@ -11,7 +11,7 @@ from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.limits import HostWatch, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -53,7 +53,7 @@ class TestedBoard:
         self.budget = budget
         self._bytes = io.BytesIO()
         self._journal = Journal(board, self._bytes, source.text, file.path, port=port)
-        self.watch = Watch(board, budget, times=True)
+        self.watch = HostWatch(board, budget, times=True)
         self.coverage: CoverageObserver | None = None
         if covered:
             from vbus.testing.suite_coverage import coverage_observer
@@ -95,9 +95,9 @@ class TestedBoard:
 
         reader = JournalReader(io.BytesIO(self.journal()))
         if self.file.nodes:
-            from vbus.nodes.recorded import Recorded
+            from vbus.nodes.recorded import RebuiltBoard
 
-            board = Recorded(reader.header, self.file.path).board
+            board = RebuiltBoard(reader.header, self.file.path).board
         else:
             board = build(self.file, self.source)
         recorded = replayed(board, reader, reader.header.families)

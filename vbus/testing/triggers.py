@@ -7,13 +7,13 @@ from time import sleep
 from typing import Any, Final
 
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketTaker, decoder_of
 from vbus.errors import VbusError
-from vbus.events.decode import BoardPackets, decoder_of
 from vbus.events.names import Names
-from vbus.events.until import PacketWatch, not_met
+from vbus.events.watch import Watch, not_met
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Observer
+from vbus.signals import EdgeTaker
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
 from vbus.values.settings import listed, suggestion
@@ -92,15 +92,14 @@ class Triggers:
                 net = self._board.find_pin(pin).net
             except ValueError as error:
                 raise VbusError(str(error)) from None
-            watch = _Edge(level, lambda when: self._come(future, when))
-            stop = self._bound(future, what, within)
-            net.observe(watch)
 
-            def disarm() -> None:
-                net.unobserve(watch)
-                stop()
+            def take(when: int, _: str, now: int) -> None:
+                if level in (None, now):
+                    self._come(future, when)
 
-            return disarm
+            watch = EdgeTaker(take)
+            observe, unobserve = partial(net.observe, watch), partial(net.unobserve, watch)
+            return self._bound(future, what, within, observe, unobserve)
 
         return self._armed(arm, not by_hosts)
 
@@ -125,15 +124,9 @@ class Triggers:
                 if chip in ("", of) and name in (packet.name, packet.name.rpartition(" ")[2]):
                     self._come(future, packet)
 
-            watch = BoardPackets({one.name: one.FAMILY for one in board.chips}, take)
-            stop = self._bound(future, f"a packet {name}", within)
-            board.observe(watch)
-
-            def disarm() -> None:
-                board.unobserve(watch)
-                stop()
-
-            return disarm
+            watch = PacketTaker(take)
+            observe, unobserve = partial(board.observe, watch), partial(board.unobserve, watch)
+            return self._bound(future, f"a packet {name}", within, observe, unobserve)
 
         return self._armed(arm, False)
 
@@ -153,17 +146,8 @@ class Triggers:
 
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
             board = self._board
-            begun, length = board.now, ps_of(within)
-            watch = PacketWatch(condition, board, met=lambda: self._come(future, board.now))
-            timer = board.kernel.onlooker(lambda: self._fail(future, not_met(watch, begun, length)))
-            timer.at(begun + length)
-            watch.begin()
-
-            def disarm() -> None:
-                watch.end()
-                timer.cancel()
-
-            return disarm
+            watch = Watch(condition, board, met=lambda: self._come(future, board.now))
+            return self._bound(future, watch, within, watch.begin, watch.end)
 
         return self._armed(arm, not by_hosts)
 
@@ -199,14 +183,30 @@ class Triggers:
         future.get_loop().call_soon_threadsafe(resolve)
 
     def _bound(
-        self, future: asyncio.Future[Any], what: str, within: int | str
+        self,
+        future: asyncio.Future[Any],
+        what: str | Watch,
+        within: int | str,
+        begin: Callable[[], None],
+        end: Callable[[], None],
     ) -> Callable[[], None]:
-        """Fail after some chip time; return what calls that off."""
-        now = self._board.now
-        sentence = f"{what} has not come within {within} of chip time, since {format_instant(now)}"
-        timer = self._board.kernel.onlooker(lambda: self._fail(future, sentence))
-        timer.at(now + ps_of(within))
-        return timer.cancel
+        """Begin to look for something, and fail after some chip time; return what ends both."""
+        begun, length = self._board.now, ps_of(within)
+        since = f"has not come within {within} of chip time, since {format_instant(begun)}"
+
+        def late() -> None:
+            text = f"{what} {since}" if isinstance(what, str) else not_met(what, begun, length)
+            self._fail(future, text)
+
+        timer = self._board.kernel.onlooker(late)
+        timer.at(begun + length)
+        begin()
+
+        def disarm() -> None:
+            end()
+            timer.cancel()
+
+        return disarm
 
     # -- in the loop of the test ----------------------------------------------------------------
 
@@ -259,16 +259,3 @@ class Triggers:
         board = self._board
         with self._tested.watch.excused():
             board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
-
-
-class _Edge(Observer):
-    """Tells of an edge of a net."""
-
-    def __init__(self, level: int | None, come: Callable[[int], None]) -> None:
-        self._level = level
-        self._come: Callable[[int], None] = come
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Tell of it, if it is what is waited for."""
-        if self._level in (None, level):
-            self._come(when)

@@ -11,7 +11,7 @@ from vbus.errors import ConfigError
 from vbus.testing.boards import with_keys
 
 if TYPE_CHECKING:
-    from vbus.testing.hostile import Scenario
+    from vbus.testing.hostile import Extremes
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Variant:
     time: str = ""
     seed: int | None = None
     hostile: int = 0
-    scenario: "Scenario | None" = None
+    scenario: "Extremes | None" = None
 
     @property
     def start(self) -> int:

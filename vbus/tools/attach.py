@@ -10,7 +10,7 @@ from vbus.tools import exit_codes
 from vbus.tools.output import complain, show
 
 if TYPE_CHECKING:
-    from vbus.attach.attachment import Wanted
+    from vbus.attach.attachment import AttachRequest
     from vbus.attach.far_board import FarBoard
 
 
@@ -52,7 +52,7 @@ def command(
     tcp:HOST:PORT or unix:PATH. NAME is a name in the runtime directory, or a path; without one
     there is a PTY named after the board. "vbus ls" shows round trips and losses.
     """
-    from vbus.attach.attachment import Wanted
+    from vbus.attach.attachment import AttachRequest
     from vbus.attach.far_board import FORMS, KINDS
 
     kind, colon, rest = url.partition(":")
@@ -82,7 +82,7 @@ def command(
             return code
     if board is None:
         board = _looked_at(url, protocol)
-    _serve(Wanted(url, name, tuple(links), protocol, patience), board, as_json, every)
+    _serve(AttachRequest(url, name, tuple(links), protocol, patience), board, as_json, every)
     return exit_codes.OK
 
 
@@ -108,7 +108,7 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
         raise click.BadParameter(str(error), param_hint="URL") from None
 
 
-def _serve(wanted: "Wanted", board: "FarBoard", as_json: bool, every: float | None) -> None:
+def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: float | None) -> None:
     """Serve until a signal; say what became of it."""
     from vbus.attach.attachment import Attachment
     from vbus.server.loop import run_until_signal

@@ -19,7 +19,7 @@ from vbus.errors import ProgramError, VbusError
 from vbus.file_kinds import HEAD, looks_like
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
-from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, Limits, Watch
+from vbus.server.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, HostWatch, Limits
 from vbus.server.loop import HostLoop
 from vbus.server.output_file import OutputFile
 from vbus.server.recording import Recording
@@ -29,7 +29,7 @@ from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, exit_codes, preload
 from vbus.tools.at_rest import LOOK, AtRest
-from vbus.tools.outcome import Outcome
+from vbus.tools.outcome import AxisOutcomes
 from vbus.tools.output import complain, scope_address
 from vbus.tools.proc import what_hangs
 from vbus.tools.scope import place_of
@@ -42,7 +42,7 @@ LIMIT: Final = "VBUS_LIMIT_PS"
 """Variable that tells firmware's simulator after how much chip time the board must know of it."""
 
 
-class Findings(Observer):
+class FirstViolations(Observer):
     """Remembers the first violation of each rule by each chip, and counts the others."""
 
     def __init__(self) -> None:
@@ -187,8 +187,8 @@ class Ran:
     """
 
     code: int
-    findings: Findings
-    outcome: Outcome
+    findings: FirstViolations
+    outcome: AxisOutcomes
     hangs: list[str]
     lost: list[str]
 
@@ -219,7 +219,7 @@ def run_beside(
     """
     address = metrics_of(file)
     board = build(file, source)
-    findings, outcome = Findings(), Outcome(board)
+    findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     watched = stdout is not None or bool(_files(file, None))
     if watched:
@@ -251,7 +251,7 @@ def run_beside(
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
             polling = POLLING if board.policy == "realtime" else PATIENCE
-            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
+            watch = HostWatch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
         running = _run_beside(
             server, recording, command(link), environment, note, stdout, watch,
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
@@ -292,7 +292,7 @@ async def _run_beside(
     environment: dict[str, str],
     note: Path,
     stdout: BinaryIO | None,
-    watch: Watch | None,
+    watch: HostWatch | None,
     limit: int,
     interrupt: str,
     show: Show | None,
@@ -354,7 +354,7 @@ def _interrupts(board: Board, outputs: str) -> str:
     )
 
 
-def _slay(offspring: ending.Offspring, watch: Watch, _: str) -> None:
+def _slay(offspring: ending.Offspring, watch: HostWatch, _: str) -> None:
     """End a program that has passed a bound; say what it was doing."""
     watch.add_threads(what_hangs(offspring.there()))
     offspring.slay()
@@ -367,7 +367,7 @@ async def _look_on(look: Callable[[], None]) -> None:
         look()
 
 
-async def _finish(server: Server, watch: Watch | None, code: int) -> int:
+async def _finish(server: Server, watch: HostWatch | None, code: int) -> int:
     """Let the board carry out what the program has sent; return the exit code that remains.
 
     SIGINT and SIGTERM end that, and so does the bound of a program that hangs: what it has asked
@@ -394,7 +394,7 @@ async def run_program(
     note: Path,
     alone: bool = False,
     stdout: BinaryIO | None = None,
-    watch: Watch | None = None,
+    watch: HostWatch | None = None,
     limit: int = 0,
     interrupts: Callable[[], str] = lambda: "see interrupt of the card",
 ) -> int:

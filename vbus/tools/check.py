@@ -42,7 +42,7 @@ def command(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -
 
 def _check(path: str, mapped: bool) -> dict[str, Any]:
     from vbus.board.build import build
-    from vbus.board.card_map import Answer, address_map, remarks
+    from vbus.board.card_map import CardAnswer, address_map, remarks
     from vbus.board.config import read_board_file
     from vbus.board.source import BoardFileError
     from vbus.network.security import told
@@ -72,7 +72,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     ]
     if not file.hosts:
         notes.append("there is no [[hosts]]: nothing can attach to this board from outside")
-    answers: list[Answer] = []
+    answers: list[CardAnswer] = []
     if mapped:
         answers = [] if file.nodes else address_map(file, boards[0])
         notes += remarks(file, boards[0], answers)
@@ -118,9 +118,9 @@ def _lines(report: dict[str, Any]) -> Iterator[str]:
         for right in board["rights"]:
             yield f"{board['file']}: zenoh: {right}"
         if board["map"]:
-            from vbus.board.card_map import Answer, lines
+            from vbus.board.card_map import CardAnswer, lines
 
-            for line in lines([Answer(**row) for row in board["map"]]):
+            for line in lines([CardAnswer(**row) for row in board["map"]]):
                 yield f"{board['file']}: {line}"
         for note in board["notes"]:
             yield f"{board['file']}: note: {note}"

@@ -33,7 +33,7 @@ def _demos() -> Iterable[str]:
     return NAMES
 
 
-class Names(click.ParamType):  # type: ignore[type-arg]
+class NameChoice(click.ParamType):  # type: ignore[type-arg]
     """One of several names, which are looked up when asked for."""
 
     name = "name"
@@ -68,24 +68,24 @@ class Files(click.ParamType):  # type: ignore[type-arg]
         return items or [CompletionItem(incomplete, type="file")]
 
 
-_BOARD: Final = Names(_boards)
+_BOARD: Final = NameChoice(_boards)
 _BOARD_FILE: Final = Files(".toml")
 _JOURNAL: Final = Files(".vbj")
 _FILE: Final = click.Path()
 
-_TYPES: Final[dict[tuple[str, str], Names | Files | click.Path]] = {
+_TYPES: Final[dict[tuple[str, str], NameChoice | Files | click.Path]] = {
     ("check", "boards"): _BOARD_FILE,
     ("conform", "board"): _BOARD_FILE,
-    ("conform", "chip"): Names(_parts),
+    ("conform", "chip"): NameChoice(_parts),
     ("coverage", "files"): _FILE,
-    ("demo", "name"): Names(_demos),
+    ("demo", "name"): NameChoice(_demos),
     ("diff", "first"): _JOURNAL,
     ("diff", "second"): _JOURNAL,
     ("exec", "board"): _BOARD_FILE,
     ("exec", "program"): _FILE,
     ("explain", "what"): _JOURNAL,
     ("fault arm", "board"): _BOARD,
-    ("fault arm", "fault"): Names(_faults),
+    ("fault arm", "fault"): NameChoice(_faults),
     ("fault clear", "board"): _BOARD,
     ("fault list", "board"): _BOARD,
     ("fault log", "board"): _BOARD,

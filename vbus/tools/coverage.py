@@ -105,7 +105,7 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
     from vbus.tools.journal_lines import opened, progress
 
     with opened(path) as reader:
-        observer = CoverageObserver(reader.header.families, str(path), reader.header.settings)
+        observer = CoverageObserver(reader.header.families, str(path))
         with progress(path, reader, "reading", quiet):
-            play(reader, observer)
+            play(reader.header, reader, observer)
         return observer.coverage

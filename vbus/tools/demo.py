@@ -48,11 +48,11 @@ def command(
     """
     scope = scope_address(scope, scope_control or open_page)
     if scope is not None:
-        from vbus.tools.scope import Place
+        from vbus.tools.scope import PagePlace
 
-        Place(scope, option="--scope")
+        PagePlace(scope, option="--scope")
     live = not headless and not as_json and sys.stdout.isatty()
-    run = _Run(name, live, scope, scope_control, open_page)
+    run = _DemoRun(name, live, scope, scope_control, open_page)
     asyncio.run(run.play())
     show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
@@ -60,7 +60,7 @@ def command(
     return exit_codes.FAILURE if run.reasons else exit_codes.OK
 
 
-class _Run:
+class _DemoRun:
     """One demonstration from start to summary."""
 
     def __init__(
@@ -68,7 +68,7 @@ class _Run:
     ) -> None:
         from vbus.board.build import load_board_text
         from vbus.server.server import LinkSpec, Server
-        from vbus.tools.demos.view import Traffic
+        from vbus.tools.demos.view import LatestTraffic
 
         self.demo: Demo = demo_of(name)
         self.name: str = name
@@ -80,7 +80,7 @@ class _Run:
         self._open_page: bool = open_page
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
-        self._traffic: Traffic = Traffic(self.demo)
+        self._traffic: LatestTraffic = LatestTraffic()
         self._board.observe(self._traffic)
         self._server: Server = Server(self._board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board}")])
         self._link: str = ""

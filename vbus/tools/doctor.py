@@ -15,7 +15,7 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.doctor_finding import FAIL, OK, WARN, Finding
+from vbus.tools.doctor_realtime import FAIL, OK, WARN, Diagnosis
 from vbus.tools.output import show
 
 OLDEST_PYTHON: Final = (3, 11)
@@ -61,44 +61,44 @@ def command(as_json: bool, latency: float) -> int:
     return exit_codes.FAILURE if failed else exit_codes.OK
 
 
-def python() -> Iterator[Finding]:
+def python() -> Iterator[Diagnosis]:
     """Look at the interpreter and the system."""
     version = platform.python_version()
     if sys.version_info < OLDEST_PYTHON:
         oldest = ".".join(map(str, OLDEST_PYTHON))
-        yield Finding(FAIL, "python", version, f"install Python {oldest} or later")
+        yield Diagnosis(FAIL, "python", version, f"install Python {oldest} or later")
     else:
-        yield Finding(OK, "python", f"{version} ({sys.executable})")
+        yield Diagnosis(OK, "python", f"{version} ({sys.executable})")
     if sys.platform == "linux":
-        yield Finding(OK, "system", platform.platform())
+        yield Diagnosis(OK, "system", platform.platform())
     else:
-        yield Finding(FAIL, "system", sys.platform, "PTYs and timers are Linux's; use Linux")
+        yield Diagnosis(FAIL, "system", sys.platform, "PTYs and timers are Linux's; use Linux")
 
 
-def dependencies() -> Iterator[Finding]:
+def dependencies() -> Iterator[Diagnosis]:
     """Look for the packages vbus needs, at the versions it was tested with."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
     try:
-        wanted = [text for text in requires("vbus") or [] if "extra" not in text]
+        needs = [text.partition(";") for text in requires("vbus") or []]
     except PackageNotFoundError:
-        yield Finding(FAIL, "vbus", "not installed", 'run "pip install -e ." in the source tree')
+        yield Diagnosis(FAIL, "vbus", "not installed", 'run "pip install -e ." in the source tree')
         return
-    yield Finding(OK, "vbus", version("vbus"))
-    for text in wanted:
+    yield Diagnosis(OK, "vbus", version("vbus"))
+    for text in [need.strip() for need, _, marker in needs if "extra" not in marker]:
         name, _, oldest = text.partition(">=")
         try:
             found = version(name)
         except PackageNotFoundError:
-            yield Finding(FAIL, name, "not installed", f"run \"pip install '{text}'\"")
+            yield Diagnosis(FAIL, name, "not installed", f"run \"pip install '{text}'\"")
             continue
         if _numbers(found) < _numbers(oldest):
-            yield Finding(FAIL, name, found, f"too old: run \"pip install -U '{text}'\"")
+            yield Diagnosis(FAIL, name, found, f"too old: run \"pip install -U '{text}'\"")
         else:
-            yield Finding(OK, name, found)
+            yield Diagnosis(OK, name, found)
 
 
-def core() -> Iterator[Finding]:
+def core() -> Iterator[Diagnosis]:
     """Say which core runs and, if it is the slower one, why."""
     from vbus.compiled import core, lacks_compiler, why
 
@@ -107,9 +107,9 @@ def core() -> Iterator[Finding]:
             "it is 50 to 170 times slower in samples and some ten times on the bus: install gcc and"
             " python3-dev, then install vbus again"
         )
-        yield Finding(WARN, "core", f"{core()}: {why()}", advice)
+        yield Diagnosis(WARN, "core", f"{core()}: {why()}", advice)
     else:
-        yield Finding(OK, "core", f"{core()}: {why()}" if why() else core())
+        yield Diagnosis(OK, "core", f"{core()}: {why()}" if why() else core())
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -120,7 +120,7 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def plugins() -> Iterator[Finding]:
+def plugins() -> Iterator[Diagnosis]:
     """Load every chip, plant, protocol and transport that is registered."""
     from vbus import plugins as registry
     from vbus.errors import PluginError
@@ -129,38 +129,38 @@ def plugins() -> Iterator[Finding]:
         try:
             names = registry.names(group)
         except PluginError as error:
-            yield Finding(FAIL, group, "none", str(error))
+            yield Diagnosis(FAIL, group, "none", str(error))
             continue
         working = []
         for name in names:
             try:
                 registry.load(group, name)
             except PluginError as error:
-                yield Finding(WARN, group, f"{name} is broken", str(error))
+                yield Diagnosis(WARN, group, f"{name} is broken", str(error))
             else:
                 working.append(name)
-        yield Finding(OK, group, ", ".join(working) or "none")
+        yield Diagnosis(OK, group, ", ".join(working) or "none")
 
 
-def compiler() -> Iterator[Finding]:
+def compiler() -> Iterator[Diagnosis]:
     """Look for a C compiler and the C client it would build."""
     from vbus.native import include_dir
 
     path = shutil.which("gcc") or shutil.which("cc")
     if path is None:
-        yield Finding(
+        yield Diagnosis(
             WARN, "C compiler", "none", "hosts in C need one: install gcc (package gcc, libc6-dev)"
         )
     else:
-        yield Finding(OK, "C compiler", path)
+        yield Diagnosis(OK, "C compiler", path)
     folder = Path(include_dir())
     if any(folder.glob("*.h")):
-        yield Finding(OK, "C client", str(folder))
+        yield Diagnosis(OK, "C client", str(folder))
     else:
-        yield Finding(WARN, "C client", f"missing from {folder}", "install vbus again")
+        yield Diagnosis(WARN, "C client", f"missing from {folder}", "install vbus again")
 
 
-def terminal() -> Iterator[Finding]:
+def terminal() -> Iterator[Diagnosis]:
     """Open a pseudo terminal and pass a byte through it that a cooked one would eat."""
     import tty
 
@@ -168,7 +168,7 @@ def terminal() -> Iterator[Finding]:
         master, slave = os.openpty()
     except OSError as error:
         advice = "mount devpts on /dev/pts, or use unix: and tcp: links"
-        yield Finding(WARN, "PTY", str(error), advice)
+        yield Diagnosis(WARN, "PTY", str(error), advice)
         return
     try:
         tty.setraw(slave)
@@ -179,12 +179,12 @@ def terminal() -> Iterator[Finding]:
         os.close(master)
         os.close(slave)
     if passed:
-        yield Finding(OK, "PTY", f"{name} passes every byte")
+        yield Diagnosis(OK, "PTY", f"{name} passes every byte")
     else:
-        yield Finding(WARN, "PTY", f"{name} changes bytes", "use unix: and tcp: links")
+        yield Diagnosis(WARN, "PTY", f"{name} changes bytes", "use unix: and tcp: links")
 
 
-def runtime() -> Iterator[Finding]:
+def runtime() -> Iterator[Diagnosis]:
     """Write to the runtime directory; look for what dead servers left in it."""
     from vbus.errors import TransportError
     from vbus.runtime import runtime_directory
@@ -197,20 +197,20 @@ def runtime() -> Iterator[Finding]:
         probe.unlink()
     except (TransportError, OSError) as error:
         advice = "set VBUS_RUNTIME to a directory of your own"
-        yield Finding(FAIL, "runtime directory", str(error), advice)
+        yield Diagnosis(FAIL, "runtime directory", str(error), advice)
         return
-    yield Finding(OK, "runtime directory", str(directory))
+    yield Diagnosis(OK, "runtime directory", str(directory))
     stale = [path for folder in (directory, boards_directory()) for path in _stale(folder)]
     if stale:
         listed = " ".join(str(path) for path in stale)
-        yield Finding(
+        yield Diagnosis(
             WARN,
             "left-overs",
             f"{len(stale)} of servers that were killed",
             f"the next start takes these names over; to tidy up now: rm {listed}",
         )
     else:
-        yield Finding(OK, "left-overs", "none")
+        yield Diagnosis(OK, "left-overs", "none")
 
 
 def _stale(folder: Path) -> list[Path]:
@@ -227,7 +227,7 @@ def _stale(folder: Path) -> list[Path]:
     return found
 
 
-def timers() -> Iterator[Finding]:
+def timers() -> Iterator[Diagnosis]:
     """Make the timer and the file watch that the server needs of the kernel."""
     from vbus.transports.linux import Inotify, TimerFd
 
@@ -237,25 +237,25 @@ def timers() -> Iterator[Finding]:
             watch.add("/dev/null")
     except OSError as error:
         advice = "raise fs.inotify.max_user_instances, or the limit of open files"
-        yield Finding(FAIL, "timerfd, inotify", str(error), advice)
+        yield Diagnosis(FAIL, "timerfd, inotify", str(error), advice)
     else:
-        yield Finding(OK, "timerfd, inotify", "both work")
+        yield Diagnosis(OK, "timerfd, inotify", "both work")
 
 
-def inotify() -> Iterator[Finding]:
+def inotify() -> Iterator[Diagnosis]:
     """Say how many boards with PTYs the kernel's limit of file watches allows."""
     place = Path("/proc/sys/fs/inotify/max_user_instances")
     try:
         most = int(place.read_text())
     except (OSError, ValueError) as error:
-        yield Finding(WARN, "inotify instances", str(error), "nothing, if boards start")
+        yield Diagnosis(WARN, "inotify instances", str(error), "nothing, if boards start")
         return
     told = f"{most}: as many boards with links over PTYs may run at a time"
     if most < ENOUGH_INSTANCES:
         advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
-        yield Finding(WARN, "inotify instances", told, advice)
+        yield Diagnosis(WARN, "inotify instances", told, advice)
     else:
-        yield Finding(OK, "inotify instances", told)
+        yield Diagnosis(OK, "inotify instances", told)
 
 
 def _module(name: str) -> Callable[[], str]:
@@ -321,17 +321,17 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
 """What vbus does without: name, where it is, what it gives, how to get it."""
 
 
-def optional() -> Iterator[Finding]:
+def optional() -> Iterator[Diagnosis]:
     """Look for what vbus does without, and say what each gives."""
     for name, where, gives, get in OPTIONAL:
         found = where()
         if found:
-            yield Finding(OK, name, f"{gives}: {found}")
+            yield Diagnosis(OK, name, f"{gives}: {found}")
         else:
-            yield Finding(WARN, name, f"missing; it gives {gives}", get)
+            yield Diagnosis(WARN, name, f"missing; it gives {gives}", get)
 
 
-CHECKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
+CHECKS: Final[tuple[Callable[[], Iterator[Diagnosis]], ...]] = (
     python, dependencies, core, plugins, compiler, terminal, runtime, timers,
     inotify, optional,
 )  # fmt: skip

@@ -10,9 +10,9 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.chips.base import CONNECTOR_FAMILY
-from vbus.chips.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
+from vbus.chips.packets import STATUS, CommandPackets, Cycle, Packet
+from vbus.circuit.stream import PacketReader, PacketStream, PacketTaker
 from vbus.errors import VbusError
-from vbus.events.decode import BoardPackets
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
@@ -54,9 +54,9 @@ def recorded_board(path: Path, header: Header) -> Board:
     Raises:
         VbusError: its board was made in Python.
     """
-    from vbus.nodes.recorded import Recorded
+    from vbus.nodes.recorded import RebuiltBoard
 
-    return Recorded(header, str(path)).board
+    return RebuiltBoard(header, str(path)).board
 
 
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:
@@ -98,12 +98,12 @@ def _explained(reader: JournalReader) -> Iterator[str]:
             write = key % PORTS == WRITE
             watch.cycles(session.selected, when + span, span, times, write, value)
         else:
-            show(reader.entry(number, when, span, key, value), sessions, watch)
+            show(reader.entry(number, when, span, key, value), sessions, watch.stream)
             watch.drain()
         if ready:
             yield from ready
             ready.clear()
-    watch.finish()
+    watch.stream.finish()
     watch.drain()
     watch.tell()
     yield from ready
@@ -142,7 +142,7 @@ class _Held:
         return last
 
 
-class _Lines(BoardPackets):
+class _Lines(PacketReader):
     """Packets and violations as lines, in the order in which they ended.
 
     A packet that is cut short is known to be one only when another begins, so lines wait for what
@@ -151,7 +151,7 @@ class _Lines(BoardPackets):
     """
 
     def __init__(self, header: Header) -> None:
-        super().__init__(header.families, self._packet, header.settings)
+        self.stream: PacketStream = PacketStream(header.families, header.settings, (self,))
         self.ready: list[Line] = []
         """Lines before which none can come any more."""
         self._statuses: dict[tuple[str, bool, int], str] = {}
@@ -180,10 +180,10 @@ class _Lines(BoardPackets):
             write: whether the host wrote.
             value: 256 times the address, plus the byte.
         """
-        decoder = self._decoders.get(chip)
-        if decoder is None or self._lost:  # several chips, or one that has not taken a cycle
+        # Several chips, or one that has not taken a cycle.
+        if chip not in self.stream.decoders or self.stream.lost:
             for turn in range(times):
-                self.bus_cycle(when + turn * span, "", chip, write, value >> 8, value & 0xFF)
+                self.stream.bus_cycle(when + turn * span, "", chip, write, value >> 8, value & 0xFF)
                 self.drain()
             return
         text = self._statuses.get((chip, write, value))
@@ -193,15 +193,15 @@ class _Lines(BoardPackets):
         told = ""
         for turn in range(times):
             before = told
-            told = self._cycle(chip, decoder, Cycle(when, write, value >> 8, value & 0xFF))
+            told = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
             if turn == 1 and told and told == before:  # so does each of the rest
                 self._put(when + span, told, times - 2, when + (times - 2) * span)
                 return
             when += span
 
-    def _cycle(self, chip: str, decoder: Decoder, cycle: Cycle) -> str:
+    def _cycle(self, chip: str, cycle: Cycle) -> str:
         """Take one cycle; return its line if it is one by itself and no packet is open."""
-        packets = decoder.feed(cycle)
+        packets = [packet for _, packet in self.stream.decoded(chip, cycle)]
         if not packets:
             self._first = cycle.when  # it belongs to one that is open
             return ""
@@ -210,11 +210,12 @@ class _Lines(BoardPackets):
         self.drain()
         if len(packets) > 1 or len(packet.cycles) > 1:
             return ""
-        if packet.kind == STATUS and isinstance(decoder, CommandPackets):
+        if packet.kind == STATUS and isinstance(self.stream.decoders[chip], CommandPackets):
             self._statuses[chip, cycle.write, cycle.address << 8 | cycle.data] = text
         return text if self._first is None else ""
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down a packet's line."""
         self._told(chip, packet)
 
     def _told(self, chip: str, packet: Packet) -> str:
@@ -225,7 +226,6 @@ class _Lines(BoardPackets):
 
     def violation(self, violation: Violation) -> None:
         """Show a finding where it was made."""
-        super().violation(violation)
         v = violation
         self._wait(v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
 
@@ -245,7 +245,7 @@ class _Lines(BoardPackets):
     def drain(self) -> None:
         """Tell the lines before which none can come any more."""
         waiting = self._waiting
-        self._first = first = self.unfinished()
+        self._first = first = self.stream.unfinished()
         while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
             when, _, text, times, last = heappop(waiting)
             self._fold(when, text, times, last)
@@ -291,14 +291,11 @@ def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
     """Give entries as they were made, each with the packet that ends in it."""
     sessions = Sessions()
     ended: list[str] = []
-    watch = BoardPackets(
-        reader.header.families,
-        lambda chip, packet: ended.append(f"{chip} {packet.text}"),
-        reader.header.settings,
-    )
+    taker = PacketTaker(lambda chip, packet: ended.append(f"{chip} {packet.text}"))
+    stream = PacketStream(reader.header.families, reader.header.settings, (taker,))
     count = 0
     for entry in reader:
-        show(entry, sessions, watch)
+        show(entry, sessions, stream)
         count += 1
         if first <= entry.number <= last:
             text = line(entry, sessions)

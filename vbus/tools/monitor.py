@@ -9,14 +9,14 @@ import click
 
 from vbus import plugins
 from vbus.chips.packets import STATUS, Packet
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import VbusError
-from vbus.events.decode import BoardPackets
 from vbus.signals import Violation
 from vbus.tools import exit_codes
 from vbus.tools.feed import Feed, Together, boards_of
 from vbus.tools.journal_lines import instant
 from vbus.tools.output import Line, complain, json_line
-from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
+from vbus.tools.telemetry_text import LIT, UNLIT, TelemetryValue, Word, words_and_numbers
 from vbus.trace.latest_lines import LatestLines
 from vbus.wall_clock import monotonic
 
@@ -69,7 +69,7 @@ def command(
     return exit_codes.OK
 
 
-class View(BoardPackets):
+class View(PacketReader):
     """The latest packets as lines; equal neighbours are counted.
 
     Args:
@@ -79,11 +79,9 @@ class View(BoardPackets):
 
     def __init__(self, hello: dict[str, Any], status: bool) -> None:
         chips = hello["chips"]
-        super().__init__(
-            {chip["name"]: chip["family"] for chip in chips},
-            self._packet,
-            {chip["name"]: chip["bus_settings"] for chip in chips},
-        )
+        self._families: dict[str, str] = {chip["name"]: chip["family"] for chip in chips}
+        settings = {chip["name"]: chip["bus_settings"] for chip in chips}
+        self._stream: PacketStream = PacketStream(self._families, settings, (self,))
         self.lines: LatestLines = LatestLines(maxlen=SHOWN)
         self.new: list[Line] = []
         """Lines since the caller looked last."""
@@ -97,28 +95,20 @@ class View(BoardPackets):
         self.met: int | None = None
         """When the condition has come to hold that was waited for (ps)."""
         self._status: bool = status
-        self._families: dict[str, str] = {chip["name"]: chip["family"] for chip in chips}
 
-    def told(self, chip: str) -> tuple[list[Number], list[Word]]:
+    def told(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
         """Return what a chip has told last."""
         family = plugins.family(self._families.get(chip, ""))
-        return words_and_numbers(family, self._decoders.get(chip), self.values[chip])
+        return words_and_numbers(family, self._stream.decoders.get(chip), self.values[chip])
 
     def take(self, item: list[Any]) -> None:
         """Take one line of a feed."""
         kind, *rest = item
         if kind == "c":
             self.cycles += 1
-            self.bus_cycle(*rest)
+            self._stream.bus_cycle(*rest)
         elif kind == "v":
-            violation = Violation(*rest)
-            self.violation(violation)
-            self.rules[violation.rule] += 1
-            self._line(
-                violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}",
-                chip=violation.chip, rule=violation.rule, text=violation.detail,
-                clause=violation.clause,
-            )  # fmt: skip
+            self._stream.violation(Violation(*rest))
         elif kind == "t":
             self.now, self.values = rest
         elif kind == "lost":
@@ -132,7 +122,17 @@ class View(BoardPackets):
         """Tell whether what was waited for has come: ``count`` packets, or a condition."""
         return self.met is not None or (count is not None and self.packets >= count)
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def violation(self, violation: Violation) -> None:
+        """Show a breach."""
+        self.rules[violation.rule] += 1
+        self._line(
+            violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}",
+            chip=violation.chip, rule=violation.rule, text=violation.detail,
+            clause=violation.clause,
+        )  # fmt: skip
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Show a packet."""
         if packet.kind == STATUS and not self._status:
             self.polls += 1
             return

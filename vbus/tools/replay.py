@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from vbus.nodes.machine import trace_hash
-from vbus.nodes.recorded import Recorded
+from vbus.nodes.recorded import RebuiltBoard
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant, opened, progress
 from vbus.tools.output import no_progress, show
@@ -33,11 +33,11 @@ def command(
     """
     values: list[dict[str, Any]] = []
     lines: list[str] = []
-    played: list[Recorded] = []
+    played: list[RebuiltBoard] = []
     for journal in journals:
         with opened(journal) as reader:
             header = reader.header
-            recorded = Recorded(header, str(journal), board_file or "")
+            recorded = RebuiltBoard(header, str(journal), board_file or "")
             # A trace looks at nets: only where the machine's hash comes of it.
             if recorded.node is not None and len(journals) > 1:
                 recorded.node.start_trace()
@@ -58,7 +58,7 @@ def command(
     return exit_codes.OK if same else exit_codes.FAILURE
 
 
-def machine_hash(played: list[Recorded]) -> str:
+def machine_hash(played: list[RebuiltBoard]) -> str:
     """Return the trace hash of a machine all of whose nodes were played, once each; else ""."""
     nodes = sorted((one.node for one in played if one.node is not None), key=lambda n: n.rank)
     plans = {one.plan.digest for one in played if one.plan is not None}

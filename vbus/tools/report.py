@@ -1,5 +1,6 @@
 """``vbus report``: the violations of a recorded run."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -10,7 +11,7 @@ from vbus.tools.journal_lines import opened, progress
 from vbus.tools.output import no_progress
 
 if TYPE_CHECKING:
-    from vbus.signals import Observer
+    from vbus.circuit.stream import PacketReader
     from vbus.trace.findings.report import Report
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
@@ -55,22 +56,22 @@ def command(
             all_rules(),
             suppressions_of(suppress or ""),
             header.file,
-            header.settings,
         )
+        readers = [report, *_other_part(report, compatibility)]
         with progress(journal, reader, "reading", no_progress):
-            play(reader, _seen_by(report, compatibility))
+            play(header, reader, *readers)
     click.echo(FORMATS[style](report), nl=False)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK
 
 
-def _seen_by(report: "Report", part: str | None) -> "Observer":
-    """Return what looks at the journal: the report, or what knows of another part before it."""
+def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":
+    """Give what reads the journal beside the report, and knows of another part, if asked for."""
     if part is None:
-        return report
+        return
     from vbus import plugins
     from vbus.trace.findings.compatibility import Compatibility
 
     families = {chip: plugins.family(name) for chip, name in report.families.items()}
-    return Compatibility(part, families, report)
+    yield Compatibility(part, families, report)

@@ -109,16 +109,16 @@ def command(
         if journal:
             raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
                                    " with -o FILE.mcap")  # fmt: skip
-        place = Place(foxglove, remote, certificate, key, "--foxglove")
+        place = PagePlace(foxglove, remote, certificate, key, "--foxglove")
         _serve_boards(sources, partial(_foxglove_of_boards, place), stay=0)
         return exit_codes.OK
     if sigrok is not None:
         if journal:
             raise click.UsageError(f"--sigrok is for boards that run; of {source} write a file"
                                    ' with "vbus wave --profile sigrok"')  # fmt: skip
-        _serve_pins(source, chip, pins, Place(sigrok, remote, option="--sigrok", plain=True))
+        _serve_pins(source, chip, pins, PagePlace(sigrok, remote, option="--sigrok", plain=True))
         return exit_codes.OK
-    place = Place(listen, remote, certificate, key)
+    place = PagePlace(listen, remote, certificate, key)
     if journal and control:
         from vbus.tools.scope_fork import fork
 
@@ -160,7 +160,7 @@ def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> i
     return max(map(recorded_code, recorded))
 
 
-class Place:
+class PagePlace:
     """Where a page is served.
 
     Args:
@@ -285,7 +285,7 @@ def recorded_code(recorded: "Recorded") -> int:
     return exit_codes.OK if recorded.outcome.divergence is None else exit_codes.FAILURE
 
 
-def _serve_journals(paths: Sequence[Path], place: Place, strobes: bool, quiet: bool) -> int:
+def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
     from vbus.scope.stream import Stream
     from vbus.server.loop import run_until_signal
     from vbus.tools.scope_bookmarks import of_journal
@@ -306,7 +306,7 @@ def _serve_journals(paths: Sequence[Path], place: Place, strobes: bool, quiet: b
 
 
 def _page_of_boards(
-    place: Place, stay: float | None, control: bool, sparse: bool, feeds: "Feeds",
+    place: PagePlace, stay: float | None, control: bool, sparse: bool, feeds: "Feeds",
     at_end: ExitStack,
 ) -> "tuple[ScopeServer, Take]":  # fmt: skip
     """Return what serves the page of running boards."""
@@ -353,7 +353,7 @@ def _page_of_boards(
 
 
 def _foxglove_of_boards(
-    place: Place, feeds: "Feeds", at_end: ExitStack
+    place: PagePlace, feeds: "Feeds", at_end: ExitStack
 ) -> "tuple[FoxgloveServer, Take]":
     """Return what serves running boards for Foxglove."""
     server = place.foxglove_server(feeds.description)
@@ -388,7 +388,7 @@ def _serve_boards(
         run_until_signal(show)
 
 
-def _serve_pins(board: str, chip: str, pins: Sequence[str], place: Place) -> None:
+def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) -> None:
     from vbus.server.loop import run_until_signal
     from vbus.tools.sigrok_server import SigrokServer
 
@@ -418,7 +418,7 @@ async def _over(
         alone = 0.0 if server.pages else alone + LOOK_SECONDS
 
 
-def place_of(scope: "ScopeSection") -> Place:
+def place_of(scope: "ScopeSection") -> PagePlace:
     """Return where a board file, or a command line, wants its page.
 
     Raises:
@@ -426,5 +426,5 @@ def place_of(scope: "ScopeSection") -> Place:
     """
     certificate, key = Path(scope.certificate), Path(scope.key)
     if not scope.certificate:
-        return Place(scope.listen, scope.remote, option="--scope")
-    return Place(scope.listen, scope.remote, certificate, key, "--scope")
+        return PagePlace(scope.listen, scope.remote, option="--scope")
+    return PagePlace(scope.listen, scope.remote, certificate, key, "--scope")

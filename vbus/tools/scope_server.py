@@ -4,14 +4,19 @@ import asyncio
 import hmac
 import json
 import logging
+import re
 import secrets
 import socket
 import ssl
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from contextvars import ContextVar
 from ipaddress import ip_address
 from typing import Any, Final
+
+import msgspec
+from aiohttp import ClientError, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from vbus.errors import PluginError, TransportError, VbusError
 from vbus.scope.bookmarks import Bookmark
@@ -20,11 +25,68 @@ from vbus.scope.stream import MESSAGE, Stream
 from vbus.tools.scope_bookmarks import Bookmarks
 from vbus.tools.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
 
+_HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """A request, decoded.
+
+    Attributes:
+        host: name or address in its Host header, without brackets; "" if it is none.
+        port: the port there; 0 if none is said.
+        origin: the page that has made the browser send it; "" if none is said.
+        cookies: by name.
+        code: what a POST has in its body.
+    """
+
+    host: str
+    port: int
+    origin: str
+    cookies: Mapping[str, str]
+    code: str
+
+
+async def decoded(request: web.Request) -> Asked:
+    """Return what a request says.
+
+    Raises:
+        HTTPBadRequest: it makes no sense; says what does not.
+        HTTPRequestEntityTooLarge: its body is longer than any code.
+    """
+    headers = request.headers
+    host = _HOST.fullmatch(headers.get("Host", ""))
+    cookies: dict[str, str] = {}
+    for part in ";".join(headers.getall("Cookie", ())).split(";"):
+        name, _, value = part.strip().partition("=")
+        cookies[name] = value
+    code = ""
+    if request.method == "POST":
+        try:
+            code = (await request.read()).decode()
+        except (web.RequestPayloadError, ClientError, HttpProcessingError, OSError) as error:
+            raise _refused(f"the body cannot be read: {error}") from None
+        except UnicodeDecodeError:
+            raise _refused("this is no UTF-8 text") from None
+    return Asked(
+        host[1].strip("[]") if host else "",
+        int(host[2] or 0) if host else 0,
+        headers.get("Origin", ""),
+        cookies,
+        code,
+    )
+
+
+def _refused(sentence: str) -> web.HTTPBadRequest:
+    refused = web.HTTPBadRequest(text=" ".join(sentence.split()) + "\n")
+    refused.force_close()
+    return refused
+
+
 try:
     from aiohttp import WSMsgType, web
     from aiohttp.http_exceptions import HttpProcessingError
 
-    from vbus.tools.scope_requests import Asked, decoded
+    from vbus.tools.scope_server import Asked, decoded
 except ImportError as error:
     raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
@@ -34,7 +96,7 @@ HEARTBEAT_SECONDS: Final = 20.0
 """A page that answers nothing for so long is gone."""
 LONGEST_CODE: Final = 256
 _ASKED: Final[ContextVar[Asked]] = ContextVar("asked")
-"""What :func:`~vbus.tools.scope_requests.decoded` made of the request at hand."""
+"""What :func:`~vbus.tools.scope_server.decoded` made of the request at hand."""
 STOPPING_SECONDS: Final = 2.0
 """How long pages may take to go when the server ends."""
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css"}

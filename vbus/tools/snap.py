@@ -127,7 +127,7 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
     Exits with 1 if it never holds.
     """
     from vbus.board.snapshot import take, write
-    from vbus.events.until import Holds
+    from vbus.events.watch import Holds
     from vbus.tools.journal_lines import line, opened, recorded_board
     from vbus.trace.journal.history import History
     from vbus.trace.journal.view import Sessions

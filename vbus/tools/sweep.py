@@ -44,7 +44,7 @@ def cycle_of(board: Board) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class SweepRun:
     """What came of one run, by the columns of the table.
 
     Attributes:
@@ -65,10 +65,10 @@ class Turn:
 _COLUMNS: Final = ("exit", "stdout", "bus", "rules", "axes")
 
 
-def _turn(ran: Ran, said: str, bus: str) -> Turn:
+def _turn(ran: Ran, said: str, bus: str) -> SweepRun:
     lines = [_TIMES.sub("", line) for line in bus.splitlines() if not line.startswith("!")]
     folded = [line for place, line in enumerate(lines) if lines[place - 1 : place] != [line]]
-    return Turn(
+    return SweepRun(
         (str(ran.code),),
         tuple(said.splitlines()),
         tuple(folded),
@@ -108,7 +108,7 @@ def sweep(
         )
     file = msgspec.structs.replace(file, record=RecordSection(), waves=())
     cycle = cycle or cycle_of(build(file, source))
-    turns: list[Turn] = []
+    turns: list[SweepRun] = []
     for turn in range(count):
         bus = io.StringIO()
         with tempfile.TemporaryFile() as said:
@@ -123,7 +123,7 @@ def sweep(
     return int(turns[0].exit[0]) if len(set(turns)) == 1 else 1
 
 
-def table(turns: list[Turn], cycle: int) -> list[str]:
+def table(turns: list[SweepRun], cycle: int) -> list[str]:
     """Return the outcomes as a table, and where they differ.
 
     Args:

@@ -28,7 +28,7 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class TelemetryValue:
     """A value with a unit, or a text; by the name that conditions know it by."""
 
     name: str
@@ -38,7 +38,7 @@ class Number:
 
 def words_and_numbers(
     family: Family, decoder: Decoder | None, values: Mapping[str, Any]
-) -> tuple[list[Number], list[Word]]:
+) -> tuple[list[TelemetryValue], list[Word]]:
     """Return what the telemetry of a chip means.
 
     Args:
@@ -46,7 +46,7 @@ def words_and_numbers(
         decoder: reads its words; None: nobody does.
         values: the telemetry.
     """
-    numbers: list[Number] = []
+    numbers: list[TelemetryValue] = []
     words: list[Word] = []
     lanes = {row.key.format("").rstrip(): row for row in family.lanes}
     for key, value in values.items():
@@ -64,19 +64,19 @@ def words_and_numbers(
     return [one for one in numbers if not _says_bits(one, known)], words
 
 
-def _says_bits(number: Number, known: set[str]) -> bool:
+def _says_bits(number: TelemetryValue, known: set[str]) -> bool:
     """Whether a text is a list of bits that are told as lamps."""
     names = number.text.split()
     return bool(names) and set(names) <= known
 
 
-def _number(name: str, value: Any, unit: str, share: bool) -> Number:
+def _number(name: str, value: Any, unit: str, share: bool) -> TelemetryValue:
     """Return a number; a ``share`` of full scale in per cent."""
     if isinstance(value, str):
-        return Number(name, value, "")
+        return TelemetryValue(name, value, "")
     if share:
-        return Number(name, rounded(100 * value), "%")
-    return Number(name, rounded(value), unit)
+        return TelemetryValue(name, rounded(100 * value), "%")
+    return TelemetryValue(name, rounded(value), unit)
 
 
 def rounded(value: float) -> str:

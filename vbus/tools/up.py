@@ -1,4 +1,4 @@
-"""``vbus up``: a machine of nodes as one, here or written down for elsewhere."""
+"""``vbus up``: a machine of nodes as one."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.server.output_file import OutputFile, write_file
+from vbus.server.output_file import OutputFile
 from vbus.tools import exit_codes
 from vbus.tools.output import (
     complain,
@@ -61,14 +61,6 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
-@click.option(
-    "--write",
-    type=click.Choice(["compose", "systemd"]),
-    help="Start nothing; write a compose file, or units of systemd.",
-)
-@click.option("-o", "--output", metavar="DIR", help="With --write: the folder for it.")
-@click.option("--image", metavar="NAME@sha256:...", help="With compose: in place of the file's.")
-@click.option("--unpinned", is_flag=True, help="With compose: images may lack a digest.")
 def command(
     machine: str,
     scenario: str | None,
@@ -78,10 +70,6 @@ def command(
     timeout: float,
     as_json: bool,
     detach: bool,
-    write: str | None,
-    output: str | None,
-    image: str | None,
-    unpinned: bool,
     rate: float | None,
     start: str | None,
     scope: str | None,
@@ -99,27 +87,12 @@ def command(
     from vbus.cluster.processes import processes_of
     from vbus.server.serving import recorded
 
-    of_writing = {"--output": output, "--image": image, "--unpinned": unpinned}
     passed = {
         "--scenario": scenario, "--patience": patience or None, "--rate": rate, "--from": start,
         "--metrics": metrics, **{f"--{name}": value for name, value in record.items()},
     }  # fmt: skip
-    running = {
-        **passed, "--trace": trace, "--scope": scope, "--router": router,
-        "--json": as_json, "--detach": detach,
-    }  # fmt: skip
-    for option, value in (running if write else of_writing).items():
-        if value:
-            other = "starts nothing" if write else "belongs to it"
-            raise click.UsageError(f"{option} is not for this: --write {other}")
     file, _ = read_board_file(machine)
     processes = processes_of(file)
-    if write:
-        if output is None:
-            raise click.UsageError("--write: where to? say -o DIR")
-        if write != "compose" and (image or unpinned):
-            raise click.UsageError("--image and --unpinned are for --write compose")
-        return _write(file, machine, write, Path(output), image or "", unpinned)
     refuse_detached(scope, detach)
     if metrics and len(processes) > 1 and not metrics.endswith(":0"):
         raise click.UsageError(
@@ -136,7 +109,7 @@ def command(
             return code
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
-        run = _Run(file, machine, processes, router or "", as_json, Path(folder))
+        run = _MachineRun(file, machine, processes, router or "", as_json, Path(folder))
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
         code = run.carry_out(given, scope, made, timeout)
     if len(processes) > 1:
@@ -146,7 +119,7 @@ def command(
     return code
 
 
-class _Run:
+class _MachineRun:
     """A machine from its start to its end."""
 
     def __init__(
@@ -290,39 +263,3 @@ class _Run:
 
 def _label(process: "Process") -> str:
     return process.name if process.name in process.nodes else "+".join(process.nodes)
-
-
-def _write(
-    file: "BoardFile", machine: str, kind: str, folder: Path, image: str, unpinned: bool
-) -> int:
-    """Write what starts the machine elsewhere; return the exit code."""
-    from vbus.errors import VbusError, write_errors
-    from vbus.tools import up_elsewhere
-
-    board = Path(machine).resolve()
-    place = folder.resolve()
-    name = f"{file.board.name}.toml"
-    if kind == "compose":
-        if board.is_relative_to(place):
-            name = board.relative_to(place).as_posix()
-        images = up_elsewhere.images_of(file, image, unpinned)
-        made = up_elsewhere.compose(file, name, images)
-    else:
-        made = up_elsewhere.systemd(file, name)
-    with write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    copy = place / name
-    content = board.read_bytes()
-    if copy != board:
-        if copy.exists() and copy.read_bytes() != content:
-            raise VbusError(
-                f"{folder / name}: another board file is there; remove it, or choose another folder"
-            )
-        write_file(copy, content)
-        click.echo(str(folder / name))
-    for path, text in made.files.items():
-        write_file(folder / path, text.encode())
-        click.echo(str(folder / path))
-    for notice in made.notices:
-        complain(notice)
-    return exit_codes.OK

@@ -80,7 +80,7 @@ def _output(name: str, whole: bool) -> Iterator[TextIO]:
 
 def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
     """Write one file of the journals of several nodes, in the order of the nodes."""
-    from vbus.nodes.recorded import Recorded
+    from vbus.nodes.recorded import RebuiltBoard
     from vbus.tools.journal_lines import opened
     from vbus.trace.wave.merge import merge_waves
     from vbus.trace.wave.signals import FULL
@@ -96,7 +96,7 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
         if not path.is_file():
             raise VbusError(f"{path}: no such journal; a running board is recorded alone")
         with opened(path) as reader:
-            recorded = Recorded(reader.header, str(path))
+            recorded = RebuiltBoard(reader.header, str(path))
         node, plan = recorded.node, recorded.plan
         if node is None or plan is None:
             raise VbusError(f"{path}: it is of a board without nodes; record it alone")

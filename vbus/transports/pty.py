@@ -305,7 +305,8 @@ class PtyTransport(Transport):
                 self._renew(terminal)
                 terminal.unwatch()
                 self._free_soon(terminal)
-        if terminal.link is not None and state & select.POLLHUP:
+        # Looked at again: the next host may have come while the last one's bytes were read.
+        if terminal.link is not None and terminal.look() & select.POLLHUP:
             terminal.link.on_end(True)
 
     def take_over(self, terminal: _Terminal) -> bytes:

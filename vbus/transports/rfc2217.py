@@ -10,7 +10,7 @@ from functools import partial
 from typing import Final
 
 from vbus.protocols.serial_line import BREAK, DTR, RTS, mark, marked
-from vbus.signals import LOW, Net, Observer
+from vbus.signals import LOW, EdgeTaker, Net
 from vbus.transports.base import Link, Served
 from vbus.transports.sockets import SocketLink, TcpTransport
 
@@ -269,17 +269,6 @@ class _Telnet:
         self._ended(self)
 
 
-class _LineWatch(Observer):
-    """Sees the nets that hosts' input lines follow."""
-
-    def __init__(self, changed: Callable[[], object]) -> None:
-        self._changed: Callable[[], object] = changed
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Pass it on."""
-        self._changed()
-
-
 class Rfc2217Transport(TcpTransport):
     """``rfc2217:[HOST]:PORT``: TCP with Telnet's options for serial ports (RFC 2217)."""
 
@@ -301,7 +290,7 @@ class Rfc2217Transport(TcpTransport):
         super().open(loop, partial(self._linked, loop, on_link))
         self.url = self.url.replace("tcp:", "rfc2217:", 1)
         for net in self._nets.values():
-            watch = _LineWatch(partial(loop.call_soon, self._tell_lines))
+            watch = EdgeTaker(lambda *_: loop.call_soon(self._tell_lines))
             net.observe(watch)
             self.opened.callback(net.unobserve, watch)
 

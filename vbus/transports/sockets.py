@@ -1,6 +1,7 @@
 """Stream sockets: Unix and TCP."""
 
 import asyncio
+import contextlib
 import errno
 import os
 import select
@@ -12,9 +13,34 @@ from typing import Final
 
 from vbus.addresses import refused_link
 from vbus.errors import NameInUseError, TransportError
-from vbus.transports.activation import handed_over
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.runtime import NameLock, socket_address, sweep
+
+FIRST: Final = 3
+"""The first descriptor that is handed over."""
+
+
+def handed_over(family: int, address: object) -> socket.socket | None:
+    """Return the listening socket at an address that this process was given, if there is one.
+
+    Args:
+        family: such as ``socket.AF_UNIX``.
+        address: as ``getsockname()`` has it; of TCP the host and the port.
+    """
+    if os.environ.get("LISTEN_PID") != str(os.getpid()):
+        return None
+    count = os.environ.get("LISTEN_FDS", "")
+    for descriptor in range(FIRST, FIRST + int(count if count.isdecimal() else 0)):
+        with contextlib.suppress(OSError):  # it is no socket
+            found = socket.socket(fileno=os.dup(descriptor))
+            name = found.getsockname()
+            place = name[:2] if isinstance(name, tuple) else name
+            listens = found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+            if found.family == family and place == address and listens:
+                return found
+            found.close()
+    return None
+
 
 KEEP_ALIVE: Final = (
     (socket.TCP_KEEPIDLE, 10),
@@ -22,8 +48,8 @@ KEEP_ALIVE: Final = (
     (socket.TCP_KEEPCNT, 3),
 )
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
-BACKLOG: Final = 128
-"""Hosts that may wait to be accepted."""
+BACKLOG: Final = 1024
+"""Hosts that may wait to be accepted; all are taken in one turn of the event loop."""
 _ASKED: Final = 1 << 16
 """Bytes of a host's first requests."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -93,12 +119,25 @@ class _SocketTransport(Transport):
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        try:
-            connection, address = listener.accept()
-        except OSError as error:
-            if error.errno in _EXHAUSTED:
-                self._exhausted(error, listener, loop, on_link)
-            return  # else the client gave up in the meantime
+        """Accept all hosts that wait: beside 200 busy hosts a turn takes a tenth of a second."""
+        for _ in range(BACKLOG):
+            try:
+                connection, address = listener.accept()
+            except ConnectionError:  # this one gave up in the meantime
+                continue
+            except OSError as error:
+                if error.errno in _EXHAUSTED:
+                    self._exhausted(error, listener, loop, on_link)
+                return  # else no other one waits
+            self._admit(connection, address, loop, on_link)
+
+    def _admit(
+        self,
+        connection: socket.socket,
+        address: object,
+        loop: asyncio.AbstractEventLoop,
+        on_link: Callable[[Link], None],
+    ) -> None:
         connection.setblocking(False)
         try:
             self._tune(connection)

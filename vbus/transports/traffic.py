@@ -48,7 +48,7 @@ class _Count:
         return self._left == self._every * self._draws >> 32
 
 
-class Message(Struct):
+class TravellingMessage(Struct):
     """A message on its way.
 
     Attributes:
@@ -88,14 +88,14 @@ class MessageFault:
         self._every: int = int(values.get("every", 1))
         self._once: bool = once
         self._counts: dict[str, _Count] = {way: _Count(self._every) for way in self.ways}
-        self._kept: list[Message] = []
+        self._kept: list[TravellingMessage] = []
 
     @property
     def cuts(self) -> bool:
         """Whether nothing comes at all."""
         return self.name == "link_cut"
 
-    def bend(self, message: Message) -> list[Message]:
+    def bend(self, message: TravellingMessage) -> list[TravellingMessage]:
         """Return what goes on because ``message`` has come here."""
         if self.over or message.way not in self.ways or (self._once and message.bent):
             return [message]
@@ -109,14 +109,14 @@ class MessageFault:
             self.over = self._once
         return [message]
 
-    def _keep(self, message: Message) -> list[Message]:
+    def _keep(self, message: TravellingMessage) -> list[TravellingMessage]:
         if len(self._kept) < MOST_KEPT:
             self._kept.append(message)
             return []
         message.times = 0
         return [message]
 
-    def _reorder(self, message: Message) -> list[Message]:
+    def _reorder(self, message: TravellingMessage) -> list[TravellingMessage]:
         for place, first in enumerate(self._kept):
             if (first.way, first.host) == (message.way, message.host):
                 del self._kept[place]
@@ -125,12 +125,12 @@ class MessageFault:
                 return [message, first]
         return [message] if self._once and self._kept else self._keep(message)
 
-    def release(self) -> list[Message]:
+    def release(self) -> list[TravellingMessage]:
         """Give back what was kept: it comes now, in its order."""
         kept, self._kept = self._kept, []
         return kept
 
-    def forget(self, host: str) -> list[Message]:
+    def forget(self, host: str) -> list[TravellingMessage]:
         """A host has gone: give back what was kept of it."""
         gone = [message for message in self._kept if message.host == host]
         self._kept = [message for message in self._kept if message.host != host]
@@ -158,7 +158,7 @@ class Traffic:
             arrive: lets it arrive, now or later, or lets go of it.
         """
         if self.faults:
-            self._send([Message(way, host, arrive)], 0)
+            self._send([TravellingMessage(way, host, arrive)], 0)
         else:
             arrive(1)
 
@@ -198,7 +198,7 @@ class Traffic:
             for message in fault.release():
                 message.arrive(0)
 
-    def _send(self, messages: list[Message], place: int) -> None:
+    def _send(self, messages: list[TravellingMessage], place: int) -> None:
         """Let messages go on from the fault at ``place``."""
         for fault in self.faults[place:]:
             messages = [

@@ -32,9 +32,15 @@ def quoted(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+MOST_LISTED: Final = 60
+"""Names in one message."""
+
+
 def listed(names: Iterable[str]) -> str:
-    """Return names as a message lists them."""
-    return ", ".join(names) or "none"
+    """Return names as a message lists them: a screen of them at most."""
+    first = list(names)
+    more = len(first) - MOST_LISTED
+    return ", ".join(first[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "") or "none"
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -1,6 +1,6 @@
 """A chip alone on a bench: bus cycles both ways in, time, and small mechanics."""
 
-from vbus.chips.lm628.axis import Axis
+from tests.probe import Probe, probe
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import AC, COMMANDS
 from vbus.kernel import NS, US, Clock, Kernel
@@ -129,10 +129,10 @@ class Bench:
         return self.kernel.now
 
     @property
-    def axis(self) -> Axis:
-        """The chip's registers as they are now."""
+    def probe(self) -> Probe:
+        """The inside of the chip as it is now."""
         self.chip.advance()
-        return self.chip.axis
+        return probe(self.chip)
 
     def at(self, when: int) -> None:
         self.kernel.run_until(when)

@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 
 from tests.conformance.lm628.bench import BUSY, Bench
+from tests.probe import probe
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS, US
 from vbus.signals import HIGH, LOW, Z
@@ -24,7 +25,7 @@ def test_each_port_is_written_and_read_through_its_own_address(bench):
     bench.write(1, 0x12)
     bench.write(1, 0x34)
     bench.ready()
-    assert bench.axis.threshold == 0x1234
+    assert bench.probe.error_threshold == 0x1234
 
 
 @pytest.mark.spec("LM-BUS-1")
@@ -34,7 +35,7 @@ def test_strobes_without_chip_select_are_ignored_and_drive_nothing():
     bench.set(**{"/PS": LOW, "/WR": LOW})
     bench.run(US)
     bench.set(**{"/WR": HIGH})
-    assert not bench.chip.host.busy
+    assert not bench.probe.busy
 
     bench.set(**{"/RD": LOW})
     bench.run(US)
@@ -46,7 +47,7 @@ def test_strobes_without_chip_select_are_ignored_and_drive_nothing():
 def test_a_byte_counts_at_the_rising_edge_of_the_write_strobe(bench):
     bench.write(0, RDRP)
 
-    assert bench.chip.host.busy_end == bench.edge + BUSY
+    assert bench.probe.busy_end == bench.edge + BUSY
 
 
 @pytest.mark.spec("LM-BUS-2")
@@ -61,9 +62,9 @@ def test_data_and_port_are_those_before_the_rising_edge():
     bench.run(50 * NS)
     bench.set(**{"/WR": HIGH, "D0-D7": 0x00, "/PS": HIGH})
 
-    assert bench.chip.host.busy, "a command, not data"
+    assert bench.probe.busy, "a command, not data"
     bench.ready()
-    assert bench.chip.host.words_due == 1, "LPES, not the byte before or after"
+    assert bench.probe.words_due == 1, "LPES, not the byte before or after"
 
 
 @pytest.mark.spec("LM-BUS-2")
@@ -78,9 +79,9 @@ def test_chip_select_may_end_the_write_before_the_strobe_does():
     bench.run(50 * NS)
     bench.set(**{"D0-D7": 0})
     bench.set(**{"/WR": HIGH})
-    assert bench.chip.host.busy_end == edge + BUSY
+    assert bench.probe.busy_end == edge + BUSY
     bench.ready()
-    assert bench.chip.host.words_due == 1
+    assert bench.probe.words_due == 1
 
 
 @pytest.mark.spec("LM-BUS-3")
@@ -150,14 +151,14 @@ def test_a_data_byte_is_latched_when_the_read_strobe_falls(bench):
     assert bench.rules() == ["busy-read"]
 
     assert bench.read(1) == 0x00
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     assert bench.rules() == ["busy-read"], "and moved no pointer"
 
 
 @pytest.mark.spec("LM-BUS-3")
 def test_the_read_pointer_moves_when_the_strobe_rises():
     bench = Bench("strobe")
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.set(**{"/PS": HIGH, "/CS": LOW})
     seen = []
@@ -169,13 +170,13 @@ def test_the_read_pointer_moves_when_the_strobe_rises():
             seen.append(bench.data())
         bench.set(**{"/RD": HIGH})
     assert seen == [0x11] * 3 + [0x22] * 3
-    assert bench.chip.host.busy_end == bench.now + BUSY
+    assert bench.probe.busy_end == bench.now + BUSY
 
 
 @pytest.mark.spec("LM-BUS-4")
 def test_both_strobes_low_write_the_hosts_byte_and_read_ff_without_moving_the_pointer():
     bench = Bench("strobe")
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.run(US)
     bench.set(**{"/PS": HIGH, "/CS": LOW})
@@ -194,14 +195,14 @@ def test_both_strobes_low_write_the_hosts_byte_and_read_ff_without_moving_the_po
     # /PS moved during the read and with the write strobe; LPES ends the report. No T11.
     assert bench.rules() == ["T8", "T8", "contention", "cut-packet"]
     bench.ready()
-    assert bench.chip.host.words_due == 1, "LPES was taken"
+    assert bench.probe.words_due == 1, "LPES was taken"
 
 
 @pytest.mark.spec("LM-BUS-4")
 def test_a_contended_read_leaves_the_byte_to_be_read_again():
     bench = Bench("strobe")
     bench.chip.judged = False
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.set(**{"/PS": HIGH, "/CS": LOW, "/WR": LOW, "D0-D7": 0x77})
     bench.set(**{"/RD": LOW})
@@ -222,12 +223,12 @@ def test_a_contended_read_is_no_data_read_at_all():
     bench.set(**{"/PS": LOW})
     assert bench.rules() == ["contention"], "once"
     bench.set(**{"/RD": HIGH})
-    assert bench.axis.flags == 0x04, "no command error"
+    assert bench.probe.flags == 0x04, "no command error"
 
 
 @pytest.mark.spec("LM-BUS-12", "LM-BUS-5", "LM-T-15")
 def test_a_status_read_between_two_bytes_of_a_word_disturbs_nothing(bench):
-    bench.axis.real = 0x12345678
+    bench.probe.real_position = 0x12345678
     bench.command("RDRP")
     got = []
     for _ in range(2):
@@ -243,7 +244,7 @@ def test_a_status_read_between_two_bytes_of_a_word_disturbs_nothing(bench):
     assert bench.status() == 0x84
     bench.write(1, 0x23)
     bench.ready()
-    assert bench.axis.threshold == 0x0123
+    assert bench.probe.error_threshold == 0x0123
 
 
 @pytest.mark.spec("LM-BUS-5")
@@ -260,11 +261,11 @@ def test_status_reads_do_not_stretch_busy(bench):
 @pytest.mark.spec("LM-BUS-6")
 def test_words_travel_high_byte_first_and_long_values_high_word_first(bench):
     bench.command("SBPA", 0x3412, 0x5678)
-    assert bench.axis.breakpoint == 0x34125678
+    assert bench.probe.breakpoint == 0x34125678
 
-    bench.axis.index = -2
+    bench.probe.index_position = -2
     assert bench.report("RDIP") == -2
-    bench.axis.index = 0x01020304
+    bench.probe.index_position = 0x01020304
     bench.command("RDIP")
     got = []
     for _ in range(2):
@@ -276,19 +277,19 @@ def test_words_travel_high_byte_first_and_long_values_high_word_first(bench):
 @pytest.mark.spec("LM-BUS-7")
 def test_busy_rises_with_a_command_and_with_each_second_data_byte_only(bench):
     bench.write(0, LPES)
-    assert bench.chip.host.busy_end == bench.edge + BUSY
+    assert bench.probe.busy_end == bench.edge + BUSY
     bench.ready()
     bench.write(1, 0)
-    assert not bench.chip.host.busy
+    assert not bench.probe.busy
     bench.write(1, 0)
-    assert bench.chip.host.busy_end == bench.edge + BUSY
+    assert bench.probe.busy_end == bench.edge + BUSY
     bench.ready()
 
     bench.command("RDRP")
     bench.read(1)
-    assert not bench.chip.host.busy
+    assert not bench.probe.busy
     bench.read(1)
-    assert bench.chip.host.busy_end == bench.edge + BUSY
+    assert bench.probe.busy_end == bench.edge + BUSY
 
 
 @pytest.mark.spec("LM-BUS-8")
@@ -324,7 +325,7 @@ def test_jitter_spreads_busy_around_its_time_and_repeats_with_its_seed(make):
         result = []
         for _ in range(60):
             bench.write(0, 0x03)
-            result.append(bench.chip.host.busy_end - bench.edge)
+            result.append(bench.probe.busy_end - bench.edge)
             bench.ready()
         return result
 
@@ -344,7 +345,7 @@ def test_jitter_is_drawn_evenly(make, seed: int) -> None:
     seen: Counter[int] = Counter()
     for _ in range(1980):
         bench.write(0, 0x03)
-        seen[(bench.chip.host.busy_end - bench.edge) // (125 * NS)] += 1
+        seen[(probe(bench.chip).busy_end - bench.edge) // (125 * NS)] += 1
         bench.ready()
     assert sorted(seen) == list(range(104, 137))
     assert all(30 <= count <= 90 for count in seen.values()), seen
@@ -356,9 +357,9 @@ def test_a_command_has_its_effect_when_busy_falls_and_not_before(bench):
     end = bench.edge + BUSY
 
     bench.at(end - 1)
-    assert not bench.axis.sip
+    assert not bench.probe.sip
     bench.at(end)
-    assert bench.axis.sip
+    assert bench.probe.sip
 
 
 @pytest.mark.spec("LM-BUS-9")
@@ -394,15 +395,15 @@ def test_bytes_written_while_busy_are_ignored_and_reported(bench):
     bench.write(0, LPES)
     bench.write(0, 0x03)
     bench.write(1, 0x55)
-    end = bench.chip.host.busy_end
+    end = bench.probe.busy_end
     assert bench.rules() == ["busy-write", "busy-write"]
     assert "command 03H" in bench.violations[0].detail
     bench.ready()
     assert bench.now >= end
 
     bench.word(0x0102)
-    assert bench.axis.threshold == 0x0102, "the ignored data byte was not half of it"
-    assert not bench.axis.sip
+    assert bench.probe.error_threshold == 0x0102, "the ignored data byte was not half of it"
+    assert not bench.probe.sip
     assert bench.status() == 0x84, "no command error"
 
 
@@ -411,7 +412,7 @@ def test_data_read_while_busy_is_the_last_byte_again(bench):
     bench.write(0, RDRP)
     assert bench.read(1) == 0x00, "00h after reset"
     bench.ready()
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.read(1)
     bench.read(1)
@@ -431,9 +432,9 @@ def test_a_command_cuts_a_packet_short_and_keeps_the_words_that_were_complete(be
 
     assert bench.rules() == ["cut-packet"]
     assert bench.status() == 0x84, "no command error"
-    assert bench.axis.pid.loaded == [0, 0x0111, 0, 0, 0], "the odd byte is dropped"
+    assert bench.probe.filter_loaded == [0, 0x0111, 0, 0, 0], "the odd byte is dropped"
     bench.command("LFIL", 0x04, 0x0222)
-    assert bench.axis.pid.loaded == [0, 0x0111, 0x0222, 0, 0]
+    assert bench.probe.filter_loaded == [0, 0x0111, 0x0222, 0, 0]
 
 
 @pytest.mark.spec("LM-BUS-11")
@@ -442,15 +443,15 @@ def test_complete_words_of_a_trajectory_stay_when_a_command_cuts_the_rest(bench)
     bench.write(1, 0x44)
     bench.command("SIP")
 
-    profile = bench.axis.profile
-    assert profile.raw == [0x11112222, 0x33330000, 0]
+    profile = bench.probe
+    assert profile.trajectory_loaded == [0x11112222, 0x33330000, 0]
     assert profile.relative == [True, False, False]
 
 
 @pytest.mark.spec("LM-BUS-11")
 def test_a_command_ends_a_report_that_was_not_read_to_its_end(bench):
-    bench.axis.real = 0x11223344
-    bench.axis.index = 0x55667788
+    bench.probe.real_position = 0x11223344
+    bench.probe.index_position = 0x55667788
     bench.command("RDRP")
     bench.read(1)
 
@@ -468,12 +469,12 @@ def test_reading_while_a_word_is_to_be_written_is_a_command_error_and_nothing_el
     assert bench.rules() == ["wrong-way"]
     bench.write(1, 0x02)
     bench.ready()
-    assert bench.axis.threshold == 0x0102, "the packet stayed open"
+    assert bench.probe.error_threshold == 0x0102, "the packet stayed open"
 
 
 @pytest.mark.spec("LM-BUS-12", "LM-AMB-12")
 def test_writing_while_a_word_is_to_be_read_is_a_command_error_and_nothing_else(bench):
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.read(1)
     bench.write(1, 0x99)
@@ -492,7 +493,7 @@ def test_data_nobody_expects_is_a_command_error(bench):
 
     bench.write(1, 0x12)
     assert bench.status() == 0x82
-    assert not bench.chip.host.busy
+    assert not bench.probe.busy
     assert bench.rules() == ["wrong-way", "wrong-way"]
 
 
@@ -518,7 +519,7 @@ def test_an_undefined_command_is_accepted_and_is_a_command_error_when_busy_falls
 
     assert bench.status() == 0x86
     assert bench.rules() == ["undefined-command"]
-    assert bench.violations[0].when == bench.chip._when
+    assert bench.violations[0].when == bench.probe.computed_at
     assert bench.violations[0].when <= end + BUSY
 
 
@@ -533,8 +534,8 @@ def test_a_host_that_just_waits_need_not_read_the_status(bench):
     bench.run(BUSY)
     bench.chip.advance()
 
-    assert bench.axis.threshold == 100
-    assert bench.axis.sip
+    assert bench.probe.error_threshold == 100
+    assert bench.probe.sip
     assert bench.violations == []
 
 

@@ -1,7 +1,5 @@
 """The command set, the status byte, the signals register and the host interrupt."""
 
-from operator import attrgetter
-
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower, Log
@@ -21,11 +19,11 @@ def test_stt_is_taken_exactly_at_the_next_sample(bench):
     bench.write(0, COMMANDS["STT"].code)
 
     bench.at(2 * SAMPLE - 1)
-    assert bench.axis.signals & 0xFC80 == 0xC080, "nothing but acceleration loaded"
-    assert bench.axis.profile.velocity == 0
+    assert bench.probe.signals_register & 0xFC80 == 0xC080, "nothing but acceleration loaded"
+    assert bench.probe.desired_velocity == 0
     bench.at(2 * SAMPLE)
-    assert bench.axis.signals & 0x7C80 == 0x1800
-    assert bench.axis.profile.velocity == ONE
+    assert bench.probe.signals_register & 0x7C80 == 0x1800
+    assert bench.probe.desired_velocity == ONE
 
 
 @pytest.mark.spec("LM-CMD-2")
@@ -38,24 +36,24 @@ def test_stt_whose_busy_ends_with_the_sample_is_taken_by_it(bench):
     assert bench.chip.ready_at() == end
 
     bench.at(end)
-    assert bench.axis.profile.velocity == ONE
+    assert bench.probe.desired_velocity == ONE
 
 
 @pytest.mark.spec("LM-CMD-5", "LM-PID-1")
 def test_udf_copies_the_filter_at_the_next_sample_and_shows_in_bit_13_until_then(bench):
     bench.command("LFIL", 0x070F, 1, 2, 3, 4)
-    pid = bench.axis.pid
+    pid = bench.probe
     bench.next_sample()
     assert (pid.kp, pid.ki, pid.kd, pid.il, pid.ds) == (0, 0, 0, 0, 0)
-    assert not bench.axis.signals & 0x2000
+    assert not bench.probe.signals_register & 0x2000
 
     sample = bench.now + SAMPLE
     bench.command("UDF")
     bench.at(sample - 1)
-    assert bench.axis.signals & 0x2000
+    assert bench.probe.signals_register & 0x2000
     assert pid.kp == 0
     bench.at(sample)
-    assert not bench.axis.signals & 0x2000
+    assert not bench.probe.signals_register & 0x2000
     assert (pid.kp, pid.ki, pid.kd, pid.il, pid.ds) == (1, 2, 3, 4, 7)
 
 
@@ -65,11 +63,11 @@ def test_udf_takes_what_is_loaded_when_it_is_executed_and_leaves_later_data_for_
     bench.command("LFIL", 0x0008, 200)
     bench.command("UDF")
     bench.command("LFIL", 0x0708, 1000)
-    pid = bench.axis.pid
-    assert bench.axis.udf, "all of this within one sample"
+    pid = bench.probe
+    assert bench.probe.udf_waiting, "all of this within one sample"
     bench.next_sample()
     assert (pid.kp, pid.ds) == (200, 0)
-    assert not bench.axis.signals & 0x2000
+    assert not bench.probe.signals_register & 0x2000
     bench.next_sample()
     assert (pid.kp, pid.ds) == (200, 0)
     bench.command("UDF")
@@ -84,9 +82,9 @@ def test_of_several_udfs_in_one_sample_the_last_counts(bench):
         bench.command("LFIL", 0x0008, kp)
         bench.command("UDF")
     bench.command("LFIL", 0x0008, 5)
-    assert bench.axis.udf, "all of this within one sample"
+    assert bench.probe.udf_waiting, "all of this within one sample"
     bench.next_sample()
-    assert bench.axis.pid.kp == 1000
+    assert bench.probe.kp == 1000
 
 
 @pytest.mark.spec("LM-CMD-5")
@@ -108,11 +106,11 @@ def test_udf_takes_what_is_loaded_when_its_busy_time_ends(bench):
     bench.write(0, COMMANDS["UDF"].code)
     end = bench.chip.ready_at()
     bench.at(end - 1)
-    assert not bench.axis.udf
+    assert not bench.probe.udf_waiting
     bench.at(end)
-    assert bench.axis.udf
+    assert bench.probe.udf_waiting
     bench.next_sample()
-    assert bench.axis.pid.kp == 200
+    assert bench.probe.kp == 200
 
 
 @pytest.mark.spec("LM-CMD-5")
@@ -128,9 +126,9 @@ def test_what_udf_has_taken_outlives_a_snapshot(make, later):
     load(other.chip, save(bench.chip))
     for one in (bench, other):
         one.command("LFIL", 0x0008, 50)
-        assert one.axis.udf, "all of this within one sample"
+        assert one.probe.udf_waiting, "all of this within one sample"
         one.next_sample()
-        assert one.axis.pid.kp == 200
+        assert one.probe.kp == 200
 
 
 @pytest.mark.spec("LM-CMD-6", "LM-CMD-7", "LM-STA-2")
@@ -151,24 +149,24 @@ def test_port12_on_a_lm629_is_reported_and_changes_only_the_flag(make):
     assert bench.rules() == ["port12-on-lm629"]
     assert not bench.report("RDSIGS") & 0x0100
 
-    bench.axis.profile.hold(0)
+    bench.probe.hold(0)
     bench.move(0)
     bench.next_sample()
-    bench.axis.profile.position = 130 << 16
+    bench.probe.desired_position = 130 << 16
     bench.next_sample()
-    assert bench.chip.output.command == 50 / 128
+    assert bench.probe.output_command == 50 / 128
 
 
 @pytest.mark.spec("LM-AMB-11")
 @pytest.mark.parametrize("name", ["PORT8", "PORT12"])
 def test_port_size_commands_in_motion_are_executed_and_reported(bench, name):
-    bench.axis.port8 = name == "PORT12"
+    bench.probe.port8 = name == "PORT12"
     bench.move(0x1800, accel=ONE, velocity=ONE)
     bench.next_sample()
     bench.command(name)
 
     assert bench.rules() == ["port-in-motion"]
-    assert bench.axis.port8 == (name == "PORT8")
+    assert bench.probe.port8 == (name == "PORT8")
 
 
 @pytest.mark.spec("LM-CMD-8", "LM-CMD-9")
@@ -203,10 +201,10 @@ def test_signals_are_read_as_one_word(bench):
 @pytest.mark.spec("LM-CMD-15", "LM-CMD-16", "LM-STA-2")
 def test_lpes_and_lpei_load_the_threshold_and_choose_whether_to_stop(bench):
     bench.command("LPES", 0x1234)
-    assert bench.axis.threshold == 0x1234
+    assert bench.probe.error_threshold == 0x1234
     assert bench.report("RDSIGS") & 0x0200
     bench.command("LPEI", 0x0007)
-    assert bench.axis.threshold == 0x0007
+    assert bench.probe.error_threshold == 0x0007
     assert not bench.report("RDSIGS") & 0x0200
     assert bench.violations == []
 
@@ -217,7 +215,7 @@ def test_lpes_and_lpei_load_the_threshold_and_choose_whether_to_stop(bench):
 def test_each_bit_of_a_threshold_counts(bench, name, bit):
     for threshold in (1 << bit, 0x7FFF ^ 1 << bit):
         bench.command(name, threshold)
-        assert bench.axis.threshold == threshold
+        assert bench.probe.error_threshold == threshold
     assert bench.violations == []
 
 
@@ -226,7 +224,7 @@ def test_each_bit_of_a_threshold_counts(bench, name, bit):
 def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
     bench.command(name, 0x8123)
 
-    assert bench.axis.threshold == 0x0123
+    assert bench.probe.error_threshold == 0x0123
     assert bench.rules() == ["range"]
 
 
@@ -251,12 +249,12 @@ def test_mski_moves_hi_as_a_level_when_busy_falls(bench):
 @pytest.mark.spec("LM-CMD-17", "LM-STA-7")
 @pytest.mark.parametrize("bit", range(8))
 def test_each_mask_bit_enables_its_flag_and_bits_7_and_0_none(bench, bit):
-    axis = bench.axis
+    axis = bench.probe
     axis.flags = 0x7E
     bench.command("MSKI", 0xFF81 | 1 << bit)
 
     assert bench.pin("HI") == (HIGH if 1 <= bit <= 6 else LOW)
-    assert axis.status() == 0xFE
+    assert axis.status_without_busy() == 0xFE
 
 
 @pytest.mark.spec("LM-STA-7")
@@ -281,7 +279,7 @@ def test_hi_rises_at_the_very_sample_that_raises_a_flag_whatever_masked_flag_is_
 @pytest.mark.spec("LM-CMD-18", "LM-STA-3")
 @pytest.mark.parametrize("bit", range(1, 7))
 def test_rsti_clears_the_flags_whose_bits_are_zero_and_keeps_the_others(bench, bit):
-    bench.axis.flags = 0x7E
+    bench.probe.flags = 0x7E
     bench.command("RSTI", ~(1 << bit) & 0xFFFF)
     assert bench.status() == 0xFE & ~(1 << bit)
     bench.command("RSTI", 0xFF00 | 1 << (bit % 6 + 1))
@@ -305,7 +303,7 @@ def test_both_words_of_a_report_are_of_the_sample_in_which_it_was_asked_for(make
 
 @pytest.mark.spec("LM-STA-1", "LM-STA-2")
 def test_the_signals_register_repeats_the_flags_and_shows_sip_in_place_of_busy(bench):
-    bench.axis.flags = 0x2A
+    bench.probe.flags = 0x2A
     assert bench.status() == 0xAA
     assert bench.report("RDSIGS") == 0x81AA
     bench.command("SIP")
@@ -327,7 +325,7 @@ def test_direction_and_mode_bits_show_the_active_control_word(bench, control, bi
 
 @pytest.mark.spec("LM-STA-3")
 def test_masking_never_changes_a_flag(bench):
-    bench.axis.flags = 0x7E
+    bench.probe.flags = 0x7E
     bench.command("MSKI", 0)
     bench.command("MSKI", 0x7E)
     assert bench.status() == 0xFE
@@ -343,7 +341,7 @@ def test_trajectory_complete_is_an_edge_that_can_be_reset_while_its_cause_lasts(
     bench.move(0, accel=ONE, velocity=ONE, position=10)
     bench.next_sample()
     assert bench.status() == 0x00, "STT lowers motor-off; that is no rising edge"
-    while not bench.axis.profile.done:
+    while not bench.probe.on_target:
         bench.next_sample()
     assert bench.status() == 0x04
     bench.command("RSTI", 0)
@@ -371,7 +369,7 @@ def test_turning_the_motor_off_completes_a_motion_but_not_twice(bench):
     bench.move(0, position=0)
     bench.next_sample()
     bench.next_sample()
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
     bench.command("RSTI", 0)
     bench.move(0x0100)
     bench.next_sample()
@@ -388,7 +386,7 @@ def test_on_target_is_set_by_the_end_of_the_profile_and_cleared_by_the_next_stt(
     assert bench.report("RDSIGS") & 0x0400
 
     bench.move(0, position=50)
-    assert bench.axis.profile.done, "until the sample that takes the STT"
+    assert bench.probe.on_target, "until the sample that takes the STT"
     bench.next_sample()
     assert not bench.report("RDSIGS") & 0x0400
 
@@ -398,12 +396,12 @@ def test_in_velocity_mode_only_a_stop_brings_the_axis_on_target(bench):
     bench.move(0x1800, accel=2 * ONE, velocity=4 * ONE)
     for _ in range(10):
         bench.next_sample()
-        assert not bench.axis.profile.done
+        assert not bench.probe.on_target
     bench.move(0x1C00)
     bench.next_sample()
-    assert not bench.axis.profile.done
+    assert not bench.probe.on_target
     bench.next_sample()
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
 
 
 @pytest.mark.spec("LM-STA-6")
@@ -427,7 +425,7 @@ def test_acceleration_loaded_is_set_by_its_words_and_cleared_by_the_stt(bench):
     bench.load(0, accel=ONE)
     assert bench.report("RDSIGS") & 0x4000
     bench.command("STT")
-    assert bench.axis.profile.accel_loaded
+    assert bench.probe.acceleration_waiting
     bench.next_sample()
     assert not bench.report("RDSIGS") & 0x4000
 
@@ -460,19 +458,18 @@ def test_rdsum_reads_the_limited_summation_whatever_ki_is(make, ki):
         bench.next_sample()
         assert bench.report("RDSUM") == expected
         # 3 is what was added; the filter has the limit already.
-        assert bench.axis.command == ki * min(expected, 2)
+        assert bench.probe.motor_command == ki * min(expected, 2)
     plant.counts = [800] * 12
     for expected in (2, -1, -4, -2):
         bench.next_sample()
         assert bench.report("RDSUM") == expected
-        assert bench.axis.command == ki * max(expected, -2)
+        assert bench.probe.motor_command == ki * max(expected, -2)
 
 
 def test_every_row_of_the_command_table_has_its_hook_or_its_parameter(bench):
-    axis = bench.chip.axis
     for row in COMMANDS:
         assert bool(row.hook) != bool(row.parameter), row.name
-        assert row.hook or attrgetter(row.parameter)(axis) is not None
+        assert row.hook or bench.probe.parameter(row) is not None
     assert len(COMMANDS) == 22, "Table 2 without RDSTAT, which needs no code"
 
 
@@ -496,7 +493,7 @@ def test_each_code_takes_or_gives_its_number_of_words(bench, name, code, words):
         bench.read(1), bench.read(1)
         bench.ready()
     if name in ("LFIL", "LTRJ"):
-        assert bench.chip.host.words_due == 0, "a control word of 0 asks for nothing more"
+        assert bench.probe.words_due == 0, "a control word of 0 asks for nothing more"
     assert bench.status() & 2 == 0
     assert bench.rules() == []
 

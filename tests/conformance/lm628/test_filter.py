@@ -38,7 +38,7 @@ def held(make, errors, **settings) -> Bench:
 @pytest.mark.parametrize("bits", range(16))
 def test_lfil_loads_the_coefficients_its_bits_name_in_the_order_kp_ki_kd_il(bench, bits):
     bench.command("LFIL", 0xABF0 | bits)
-    assert bench.chip.host.words_due == bits.bit_count()
+    assert bench.probe.words_due == bits.bit_count()
     for word in range(bits.bit_count()):
         bench.word(word + 1)
 
@@ -46,7 +46,7 @@ def test_lfil_loads_the_coefficients_its_bits_name_in_the_order_kp_ki_kd_il(benc
     for bit in (8, 4, 2, 1):
         word += bool(bits & bit)
         loaded.append(word if bits & bit else 0)
-    assert bench.axis.pid.loaded == loaded
+    assert bench.probe.filter_loaded == loaded
     assert bench.rules() == []
 
 
@@ -58,23 +58,23 @@ def test_each_bit_of_a_coefficient_counts(bench, name, bit):
         bench.command("LFIL", {"kp": 8, "ki": 4, "kd": 2, "il": 1}[name], value)
         bench.command("UDF")
         bench.next_sample()
-        assert getattr(bench.axis.pid, name) == value
+        assert getattr(bench.probe, name) == value
     assert bench.rules() == []
 
 
 @pytest.mark.spec("LM-PID-1")
 def test_every_lfil_stores_the_derivative_interval_and_udf_uses_it(bench):
     bench.command("LFIL", 0x0300)
-    assert (bench.axis.pid.loaded[0], bench.axis.pid.ds) == (3, 0)
+    assert (bench.probe.ds_loaded, bench.probe.ds) == (3, 0)
     bench.command("UDF")
     bench.next_sample()
-    assert bench.axis.pid.ds == 3
+    assert bench.probe.ds == 3
 
 
 @pytest.mark.spec("LM-PID-1", "LM-TRJ-2")
 def test_bit_15_of_a_coefficient_is_masked_and_reported(bench):
     bench.command("LFIL", 0x0008, 0x8007)
-    assert bench.axis.pid.loaded[1] == 7
+    assert bench.probe.kp_loaded == 7
     assert bench.rules() == ["range"]
 
 
@@ -88,11 +88,13 @@ def test_bit_15_of_a_coefficient_is_masked_and_reported(bench):
 )
 def test_the_printed_seven_samples(make, port, codes):
     bench = held(make, ERRORS[1:], kp=100, ki=50, kd=30, il=2000, ds=0)
-    bench.axis.port8 = port == "PORT8"
+    bench.probe.port8 = port == "PORT8"
     seen = []
     for _ in ERRORS:
         bench.next_sample()
-        seen.append((bench.axis.error, bench.axis.command, bench.chip.output.code()))
+        seen.append(
+            (bench.probe.position_error, bench.probe.motor_command, bench.probe.output_code())
+        )
 
     assert [error for error, _, _ in seen] == list(ERRORS)
     assert [command for _, command, _ in seen] == [0, 1300, 2300, 3300, 3000, -1550, -32768]
@@ -106,10 +108,10 @@ def test_the_printed_integration_limit(make):
     course = []
     for _ in range(4):
         bench.next_sample()
-        course.append((bench.axis.pid.term, bench.axis.pid.sum))
+        course.append((bench.probe.integration_sum, bench.probe.error_sum))
 
     assert course == [(20, 300), (40, 600), (50, 600), (50, 600)]
-    assert bench.axis.command == 50
+    assert bench.probe.motor_command == 50
     assert bench.report("RDSUM") == 50
 
 
@@ -118,7 +120,7 @@ def test_the_application_notes_lfil_leaves_the_derivative_interval_at_one_sample
     bench.command("LFIL", 0x0008, 0x000A)
     bench.command("UDF")
     bench.next_sample()
-    assert (bench.axis.pid.kp, bench.axis.pid.ds) == (10, 0)
+    assert (bench.probe.kp, bench.probe.ds) == (10, 0)
 
 
 @pytest.mark.spec("LM-PID-2")
@@ -135,14 +137,14 @@ def test_the_application_notes_lfil_leaves_the_derivative_interval_at_one_sample
 def test_the_error_is_a_31_bit_difference_saturated_to_16_bits(make, desired, real, error):
     bench = held(make, [], kp=1)
     bench.next_sample()
-    axis = bench.axis
-    axis.profile.position = desired << 16
-    axis.real = real
+    axis = bench.probe
+    axis.desired_position = desired << 16
+    axis.real_position = real
     bench.chip.touched()
     bench.next_sample()
 
-    assert axis.error == error
-    assert axis.command == error
+    assert axis.position_error == error
+    assert axis.motor_command == error
 
 
 @pytest.mark.spec("LM-PID-2", "LM-POS-6")
@@ -151,12 +153,12 @@ def test_the_largest_threshold_never_fires_even_at_the_most_negative_error(make)
     bench.command("RSTI", 0)
     for _ in range(3):
         bench.next_sample()
-    assert bench.axis.error == -32768
-    assert not bench.axis.flags & 0x20
+    assert bench.probe.position_error == -32768
+    assert not bench.probe.flags & 0x20
 
     bench.command("LPEI", 0x7FFE)
     bench.next_sample()
-    assert bench.axis.flags & 0x20
+    assert bench.probe.flags & 0x20
 
 
 @pytest.mark.spec("LM-PID-3", "LM-T-10", "LM-AMB-7")
@@ -255,7 +257,9 @@ def test_the_limit_holds_for_the_scaled_summation_by_default(make, errors, sums,
     course = []
     for _ in errors:
         bench.next_sample()
-        course.append((bench.axis.pid.sum, bench.axis.pid.term, bench.axis.command))
+        course.append(
+            (bench.probe.error_sum, bench.probe.integration_sum, bench.probe.motor_command)
+        )
 
     assert course == [
         (total, term, 10 * max(-2, min(2, term))) for total, term in zip(sums, terms, strict=True)
@@ -279,7 +283,7 @@ def test_products_over_16_bits_saturate_by_default_and_wrap_on_request(make):
         bench = held(make, [40], kp=1000, **settings)
         bench.next_sample()
         bench.next_sample()
-        assert bench.axis.command == expected
+        assert bench.probe.motor_command == expected
 
 
 @pytest.mark.spec("LM-PID-6", "LM-PID-7")

@@ -4,7 +4,7 @@ import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Log
 from vbus import state
-from vbus.chips.lm628.output import STEADY, Output
+from vbus.chips.lm628.output import STEADY, ServoOutput
 from vbus.kernel import NS
 
 CLK = 125 * NS
@@ -18,7 +18,7 @@ def driven(command: int, mode: str = "strobe", **settings) -> Bench:
     bench.next_sample()
     bench.move(0)
     bench.next_sample()
-    bench.axis.profile.position = command << 16
+    bench.probe.desired_position = command << 16
     bench.chip.touched()
     return bench
 
@@ -37,7 +37,7 @@ def levels(bench: Bench) -> int:
     ],
 )  # fmt: skip
 def test_codes_are_offset_binary(command, code8, code12):
-    output = Output(False, 512)
+    output = ServoOutput(False, 512)
     output.put(command, True)
     assert output.code() == code8
     assert output.command == (code8 - 0x80) / 128
@@ -143,8 +143,8 @@ def test_the_lm629_gives_a_sign_and_a_magnitude_of_7_bits(command, sign, magnitu
     bench.next_sample()
 
     assert bench.pin("SIGN") == sign
-    assert bench.chip.output.code() == 4 * magnitude
-    assert bench.chip.output.command == (-magnitude if sign else magnitude) / 128
+    assert bench.probe.output_code() == 4 * magnitude
+    assert bench.probe.output_command == (-magnitude if sign else magnitude) / 128
 
 
 @pytest.mark.spec("LM-PID-10", "LM-CFG-1")
@@ -183,7 +183,7 @@ def test_a_magnitude_of_zero_makes_no_edges():
     bench.chip.pins["MAG"].net.observe(log)
     bench.run(3 * SAMPLE)
     assert log.edges == []
-    assert bench.chip.output.next_change(0) == STEADY
+    assert bench.probe.next_output_change(0) == STEADY
 
 
 @pytest.mark.spec("LM-CFG-1")
@@ -210,7 +210,7 @@ def test_the_mechanics_get_the_output_of_the_sample_for_the_coming_period():
 
 @pytest.mark.spec("LM-PID-10")
 def test_the_amplifier_of_an_lm629_gets_127_parts_at_most() -> None:
-    output = Output(True, 1024)
+    output = ServoOutput(True, 1024)
     for command, parts in ((-32768, -127), (-127 * 256, -127), (32767, 127), (-126 * 256, -126)):
         assert output.put(command, True) == output.command == parts / 128
         assert output.code() == abs(parts) * 8

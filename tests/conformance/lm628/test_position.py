@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course
-from vbus.chips.lm628.profile import Profile
+from vbus.chips.lm628.profile import Trajectory
 from vbus.kernel import NS, US
 from vbus.signals import HIGH, LOW
 
@@ -27,7 +27,7 @@ def turn(bench: Bench, counts: int, clocks: int = 40, state: int = 0) -> int:
 
 def real(bench: Bench) -> int:
     bench.next_sample()
-    return bench.axis.real
+    return bench.probe.real_position
 
 
 # -- quadrature ---------------------------------------------------------------------------------
@@ -70,10 +70,10 @@ def test_a_state_of_7_clocks_is_lost():
     assert real(bench) == 1
     bench.set(A=0, B=0)
     bench.run(8 * CLK - 1)
-    assert bench.chip.encoder.count() == 1
+    assert bench.probe.decoded_count() == 1
     bench.run(1)
     bench.chip.advance()
-    assert bench.chip.encoder.count() == 0
+    assert bench.probe.decoded_count() == 0
 
 
 @pytest.mark.spec("LM-POS-1")
@@ -115,7 +115,7 @@ def test_levels_at_power_on_are_a_beginning_and_no_edge():
 def test_the_real_position_wraps_and_sets_its_flag(make, start, step, after):
     plant = Course()
     bench = make(plant=plant)
-    bench.axis.real = start
+    bench.probe.real_position = start
     bench.command("RSTI", 0)
     bench.next_sample()
     assert bench.status() == 0x80
@@ -135,13 +135,13 @@ def test_the_real_position_wraps_and_sets_its_flag(make, start, step, after):
 def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
     bench.move(0x1800, accel=8 * ONE, velocity=8 * ONE)
     bench.next_sample()
-    bench.axis.profile.position = (LARGEST - 3) << 16
+    bench.probe.desired_position = (LARGEST - 3) << 16
     bench.command("RSTI", 0)
     bench.chip.touched()
     bench.next_sample()
 
     assert bench.report("RDDP") == -LARGEST - 1 + 4
-    assert bench.axis.profile.target == -LARGEST - 1 + 4
+    assert bench.probe.target_position == -LARGEST - 1 + 4
     assert bench.status() == 0x10
     bench.command("RSTI", 0)
     bench.next_sample()
@@ -156,7 +156,7 @@ def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
 def test_the_desired_position_goes_down_to_its_very_end(bench, start, after, status):
     bench.move(0x0800, accel=8 * ONE, velocity=8 * ONE)
     bench.next_sample()
-    bench.axis.profile.position = start << 16
+    bench.probe.desired_position = start << 16
     bench.command("RSTI", 0)
     bench.chip.touched()
     bench.next_sample()
@@ -182,9 +182,9 @@ def test_an_armed_index_stores_the_real_position_where_all_three_inputs_are_low(
     fell = bench.now
     assert state == 0b01
     bench.at(fell + 8 * CLK - 1)
-    assert (bench.axis.flags, bench.axis.sip) == (0x00, True)
+    assert (bench.probe.flags, bench.probe.sip) == (0x00, True)
     bench.at(fell + 8 * CLK)
-    assert (bench.axis.flags, bench.axis.sip) == (0x08, False)
+    assert (bench.probe.flags, bench.probe.sip) == (0x08, False)
     turn(bench, 1)
     bench.set(**{"/IN": HIGH})
 
@@ -204,7 +204,7 @@ def test_a_second_pulse_does_nothing_until_sip_is_given_again(bench):
         turn(bench, 3, state=0b10)
 
     pulse()
-    assert bench.axis.flags & 0x08 == 0, "not armed"
+    assert bench.probe.flags & 0x08 == 0, "not armed"
     bench.command("SIP")
     pulse()
     assert bench.report("RDIP") == 12
@@ -224,12 +224,12 @@ def test_arming_inside_the_index_waits_for_the_next_entry(bench):
     turn(bench, 1, state=0b01)
     bench.command("SIP")
     bench.run(SAMPLE)
-    assert bench.axis.sip
+    assert bench.probe.sip
 
     turn(bench, 1)
     turn(bench, -1, state=0b10)
-    assert not bench.axis.sip
-    assert bench.axis.index == 4
+    assert not bench.probe.sip
+    assert bench.probe.index_position == 4
 
 
 @pytest.mark.spec("LM-POS-3")
@@ -239,8 +239,8 @@ def test_a_switch_on_the_index_input_can_record_the_position_too():
     bench.next_sample()
     bench.command("SIP")
     bench.set(**{"/IN": LOW})
-    assert bench.axis.index == 4
-    assert bench.axis.flags & 0x08
+    assert bench.probe.index_position == 4
+    assert bench.probe.flags & 0x08
 
 
 @pytest.mark.spec("LM-POS-3")
@@ -288,9 +288,9 @@ def test_the_index_of_a_plant_is_captured_at_its_own_instant_inside_the_sample(m
     # Counts 100 to 200 pass during sample 3 to 4: 150 in the middle.
     middle = 3 * SAMPLE + SAMPLE // 2
     bench.at(middle - 1)
-    assert (bench.axis.sip, bench.axis.flags, bench.axis.index) == (True, 0, 0)
+    assert (bench.probe.sip, bench.probe.flags, bench.probe.index_position) == (True, 0, 0)
     bench.at(middle)
-    assert (bench.axis.sip, bench.axis.flags, bench.axis.index) == (False, 0x08, 150)
+    assert (bench.probe.sip, bench.probe.flags, bench.probe.index_position) == (False, 0x08, 150)
     assert bench.pin("HI") == HIGH
     assert bench.report("RDRP") == 100, "the position register is that of the last sample"
 
@@ -306,8 +306,8 @@ def test_the_first_index_after_arming_counts(make, armed_at, index):
     bench.at(int((1 + armed_at) * SAMPLE) - 15 * US - 210 * NS)
     bench.write(0, 0x03)
     bench.sample(4)
-    assert bench.axis.index == index
-    assert not bench.axis.sip
+    assert bench.probe.index_position == index
+    assert not bench.probe.sip
 
 
 @pytest.mark.spec("LM-POS-3")
@@ -319,7 +319,7 @@ def test_an_index_at_the_very_end_of_busy_of_sip_comes_too_early(make, early, in
     bench.write(0, 0x03)
     assert bench.chip.ready_at() == middle - early
     bench.sample(4)
-    assert bench.axis.index == index
+    assert bench.probe.index_position == index
 
 
 # -- home ---------------------------------------------------------------------------------------
@@ -335,21 +335,21 @@ def test_home_shifts_real_desired_and_active_target_and_nothing_else(make):
     for _ in range(6):
         bench.next_sample()
     bench.command("SBPA", 0, 200)
-    bench.axis.index = 77
-    axis = bench.axis
-    before = (axis.profile.position, axis.real)
+    bench.probe.index_position = 77
+    axis = bench.probe
+    before = (axis.desired_position, axis.real_position)
     assert before[1] == 30
     assert before[0] % ONE
-    error = axis.error
+    error = axis.position_error
     bench.command("DFH")
 
-    assert axis.real == 0
-    assert axis.profile.position == before[0] - 30 * ONE, "the fraction stays"
-    assert axis.profile.target == 270
-    assert axis.profile.raw[2] == 300, "the buffer keeps its number"
-    assert (axis.index, axis.breakpoint) == (77, 200)
+    assert axis.real_position == 0
+    assert axis.desired_position == before[0] - 30 * ONE, "the fraction stays"
+    assert axis.target_position == 270
+    assert axis.position_loaded == 300, "the buffer keeps its number"
+    assert (axis.index_position, axis.breakpoint) == (77, 200)
     bench.next_sample()
-    assert abs(axis.error - error) <= 4, "the loop feels nothing"
+    assert abs(axis.position_error - error) <= 4, "the loop feels nothing"
     assert axis.real_change == 0
 
 
@@ -364,13 +364,13 @@ def test_after_home_a_move_ends_in_the_same_place_unless_stt_is_given(make):
     bench.command("DFH")
     for _ in range(30):
         bench.next_sample()
-    assert bench.axis.profile.position == 60 * ONE
-    assert bench.axis.profile.done
+    assert bench.probe.desired_position == 60 * ONE
+    assert bench.probe.on_target
 
     bench.command("STT")
     for _ in range(30):
         bench.next_sample()
-    assert bench.axis.profile.position == 100 * ONE
+    assert bench.probe.desired_position == 100 * ONE
 
 
 # -- breakpoint ---------------------------------------------------------------------------------
@@ -392,9 +392,9 @@ def test_a_breakpoint_fires_in_the_first_sample_at_or_beyond_it(make, sign, cour
         assert bench.status() == 0x80
     sample = bench.now // SAMPLE + 1
     bench.at(sample * SAMPLE - 1)
-    assert bench.axis.flags == 0
+    assert bench.probe.flags == 0
     bench.at(sample * SAMPLE)
-    assert bench.axis.flags == 0x40
+    assert bench.probe.flags == 0x40
     assert bench.pin("HI") == LOW, "masked after reset"
 
 
@@ -411,7 +411,7 @@ def test_a_breakpoint_fires_once(make):
     for _ in range(4):
         bench.next_sample()
     assert bench.status() == 0x80
-    assert not bench.axis.breakpoint_armed
+    assert not bench.probe.breakpoint_armed
 
 
 @pytest.mark.spec("LM-POS-5")
@@ -443,7 +443,7 @@ def test_home_does_not_fire_a_breakpoint_that_is_not_reached(make, sign):
     seen = []
     for _ in range(6):
         bench.next_sample()
-        seen.append((sign * bench.axis.real, bench.status()))
+        seen.append((sign * bench.probe.real_position, bench.status()))
     assert set(seen) == {(0, 0x80), (499, 0x80), (500, 0xC0)}, "500 is ahead of the new home"
 
 
@@ -482,12 +482,12 @@ def test_coming_round_fires_only_a_breakpoint_on_the_way(make, sign, place, way,
     bench.command("RSTI", 0)
     plant.counts += [sign * (start + way)]
     pass_samples(bench, 3)
-    assert bench.axis.flags & 0x10, "come round"
-    assert bool(bench.axis.flags & 0x40) == fires
+    assert bench.probe.flags & 0x10, "come round"
+    assert bool(bench.probe.flags & 0x40) == fires
     if place == -LARGEST + 100:
         plant.counts += [sign * (start + 200)]
         pass_samples(bench, 3)
-        assert bench.axis.flags & 0x40, "reached later, from its new side"
+        assert bench.probe.flags & 0x40, "reached later, from its new side"
 
 
 @pytest.mark.spec("LM-POS-5", "LM-POS-2")
@@ -498,8 +498,8 @@ def test_a_breakpoint_here_fires_in_the_next_sample_though_positions_come_round(
     bench.command("SBPA", 0, 0)
     bench.command("RSTI", 0)
     bench.next_sample()
-    assert bench.axis.real == sign * (98 - LARGEST)
-    assert bench.axis.flags & 0x50 == 0x50
+    assert bench.probe.real_position == sign * (98 - LARGEST)
+    assert bench.probe.flags & 0x50 == 0x50
 
 
 @pytest.mark.spec("LM-CMD-22", "LM-AMB-5", "LM-POS-5")
@@ -509,10 +509,10 @@ def test_sbpr_counts_from_the_active_target_and_not_from_buffer_or_real_position
     bench.next_sample()
     bench.load(0, position=5000)
     bench.command("SBPR", 0xFFFF, 0xFF9C)
-    assert bench.axis.breakpoint == 900
-    bench.axis.profile.target = LARGEST
+    assert bench.probe.breakpoint == 900
+    bench.probe.target_position = LARGEST
     bench.command("SBPR", 0, 2)
-    assert bench.axis.breakpoint == -LARGEST, "wrapped to 31 bits"
+    assert bench.probe.breakpoint == -LARGEST, "wrapped to 31 bits"
 
 
 # -- excessive error ----------------------------------------------------------------------------
@@ -540,14 +540,14 @@ def test_an_error_above_the_limit_is_flagged_in_its_sample_and_one_at_it_is_not(
     bench.plant.counts = [sign * limit, sign * (limit + 1)]
     bench.next_sample()
     bench.next_sample()
-    assert (bench.axis.error, bench.axis.flags) == (-sign * limit, 0)
+    assert (bench.probe.position_error, bench.probe.flags) == (-sign * limit, 0)
     sample = bench.now // SAMPLE + 1
     bench.at(sample * SAMPLE - 1)
-    assert bench.axis.flags == 0
+    assert bench.probe.flags == 0
     bench.at(sample * SAMPLE)
-    assert bench.axis.flags == 0x20
+    assert bench.probe.flags == 0x20
     assert bench.status() == 0x20, "the motor stays on"
-    assert bench.axis.command == -sign * (limit + 1) * 100
+    assert bench.probe.motor_command == -sign * (limit + 1) * 100
 
 
 @pytest.mark.spec("LM-POS-6")
@@ -574,9 +574,9 @@ def test_lpes_turns_the_motor_off_in_the_very_sample(make):
     assert bench.plant.commands[-1] == 0
     bench.next_sample()
 
-    axis = bench.axis
+    axis = bench.probe
     assert bench.status() == 0xA0, "on target before: trajectory-complete does not rise again"
-    assert (axis.command, bench.chip.output.code()) == (0, 0x80)
+    assert (axis.motor_command, bench.probe.output_code()) == (0, 0x80)
     assert bench.plant.commands[-1] == 0, "no sample of drive at that error"
     bench.command("RSTI", 0)
     bench.next_sample()
@@ -592,20 +592,20 @@ def test_lpes_in_motion_also_completes_the_trajectory(make):
     bench.command("LPES", 5)
     bench.move(0x1800, accel=ONE, velocity=ONE)
     bench.command("RSTI", 0)
-    while bench.axis.profile.position < 5 * ONE:
+    while bench.probe.desired_position < 5 * ONE:
         bench.next_sample()
-    assert (bench.axis.error, bench.status()) == (5, 0x00)
+    assert (bench.probe.position_error, bench.status()) == (5, 0x00)
     bench.next_sample()
-    assert (bench.axis.error, bench.status()) == (6, 0xA4)
-    position = bench.axis.profile.position
+    assert (bench.probe.position_error, bench.status()) == (6, 0xA4)
+    position = bench.probe.desired_position
     bench.next_sample()
-    assert (bench.axis.profile.position, bench.axis.profile.velocity) == (position, 0)
+    assert (bench.probe.desired_position, bench.probe.desired_velocity) == (position, 0)
 
 
 @pytest.mark.spec("LM-POS-2")
 @pytest.mark.parametrize(("position", "wraps"), [(LARGEST - 1, False), (LARGEST, True)])
 def test_the_desired_position_wraps_at_the_first_count_too_many(position: int, wraps: bool) -> None:
-    profile = Profile()
+    profile = Trajectory()
     profile.hold(position)
     profile.velocity_mode = profile.forward = True
     profile.top = profile.accel = ONE

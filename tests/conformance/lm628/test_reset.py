@@ -28,8 +28,8 @@ def dirty(bench: Bench) -> None:
     bench.command("SBPA", 0, 7)
     bench.command("SIP")
     bench.command("PORT12")
-    axis = bench.axis
-    axis.index = 77
+    axis = bench.probe
+    axis.index_position = 77
     axis.flags |= 0x6A
 
 
@@ -40,11 +40,11 @@ def test_the_reset_pin_acts_when_it_rises_and_not_while_it_is_low():
     bench.set(**{"/RST": LOW})
     bench.run(100 * US)
     assert bench.status() == 0x84
-    assert bench.axis.sip
+    assert bench.probe.sip
 
     bench.set(**{"/RST": HIGH})
     assert bench.status() == 0x00
-    assert not bench.axis.sip
+    assert not bench.probe.sip
 
 
 @pytest.mark.spec("LM-RST-1")
@@ -60,27 +60,26 @@ def test_a_pulse_without_duration_resets_too_if_times_are_not_judged():
 def test_reset_brings_back_the_state_after_power_on(make, how):
     bench = make(plant=Follower())
     dirty(bench)
-    assert bench.axis.moving(), "RESET is legal in motion"
+    assert bench.probe.in_motion(), "RESET is legal in motion"
     if how == "pin":
         pulse(bench)
     else:
         bench.write(0, 0x00)
     bench.ready()
 
-    axis = bench.axis
-    profile, pid = axis.profile, axis.pid
-    assert (pid.kp, pid.ki, pid.kd, pid.il, pid.ds) == (0, 0, 0, 0, 0)
-    assert pid.loaded == [0, 0, 0, 0, 0]
-    assert (profile.accel, profile.top, profile.target) == (0, 0, 0)
-    assert (profile.raw, profile.control) == ([0, 0, 0], 0)
-    assert (axis.threshold, axis.stop_on_error) == (0x7FFF, False)
-    assert axis.mask == 0x3E
-    assert axis.real == 0
+    axis = bench.probe
+    assert (axis.kp, axis.ki, axis.kd, axis.il, axis.ds) == (0, 0, 0, 0, 0)
+    assert axis.filter_loaded == [0, 0, 0, 0, 0]
+    assert (axis.acceleration, axis.velocity, axis.target_position) == (0, 0, 0)
+    assert (axis.trajectory_loaded, axis.trajectory_control_word) == ([0, 0, 0], 0)
+    assert (axis.error_threshold, axis.stop_on_error) == (0x7FFF, False)
+    assert axis.interrupt_mask == 0x3E
+    assert axis.real_position == 0
     assert axis.port8
-    assert (axis.motor_off, axis.command) == (True, 0)
-    assert (profile.position, profile.velocity) == (0, 0)
-    assert axis.index == 0
-    assert (pid.sum, pid.term) == (0, 0)
+    assert (axis.motor_off, axis.motor_command) == (True, 0)
+    assert (axis.desired_position, axis.desired_velocity) == (0, 0)
+    assert axis.index_position == 0
+    assert (axis.error_sum, axis.integration_sum) == (0, 0)
     assert not axis.breakpoint_armed
     assert bench.report("RDSIGS") == 0x8184, "SIP, acceleration-loaded, on-target, mode: clear"
     assert bench.report("RDDP") == 0
@@ -95,12 +94,12 @@ def test_reset_forgets_half_a_word(bench):
     bench.ready()
     bench.command("LPES", 0x0102)
 
-    assert bench.axis.threshold == 0x0102
+    assert bench.probe.error_threshold == 0x0102
 
 
 @pytest.mark.spec("LM-RST-2")
 def test_reset_forgets_what_was_to_be_read(bench):
-    bench.axis.index = 0x11223344
+    bench.probe.index_position = 0x11223344
     bench.command("RDIP")
     bench.read(1)
     pulse(bench)
@@ -131,11 +130,11 @@ def test_position_is_zero_where_the_motor_is_when_the_reset_ends(make):
     bench.chip.advance()
     # The reset ends at 1 ms, between sample 3 (at 0) and sample 4 (at 100): at 90 counts.
     bench.at(MS)
-    assert (bench.axis.real, bench.axis.count) == (0, 90)
+    assert (bench.probe.real_position, bench.probe.encoder_count) == (0, 90)
     bench.sample(4)
-    assert bench.axis.real == 100 - 90
+    assert bench.probe.real_position == 100 - 90
     bench.sample(5)
-    assert bench.axis.real == 110
+    assert bench.probe.real_position == 110
 
 
 @pytest.mark.spec("LM-RST-1", "LM-RST-3")
@@ -211,7 +210,7 @@ def test_during_reset_writes_are_ignored_and_data_reads_as_00(make, how):
 
     bench.ready()
     assert bench.status() == 0x84
-    assert not bench.axis.sip
+    assert not bench.probe.sip
 
 
 @pytest.mark.spec("LM-RST-4")

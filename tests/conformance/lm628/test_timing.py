@@ -3,6 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import BUSY, Bench, Log
+from tests.probe import probe
 from vbus.chips.lm628.datasheet import AC, RULES
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.signals import HIGH, LOW, OFF, STRICT, Policy, Z
@@ -115,7 +116,7 @@ def test_a_write_at_the_limit_is_legal(symbol, times):
     write(bench, SIP, **times)
     bench.run(BUSY)
 
-    assert bench.axis.sip
+    assert bench.probe.sip
     assert bench.violations == []
 
 
@@ -126,7 +127,7 @@ def test_a_write_beyond_the_limit_is_reported_and_carried_out(symbol, times, mea
     write(bench, SIP, **times)
     bench.run(BUSY)
 
-    assert bench.axis.sip
+    assert bench.probe.sip
     assert [(v.rule, v.measured, v.limit) for v in bench.violations] == [
         (f"lm628.{symbol}", measured, limit)
     ]
@@ -149,7 +150,7 @@ def test_a_strict_limit_loses_the_write(symbol, times, measured, limit):
     assert bench.rules() == [symbol]
     assert bench.chip.ready_at() <= bench.now, "not even busy"
     bench.run(BUSY)
-    assert not bench.axis.sip
+    assert not bench.probe.sip
 
 
 @pytest.mark.spec("LM-TIM-16")
@@ -185,11 +186,11 @@ def test_data_that_changes_instead_of_floating_breaks_the_hold_time_too():
 
     assert [(v.rule, v.measured) for v in bench.violations] == [("lm628.T16", 50 * NS)]
     assert bench.violations[0].when == bench.now - 150 * NS
-    assert bench.chip.host.words_due == 1
-    assert not bench.chip.host.busy, "the second byte has not been"
+    assert bench.probe.words_due == 1
+    assert not bench.probe.busy, "the second byte has not been"
     write(bench, 0x56, port=1)
     bench.ready()
-    assert bench.axis.threshold == 0x1256
+    assert bench.probe.error_threshold == 0x1256
 
 
 @pytest.mark.spec("LM-TIM-15", "LM-TIM-16")
@@ -204,7 +205,7 @@ def test_data_put_out_just_before_the_strobe_rises_has_no_set_up_time_but_holds(
     bench.run(BUSY)
 
     assert [(v.rule, v.measured) for v in bench.violations] == [("lm628.T15", 0)]
-    assert bench.axis.sip, "the later of two batches at one instant"
+    assert bench.probe.sip, "the later of two batches at one instant"
 
 
 @pytest.mark.spec("LM-BUS-15", "LM-TIM-15")
@@ -227,7 +228,7 @@ def test_a_byte_latched_from_a_floating_bus_is_taken_and_found(judged, early):
         "lm628.floating-write", "LM-BUS-15", "warning",
     )  # fmt: skip
     assert found.detail == "no pin drives D0-D7: 03H is taken"
-    assert bench.axis.sip
+    assert bench.probe.sip
 
 
 @pytest.mark.spec("LM-BUS-15")
@@ -241,7 +242,7 @@ def test_a_byte_let_go_with_the_trailing_edge_was_driven():
     bench.run(BUSY)
 
     assert [v.rule for v in bench.violations] == ["lm628.T16"]
-    assert bench.axis.sip
+    assert bench.probe.sip
 
 
 @pytest.mark.spec("LM-TIM-9")
@@ -253,8 +254,8 @@ def test_a_strict_reset_command_is_undone_with_everything_it_cleared():
 
     assert bench.rules() == ["T9"]
     assert bench.status() == 0x84
-    assert bench.axis.mask == 0
-    assert bench.axis.breakpoint_armed
+    assert bench.probe.interrupt_mask == 0
+    assert bench.probe.breakpoint_armed
 
 
 READ_CLAUSES = pytest.mark.spec("LM-TIM-7", "LM-TIM-8", "LM-TIM-9", "LM-TIM-10")
@@ -269,7 +270,7 @@ BROKEN_READS = [
 
 def ready_to_report(policy: Policy | None = None) -> Bench:
     bench = at_the_pins(policy)
-    bench.axis.real = 0x11223344
+    bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.run(US)
     return bench
@@ -423,7 +424,7 @@ def test_data_reads_need_recovery(recovery, policy):
         [("lm628.T17", recovery, 120 * NS)] if broken else []
     )
     assert data == (0xFF if broken and policy else 0x22)
-    assert bench.chip.host.busy == (data == 0x22)
+    assert bench.probe.busy == (data == 0x22)
 
 
 @pytest.mark.spec("LM-TIM-17", "LM-TIM-18")
@@ -483,7 +484,7 @@ def test_data_writes_need_recovery(recovery, policy):
     assert [(v.rule, v.measured, v.limit) for v in bench.violations] == (
         [("lm628.T18", recovery, 120 * NS)] if broken else []
     )
-    assert bench.chip.host.busy == (not (broken and policy))
+    assert bench.probe.busy == (not (broken and policy))
 
 
 @pytest.mark.spec("LM-TIM-6", "LM-RST-1")
@@ -577,7 +578,7 @@ def test_an_index_that_falls_after_a_and_b_has_no_set_up_time(policy):
     bench.run(10 * US)
 
     assert bench.rules() == ["T3"]
-    assert bench.axis.sip == (policy is not None), "strict: not captured"
+    assert bench.probe.sip == (policy is not None), "strict: not captured"
 
 
 @pytest.mark.spec("LM-TIM-3")
@@ -600,7 +601,7 @@ def test_an_index_that_moves_together_with_a_and_b_is_legal():
     bench.set(**{"/IN": HIGH, "A": HIGH})
     bench.run(10 * US)
     assert bench.violations == []
-    assert bench.axis.index == 4
+    assert bench.probe.index_position == 4
 
 
 def test_strobes_without_real_times_are_not_judged():
@@ -616,7 +617,7 @@ def test_strobes_without_real_times_are_not_judged():
     bench.set(A=LOW)
 
     assert bench.rules() == ["cut-packet"]
-    assert bench.axis.sip
+    assert bench.probe.sip
 
 
 def test_a_rule_that_is_off_is_not_recorded():
@@ -625,7 +626,7 @@ def test_a_rule_that_is_off_is_not_recorded():
     bench.run(BUSY)
 
     assert bench.violations == []
-    assert bench.axis.sip
+    assert bench.probe.sip
 
 
 def test_every_ac_row_has_a_rule_and_a_clause():
@@ -641,8 +642,8 @@ def test_what_is_overdue_was_due_more_than_a_millisecond_or_two_samples_ago(benc
     chip.advance()
     assert not chip.overdue()
     for late, told in ((MS, False), (MS + 1, True)):
-        chip.host.busy_end = bench.now - late
+        probe(chip).busy_end = bench.now - late
         assert chip.overdue() is told
-    chip.host.busy_end = NEVER
+    probe(chip).busy_end = NEVER
     chip.advance()
     assert not chip.overdue()

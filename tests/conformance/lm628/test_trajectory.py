@@ -17,7 +17,7 @@ def desired(bench: Bench, samples: int) -> list[float]:
     result = []
     for _ in range(samples):
         bench.next_sample()
-        result.append(bench.axis.profile.position / 65536)
+        result.append(bench.probe.desired_position / 65536)
     return result
 
 
@@ -25,7 +25,7 @@ def velocities(bench: Bench, samples: int) -> list[float]:
     result = []
     for _ in range(samples):
         bench.next_sample()
-        result.append(bench.axis.profile.velocity / 65536)
+        result.append(bench.probe.desired_velocity / 65536)
     return result
 
 
@@ -41,10 +41,10 @@ def cruise(bench: Bench, velocity: int = 4, control: int = 0x1800) -> None:
 def test_the_data_follow_in_the_order_acceleration_velocity_position(bench):
     bench.command("LTRJ", 0xE0EA, 0x0001, 0x0002, 0x0003, 0x0004, 0xFFFF, 0x0006)
 
-    profile = bench.axis.profile
-    assert profile.raw == [0x00010002, 0x00030004, 0xFFFF0006]
-    assert profile.control == 0, "bits 15-13, 7 and 6 are ignored"
-    assert bench.chip.host.words_due == 0
+    profile = bench.probe
+    assert profile.trajectory_loaded == [0x00010002, 0x00030004, 0xFFFF0006]
+    assert profile.trajectory_control_word == 0, "bits 15-13, 7 and 6 are ignored"
+    assert bench.probe.words_due == 0
 
 
 @pytest.mark.spec("LM-TRJ-1")
@@ -54,11 +54,11 @@ def test_only_the_parameters_whose_load_bits_are_set_are_sent(bench, bits):
     control = sum(load for n, load in enumerate((0x20, 0x08, 0x02)) if bits >> n & 1)
     bench.command("LTRJ", control)
     words = 2 * bits.bit_count()
-    assert bench.chip.host.words_due == words
+    assert bench.probe.words_due == words
     for word in range(words):
         bench.word(0x100 * (word % 2))
 
-    assert bench.axis.profile.raw == [0x100 if bits >> n & 1 else n + 1 for n in range(3)]
+    assert bench.probe.trajectory_loaded == [0x100 if bits >> n & 1 else n + 1 for n in range(3)]
     assert bench.rules() == []
 
 
@@ -69,8 +69,8 @@ def test_a_relative_bit_without_its_load_bit_is_ignored(bench):
     bench.move(0x0015)
     bench.next_sample()
 
-    profile = bench.axis.profile
-    assert (profile.accel, profile.top, profile.target) == (ONE, ONE, 100)
+    profile = bench.probe
+    assert (profile.acceleration, profile.velocity, profile.target_position) == (ONE, ONE, 100)
 
 
 @pytest.mark.spec("LM-TRJ-2", "LM-AMB-14")
@@ -78,7 +78,7 @@ def test_velocity_and_acceleration_take_all_30_bits(bench):
     bench.move(0x1800, accel=LARGEST, velocity=LARGEST)
     bench.next_sample()
 
-    assert bench.axis.profile.velocity == LARGEST
+    assert bench.probe.desired_velocity == LARGEST
     assert bench.report("RDDV") == LARGEST
     assert bench.rules() == []
 
@@ -88,8 +88,12 @@ def test_what_is_out_of_range_is_cut_and_reported(bench):
     bench.move(0, accel=0xC0000005, velocity=0x40000007, position=0x40000001)
     bench.next_sample()
 
-    profile = bench.axis.profile
-    assert (profile.accel, profile.top, profile.target) == (5, 7, -(1 << 30) + 1)
+    profile = bench.probe
+    assert (profile.acceleration, profile.velocity, profile.target_position) == (
+        5,
+        7,
+        -(1 << 30) + 1,
+    )
     assert bench.rules() == ["range", "range", "range"]
     assert bench.violations[0].detail == "acceleration C0000005H: it is cut to the range"
 
@@ -99,7 +103,7 @@ def test_what_is_out_of_range_is_cut_and_reported(bench):
 def test_positions_of_31_bits_are_in_range(bench, position):
     bench.move(0, position=position)
     bench.next_sample()
-    assert bench.axis.profile.target == position
+    assert bench.probe.target_position == position
     assert bench.rules() == []
 
 
@@ -107,18 +111,18 @@ def test_positions_of_31_bits_are_in_range(bench, position):
 def test_relative_rates_are_signed_changes_of_the_active_values(bench):
     bench.move(0, accel=5 * ONE, velocity=6 * ONE, position=1)
     bench.next_sample()
-    profile = bench.axis.profile
+    profile = bench.probe
     bench.move(0x0014, accel=-ONE, velocity=2 * ONE)
     bench.next_sample()
-    assert (profile.accel, profile.top) == (4 * ONE, 8 * ONE)
+    assert (profile.acceleration, profile.velocity) == (4 * ONE, 8 * ONE)
     bench.move(0x0014, accel=-5 * ONE, velocity=-9 * ONE)
     bench.next_sample()
-    assert (profile.accel, profile.top) == (0, 0), "clamped"
+    assert (profile.acceleration, profile.velocity) == (0, 0), "clamped"
     bench.move(0x0004, velocity=LARGEST)
     bench.next_sample()
     bench.move(0x0004, velocity=1)
     bench.next_sample()
-    assert profile.top == LARGEST, "clamped"
+    assert profile.velocity == LARGEST, "clamped"
     assert bench.rules() == []
 
 
@@ -128,10 +132,10 @@ def test_a_relative_position_adds_to_the_active_target_and_a_bare_stt_does_not_r
     bench.next_sample()
     bench.move(0x0001, position=-30)
     bench.next_sample()
-    assert bench.axis.profile.target == 70
+    assert bench.probe.target_position == 70
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 70
+    assert bench.probe.target_position == 70
 
 
 @pytest.mark.spec("LM-TRJ-3")
@@ -142,13 +146,13 @@ def test_loading_twice_before_stt_replaces_and_never_accumulates(bench):
     bench.load(0x0001, position=30)
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 130
+    assert bench.probe.target_position == 130
 
     bench.load(0x0001, position=20)
     bench.load(0x0000, position=5)
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 5
+    assert bench.probe.target_position == 5
 
 
 @pytest.mark.spec("LM-TRJ-3", "LM-POS-2")
@@ -157,7 +161,7 @@ def test_a_relative_position_beyond_the_range_wraps(bench):
     bench.next_sample()
     bench.move(0x0001, position=1)
     bench.next_sample()
-    assert bench.axis.profile.target == -(1 << 30)
+    assert bench.probe.target_position == -(1 << 30)
 
 
 @pytest.mark.spec("LM-TRJ-4", "LM-T-14", "LM-AMB-12")
@@ -167,14 +171,14 @@ def test_stt_in_motion_after_a_new_acceleration_is_refused(bench):
     bench.write(0, 0x01)
     end = bench.chip.ready_at()
     bench.at(end - 1)
-    assert bench.axis.status() == 0x00
+    assert bench.probe.status_without_busy() == 0x00
     bench.at(end)
-    assert bench.axis.status() == 0x02, "command error when busy falls"
+    assert bench.probe.status_without_busy() == 0x02, "command error when busy falls"
     assert bench.rules() == ["stt-refused"]
 
     assert velocities(bench, 3) == [4, 4, 4]
     assert bench.report("RDSIGS") & 0x4000, "acceleration is still loaded"
-    assert bench.axis.profile.raw[:2] == [ONE, 9 * ONE], "buffers are kept"
+    assert bench.probe.trajectory_loaded[:2] == [ONE, 9 * ONE], "buffers are kept"
 
     bench.move(0x0100)
     bench.next_sample()
@@ -193,9 +197,9 @@ def test_a_refused_stt_may_still_stop_smoothly_with_the_active_acceleration(benc
     bench.move(0x1C00, accel=ONE, velocity=9 * ONE)
 
     assert velocities(bench, 4) == [4, 2, 0, 0]
-    profile = bench.axis.profile
-    assert profile.accel_loaded
-    assert (profile.accel, profile.top) == (2 * ONE, 6 * ONE), "nothing was copied"
+    profile = bench.probe
+    assert profile.acceleration_waiting
+    assert (profile.acceleration, profile.velocity) == (2 * ONE, 6 * ONE), "nothing was copied"
     assert bench.rules() == []
 
     bench.command("STT")
@@ -216,7 +220,7 @@ def test_acceleration_may_be_changed_when_the_axis_is_on_target_or_off(bench):
     desired(bench, 4)
     bench.move(0, accel=2 * ONE, velocity=2 * ONE, position=20)
     bench.next_sample()
-    assert bench.axis.profile.accel == 2 * ONE
+    assert bench.probe.acceleration == 2 * ONE
     assert bench.rules() == []
 
 
@@ -226,7 +230,7 @@ def test_velocity_and_position_may_be_changed_in_motion(bench):
     assert velocities(bench, 5) == [1, 2, 3, 4, 4]
     bench.move(0, velocity=6 * ONE, position=2000)
     assert velocities(bench, 3) == [5, 6, 6]
-    assert bench.axis.profile.target == 2000
+    assert bench.probe.target_position == 2000
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-CMD-2")
@@ -242,8 +246,8 @@ def test_of_several_stop_bits_the_strongest_counts_and_it_is_reported(
     bench.move(control | 0x1000)
     bench.next_sample()
 
-    assert bench.axis.motor_off == off
-    assert bench.axis.profile.velocity == velocity
+    assert bench.probe.motor_off == off
+    assert bench.probe.desired_velocity == velocity
     assert bench.rules() == ["stop-bits"]
 
 
@@ -255,13 +259,13 @@ def test_a_stop_is_used_up_and_the_next_stt_resumes_the_move(bench, stop):
     bench.load(stop)
     bench.command("STT")
     desired(bench, 6)
-    assert bench.axis.profile.done
-    assert bench.axis.profile.control == 0
-    assert bench.axis.profile.position != 40 * ONE
+    assert bench.probe.on_target
+    assert bench.probe.trajectory_control_word == 0
+    assert bench.probe.desired_position != 40 * ONE
 
     bench.command("STT")
     desired(bench, 30)
-    assert bench.axis.profile.position == 40 * ONE
+    assert bench.probe.desired_position == 40 * ONE
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-AMB-18")
@@ -280,13 +284,13 @@ def test_stt_copies_the_buffers_and_clears_on_target_motor_off_and_acceleration_
     bench.command("STT")
     bench.next_sample()
 
-    profile = bench.axis.profile
-    assert (profile.accel, profile.top) == (3, 4)
+    profile = bench.probe
+    assert (profile.acceleration, profile.velocity) == (3, 4)
     assert (profile.velocity_mode, profile.forward) == (True, True)
     assert bench.report("RDSIGS") & 0x4480 == 0
     bench.move(0x0000)
     bench.next_sample()
-    assert profile.target == 5
+    assert profile.target_position == 5
     assert not profile.velocity_mode
 
 
@@ -297,19 +301,19 @@ def test_turning_the_motor_on_starts_from_where_it_is_without_any_history(make):
     bench.filter(kp=1, ki=256, kd=10, il=0x7FFF)
     bench.move(0x1800, accel=ONE, velocity=ONE)
     desired(bench, 9)
-    axis = bench.axis
-    assert axis.pid.sum > 0
-    assert axis.profile.velocity == ONE
+    axis = bench.probe
+    assert axis.error_sum > 0
+    assert axis.desired_velocity == ONE
     bench.move(0x0100)
     plant.counts = [9000]
     desired(bench, 2)
-    assert axis.profile.position == 8 * ONE or axis.profile.position == 9 * ONE
+    assert axis.desired_position == 8 * ONE or axis.desired_position == 9 * ONE
 
     bench.move(0, position=8000)
     bench.next_sample()
-    assert axis.profile.position == 9000 * ONE - ONE, "real position, and one sample toward 8000"
-    assert (axis.error, axis.pid.sum, axis.pid.last_error) == (-1, -1, -1)
-    assert axis.command == -1 - 256 - 10, "P, I and D of this one sample"
+    assert axis.desired_position == 9000 * ONE - ONE, "real position, and one sample toward 8000"
+    assert (axis.position_error, axis.error_sum, axis.last_error) == (-1, -1, -1)
+    assert axis.motor_command == -1 - 256 - 10, "P, I and D of this one sample"
 
 
 @pytest.mark.spec("LM-TRJ-8", "LM-AMB-8")
@@ -321,19 +325,19 @@ def test_stop_abruptly_holds_the_real_position_at_once(make):
     plant.counts = [3]
     bench.next_sample()
     bench.next_sample()
-    assert bench.axis.real == 3 < bench.axis.profile.position >> 16
+    assert bench.probe.real_position == 3 < bench.probe.desired_position >> 16
     bench.move(0x1A00)
     bench.next_sample()
 
-    axis = bench.axis
-    assert (axis.profile.position, axis.profile.velocity) == (3 * ONE, 0)
-    assert axis.profile.target == 3
-    assert axis.profile.done
-    assert axis.status() == 0x04
+    axis = bench.probe
+    assert (axis.desired_position, axis.desired_velocity) == (3 * ONE, 0)
+    assert axis.target_position == 3
+    assert axis.on_target
+    assert axis.status_without_busy() == 0x04
     plant.counts += [1]
     bench.next_sample()
     bench.next_sample()
-    assert axis.command == 20, "the loop stays closed"
+    assert axis.motor_command == 20, "the loop stays closed"
 
 
 @pytest.mark.spec("LM-TRJ-9")
@@ -343,14 +347,14 @@ def test_stop_smoothly_slows_down_by_the_acceleration_to_a_whole_count(bench):
     bench.move(0x1C00)
 
     assert velocities(bench, 3) == [v / ONE for v in (0x38001, 0x20001, 0x08001)]
-    assert not bench.axis.profile.done
-    position = bench.axis.profile.position
+    assert not bench.probe.on_target
+    position = bench.probe.desired_position
     assert position % ONE
     assert velocities(bench, 2) == [0, 0]
-    profile = bench.axis.profile
-    assert profile.position == position & ~0xFFFF, "the fraction is dropped"
-    assert profile.target == position >> 16
-    assert profile.done
+    profile = bench.probe
+    assert profile.desired_position == position & ~0xFFFF, "the fraction is dropped"
+    assert profile.target_position == position >> 16
+    assert profile.on_target
     assert bench.status() == 0x04
 
 
@@ -358,11 +362,11 @@ def test_stop_smoothly_slows_down_by_the_acceleration_to_a_whole_count(bench):
 def test_stop_smoothly_of_a_backward_motion_rounds_down_too(bench):
     bench.move(0x0800, accel=0x18000, velocity=0x50000)
     velocities(bench, 6)
-    before = bench.axis.profile.position
+    before = bench.probe.desired_position
     bench.move(0x0C00)
 
     assert velocities(bench, 4) == [-3.5, -2, -0.5, 0]
-    assert bench.axis.profile.position == (before - 0x60000) // ONE * ONE
+    assert bench.probe.desired_position == (before - 0x60000) // ONE * ONE
 
 
 @pytest.mark.spec("LM-TRJ-9")
@@ -372,12 +376,12 @@ def test_stop_smoothly_without_acceleration_stops_at_once(bench):
     bench.next_sample()
     bench.move(0x1800, accel=4 * ONE, velocity=4 * ONE)
     velocities(bench, 2)
-    bench.axis.profile.accel = 0
+    bench.probe.acceleration = 0
     bench.load(0x1C00)
-    bench.axis.profile.raw[0] = 0
+    bench.probe.acceleration_loaded = 0
     bench.command("STT")
     assert velocities(bench, 1) == [0]
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-TRJ-9")
@@ -394,13 +398,13 @@ def test_stt_during_a_smooth_stop_goes_on_with_the_motion(bench):
 def test_mechanics_that_follow_exactly_stand_still_while_the_motor_is_off(make):
     bench = make(plant=Follower())
     cruise(bench)
-    assert bench.axis.following == 4
+    assert bench.probe.full_position_error == 4
     bench.move(0x0100)
     bench.next_sample()
     bench.next_sample()
-    real = bench.axis.real
+    real = bench.probe.real_position
     desired(bench, 5)
-    assert bench.axis.real == real
+    assert bench.probe.real_position == real
     assert bench.chip.telemetry()["error"] == 0
 
 
@@ -413,23 +417,23 @@ def test_motor_off_gives_no_drive_freezes_the_profile_and_still_tracks_the_posit
     plant.counts = [0, -5, -9]
     for _ in range(3):
         bench.next_sample()
-    assert bench.axis.command != 0
+    assert bench.probe.motor_command != 0
     bench.load(0x0100)
-    before = bench.axis.profile.done
+    before = bench.probe.on_target
     bench.command("STT")
     bench.next_sample()
 
-    axis = bench.axis
-    position = axis.profile.position
-    assert (axis.command, bench.chip.output.code()) == (0, 0x80)
-    assert axis.profile.velocity == 0
-    assert (axis.pid.sum, axis.pid.term) == (0, 0)
-    assert axis.profile.done == before
+    axis = bench.probe
+    position = axis.desired_position
+    assert (axis.motor_command, bench.probe.output_code()) == (0, 0x80)
+    assert axis.desired_velocity == 0
+    assert (axis.error_sum, axis.integration_sum) == (0, 0)
+    assert axis.on_target == before
     plant.counts += [70, 80]
     desired(bench, 3)
-    assert axis.profile.position == position, "frozen"
-    assert axis.real == 80
-    assert (axis.command, axis.pid.sum, axis.pid.derivative) == (0, 0, 0)
+    assert axis.desired_position == position, "frozen"
+    assert axis.real_position == 80
+    assert (axis.motor_command, axis.error_sum, axis.derivative) == (0, 0, 0)
     assert bench.report("RDDV") == 0
 
 
@@ -438,8 +442,8 @@ def test_velocity_mode_ramps_by_the_acceleration_and_keeps_the_fraction(bench):
     bench.move(0x1800, accel=0x4000, velocity=0xC001)
 
     assert velocities(bench, 5) == [0x4000 / ONE, 0x8000 / ONE, 0xC000 / ONE, *[0xC001 / ONE] * 2]
-    assert bench.axis.profile.position == 0x4000 + 0x8000 + 0xC000 + 2 * 0xC001
-    assert bench.report("RDDP") == bench.axis.profile.position >> 16
+    assert bench.probe.desired_position == 0x4000 + 0x8000 + 0xC000 + 2 * 0xC001
+    assert bench.report("RDDP") == bench.probe.desired_position >> 16
 
 
 @pytest.mark.spec("LM-TRJ-13")
@@ -456,22 +460,22 @@ def test_in_velocity_mode_the_active_target_follows_the_desired_position(bench):
     bench.move(0x1800, accel=0x18000, velocity=0x18000)
     for _ in range(5):
         bench.next_sample()
-        profile = bench.axis.profile
-        assert profile.target == profile.position >> 16
+        profile = bench.probe
+        assert profile.target_position == profile.desired_position >> 16
     bench.move(0x0001, position=10)
-    target = bench.axis.profile.target
+    target = bench.probe.target_position
     bench.next_sample()
-    assert bench.axis.profile.target == target + 10
+    assert bench.probe.target_position == target + 10
 
 
 @pytest.mark.spec("LM-TRJ-14")
 def test_the_desired_position_does_not_wait_for_the_motor(bench):
     cruise(bench, 4)
-    start = bench.axis.profile.position
+    start = bench.probe.desired_position
     bench.sample(4000)
-    samples = (bench.axis.profile.position - start) // (4 * ONE)
+    samples = (bench.probe.desired_position - start) // (4 * ONE)
     assert samples > 3900
-    assert bench.axis.error == bench.axis.profile.position >> 16, "the motor never moved"
+    assert bench.probe.position_error == bench.probe.desired_position >> 16, "the motor never moved"
 
 
 @pytest.mark.spec("LM-TRJ-15")
@@ -479,7 +483,7 @@ def test_an_acceleration_above_the_velocity_is_not_refused(bench):
     bench.move(0, accel=100 * ONE, velocity=3 * ONE, position=10)
     assert desired(bench, 5) == [3, 6, 9, 10, 10]
     assert bench.rules() == []
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
 
 
 @pytest.mark.spec("LM-TRJ-12")
@@ -508,14 +512,14 @@ def test_the_printed_move_that_does_not_divide_evenly(bench):
     course = []
     for _ in range(9):
         bench.next_sample()
-        profile = bench.axis.profile
-        course.append((profile.velocity, bench.report("RDDP")))
+        profile = bench.probe
+        course.append((profile.desired_velocity, bench.report("RDDP")))
     assert [velocity for velocity, _ in course[:8]] == [
         0x8000, 0x10000, 0x18000, 0x20000, 0x20000, 0x18000, 0x10000, 0x10000,
     ]  # fmt: skip
     assert [position for _, position in course] == [0, 1, 3, 5, 7, 8, 9, 10, 11]
-    assert bench.axis.profile.done
-    assert bench.axis.profile.velocity == 0, "8000h was the way; it is still at the end"
+    assert bench.probe.on_target
+    assert bench.probe.desired_velocity == 0, "8000h was the way; it is still at the end"
 
 
 @pytest.mark.spec("LM-TRJ-12")
@@ -526,7 +530,7 @@ def test_a_target_moved_behind_the_axis_is_reached_by_turning_round(bench, sign)
     bench.move(0, position=0)
     course = desired(bench, 25)
     assert course[-1] == 0
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
     rates = [b - a for a, b in pairwise(course)]
     assert max(abs(b - a) for a, b in pairwise(rates)) == 1
     assert min(sign * rate for rate in rates) < 0 < max(sign * rate for rate in rates)
@@ -537,7 +541,7 @@ def test_a_target_moved_behind_the_axis_is_reached_by_turning_round(bench, sign)
 def test_without_acceleration_position_mode_does_not_move(bench):
     bench.move(0, accel=0, velocity=5 * ONE, position=100)
     assert velocities(bench, 3) == [0, 0, 0]
-    assert not bench.axis.profile.done
+    assert not bench.probe.on_target
 
 
 @pytest.mark.spec("LM-TRJ-16", "LM-STA-4")
@@ -545,7 +549,7 @@ def test_a_move_of_no_length_is_complete_in_its_first_sample(bench):
     bench.move(0, accel=ONE, velocity=ONE, position=0)
     bench.command("RSTI", 0)
     bench.next_sample()
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
     assert bench.status() == 0x04
     bench.command("RSTI", 0)
     bench.command("STT")
@@ -562,14 +566,14 @@ def test_a_sample_is_2048_clocks_exactly_and_does_not_drift(make, hz, period):
     bench = make(hz=hz)
     bench.move(0x1800, accel=ONE, velocity=ONE)
     bench.next_sample()
-    position = bench.axis.profile.position >> 16
+    position = bench.probe.desired_position >> 16
     for number in (300, 3000, 30_000):
         instant = 2048 * number * 10**12 // hz
         assert abs(instant - number * period) <= number
         bench.at(instant - 1)
-        before = bench.axis.profile.position >> 16
+        before = bench.probe.desired_position >> 16
         bench.at(instant)
-        assert bench.axis.profile.position >> 16 == before + 1
+        assert bench.probe.desired_position >> 16 == before + 1
     assert before > position
 
 
@@ -590,9 +594,9 @@ def test_the_position_that_turns_the_motor_on_is_that_of_the_same_sample(make):
     bench.command("UDF")
     bench.next_sample()
 
-    axis = bench.axis
-    assert axis.profile.position == (7 + 2) * ONE, "read, taken and stepped in one sample"
-    assert axis.command == 2 * 50, "with the filter that UDF brought in it"
+    axis = bench.probe
+    assert axis.desired_position == (7 + 2) * ONE, "read, taken and stepped in one sample"
+    assert axis.motor_command == 2 * 50, "with the filter that UDF brought in it"
 
 
 @pytest.mark.spec("LM-T-1", "LM-T-2", "LM-T-3")
@@ -614,16 +618,16 @@ def test_the_manuals_worked_example_as_a_move(make):
     first = bench.chip.clock.cycle_at(bench.now) // 2048
 
     bench.sample(first + 29_560 - 1)
-    assert bench.axis.profile.velocity == 443_400 == 0x6C408
-    assert bench.axis.profile.position >> 16 == 100_001
+    assert bench.probe.desired_velocity == 443_400 == 0x6C408
+    assert bench.probe.desired_position >> 16 == 100_001
     bench.sample(first + 29_560)
-    assert bench.axis.profile.velocity < 443_400, "the velocity that was asked for is not reached"
+    assert bench.probe.desired_velocity < 443_400, "the velocity that was asked for is not reached"
     bench.sample(first + 59_121 - 2)
-    assert not bench.axis.profile.done
-    assert (200_000 << 16) - bench.axis.profile.position == 5
-    assert bench.axis.profile.velocity == 15
+    assert not bench.probe.on_target
+    assert (200_000 << 16) - bench.probe.desired_position == 5
+    assert bench.probe.desired_velocity == 15
     bench.sample(first + 59_121 - 1)
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
     assert bench.report("RDDP") == 200_000
     assert round(59_121 * 341e-6, 2) == 20.16
 
@@ -637,18 +641,22 @@ def test_what_is_loaded_after_stt_waits_for_the_next_one(bench):
     bench.next_sample()
     bench.command("STT")
     bench.load(0, accel=2 * ONE, velocity=9 * ONE, position=500)
-    profile = bench.axis.profile
-    assert bench.axis.start, "all of this within one sample"
+    profile = bench.probe
+    assert bench.probe.start_waiting, "all of this within one sample"
     bench.next_sample()
-    assert (profile.accel, profile.top, profile.target) == (ONE, 4 * ONE, 20)
-    assert profile.raw == [2 * ONE, 9 * ONE, 500]
-    assert profile.accel_loaded
+    assert (profile.acceleration, profile.velocity, profile.target_position) == (ONE, 4 * ONE, 20)
+    assert profile.trajectory_loaded == [2 * ONE, 9 * ONE, 500]
+    assert profile.acceleration_waiting
     for _ in range(10):
         bench.next_sample()
     bench.command("STT")
     bench.next_sample()
-    assert (profile.accel, profile.top, profile.target) == (2 * ONE, 9 * ONE, 500)
-    assert not profile.accel_loaded
+    assert (profile.acceleration, profile.velocity, profile.target_position) == (
+        2 * ONE,
+        9 * ONE,
+        500,
+    )
+    assert not profile.acceleration_waiting
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-TRJ-10", "LM-CMD-2")
@@ -660,15 +668,15 @@ def test_a_stop_is_not_lost_to_data_loaded_after_it(bench, stop):
     bench.command("LTRJ", stop)
     bench.command("STT")
     bench.load(0x1800, velocity=2 * ONE)
-    assert bench.axis.start, "all of this within one sample"
+    assert bench.probe.start_waiting, "all of this within one sample"
     for _ in range(6):
         bench.next_sample()
-    assert bench.axis.motor_off == (stop == 0x0100)
-    assert bench.axis.profile.velocity == 0
+    assert bench.probe.motor_off == (stop == 0x0100)
+    assert bench.probe.desired_velocity == 0
     bench.command("STT")
     for _ in range(6):
         bench.next_sample()
-    assert (bench.axis.motor_off, bench.axis.profile.velocity) == (False, 2 * ONE)
+    assert (bench.probe.motor_off, bench.probe.desired_velocity) == (False, 2 * ONE)
 
 
 @pytest.mark.spec("LM-TRJ-3", "LM-TRJ-6")
@@ -677,15 +685,15 @@ def test_relative_data_loaded_after_stt_counts_from_the_target_of_the_one_before
     bench.next_sample()
     bench.command("STT")
     bench.load(0x0001, position=5)
-    assert bench.axis.start, "all of this within one sample"
+    assert bench.probe.start_waiting, "all of this within one sample"
     bench.next_sample()
-    assert bench.axis.profile.target == 20
+    assert bench.probe.target_position == 20
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 25
+    assert bench.probe.target_position == 25
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 25, "used up"
+    assert bench.probe.target_position == 25, "used up"
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-TRJ-4", "LM-CMD-2")
@@ -700,13 +708,17 @@ def test_of_two_stts_in_one_sample_both_count_if_the_second_may_only_stop(
     bench.move(first, velocity=9 * ONE)
     bench.load(second, accel=3 * ONE)
     bench.command("STT")
-    assert bench.axis.start, "all of this within one sample"
+    assert bench.probe.start_waiting, "all of this within one sample"
     bench.next_sample()
 
-    profile = bench.axis.profile
-    assert profile.velocity == velocity * ONE, "the stronger stop wins, whichever came first"
-    assert (profile.accel, profile.top) == (ONE, 9 * ONE), "what the first has taken, but no more"
-    assert profile.accel_loaded
+    profile = bench.probe
+    assert profile.desired_velocity == velocity * ONE, (
+        "the stronger stop wins, whichever came first"
+    )
+    assert (profile.acceleration, profile.velocity) == (ONE, 9 * ONE), (
+        "what the first has taken, but no more"
+    )
+    assert profile.acceleration_waiting
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-CMD-2")
@@ -715,7 +727,7 @@ def test_of_two_stts_in_one_sample_that_may_both_start_the_last_counts(bench):
     velocities(bench, 4)
     bench.move(0x1A00)
     bench.command("STT")
-    assert bench.axis.start, "both within one sample"
+    assert bench.probe.start_waiting, "both within one sample"
     assert velocities(bench, 3) == [5, 6, 7], "not stopped"
 
 
@@ -743,9 +755,9 @@ def test_in_a_smooth_stop_a_relative_position_counts_from_the_desired_position(b
     bench.command("LTRJ", 0x0003, *words(100))
     bench.command("STT")
     bench.next_sample()
-    assert bench.axis.profile.target == 524
+    assert bench.probe.target_position == 524
     assert desired(bench, 200)[-1] == 524
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
 
 
 @pytest.mark.spec("LM-AMB-5", "LM-CMD-22", "LM-TRJ-13")
@@ -754,7 +766,7 @@ def test_in_a_smooth_stop_sbpr_counts_from_the_desired_position(make):
     bench.command("RSTI", 0)
     run_and_stop(bench, 7000)
     bench.command("SBPR", 0, 40)
-    assert (bench.axis.breakpoint, bench.axis.real) == (464, 414)
+    assert (bench.probe.breakpoint, bench.probe.real_position) == (464, 414)
     seen = []
     for _ in range(6):
         bench.next_sample()
@@ -766,12 +778,12 @@ def test_in_a_smooth_stop_sbpr_counts_from_the_desired_position(make):
 @pytest.mark.parametrize("buffered", [0, 7000])
 def test_after_a_smooth_stop_relative_values_count_from_where_it_ended(bench, buffered):
     run_and_stop(bench, buffered, 40)
-    assert bench.axis.profile.done
+    assert bench.probe.on_target
     bench.command("SBPR", *words(-30))
-    assert bench.axis.breakpoint == 570
+    assert bench.probe.breakpoint == 570
     bench.move(0x0001, position=-100)
     bench.next_sample()
-    assert bench.axis.profile.target == 500
+    assert bench.probe.target_position == 500
 
 
 @pytest.mark.spec("LM-TRJ-9", "LM-TRJ-4")
@@ -782,13 +794,13 @@ def test_a_smooth_stop_with_an_acceleration_loaded_takes_the_target_along(bench,
     bench.load(0x1C00, accel=2 * ONE)
     bench.command("STT")
 
-    profile = bench.axis.profile
+    profile = bench.probe
     for velocity in (5, 4, 3, 2, 1, 0):
         bench.next_sample()
-        assert profile.velocity == velocity * ONE
-        assert profile.target == profile.position >> 16
-    assert profile.done
-    assert profile.raw[2] == 1000
+        assert profile.desired_velocity == velocity * ONE
+        assert profile.target_position == profile.desired_position >> 16
+    assert profile.on_target
+    assert profile.position_loaded == 1000
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-TRJ-6", "LM-AMB-18")
@@ -804,21 +816,23 @@ def test_a_position_loaded_with_a_stop_stays_buffered_until_the_next_stt(
     assert desired(bench, 6)[-1] == 20
     bench.load(stop | relative, position=7000)
     bench.command("STT")
-    profile = bench.axis.profile
+    profile = bench.probe
     bench.next_sample()
-    assert profile.target == {30: 24, 0: 0, 1000: 1000}[place]
-    assert (profile.raw[2], profile.relative[2]) == (7000, bool(relative))
+    assert profile.target_position == {30: 24, 0: 0, 1000: 1000}[place]
+    assert (profile.position_loaded, profile.relative[2]) == (7000, bool(relative))
     desired(bench, 6)
-    assert profile.target == place, "where it stopped; with the motor off where the move went"
+    assert profile.target_position == place, (
+        "where it stopped; with the motor off where the move went"
+    )
     bench.command("SBPR", 0, 5)
-    assert bench.axis.breakpoint == place + 5
+    assert bench.probe.breakpoint == place + 5
 
     bench.command("STT")
     bench.next_sample()
-    assert profile.target == (place + 7000 if relative else 7000)
+    assert profile.target_position == (place + 7000 if relative else 7000)
     bench.command("STT")
     bench.next_sample()
-    assert profile.target == (place + 7000 if relative else 7000), "used up"
+    assert profile.target_position == (place + 7000 if relative else 7000), "used up"
 
 
 @pytest.mark.spec("LM-TRJ-6", "LM-TRJ-5", "LM-AMB-18")
@@ -837,9 +851,9 @@ def test_a_stop_takes_relative_rates_and_its_direction_but_no_position(bench):
     bench.command("STT")
     bench.next_sample()
 
-    profile = bench.axis.profile
-    assert (profile.top, profile.forward, profile.velocity_mode) == (8 * ONE, False, True)
-    assert profile.raw == [ONE, 8 * ONE, 9]
+    profile = bench.probe
+    assert (profile.velocity, profile.forward, profile.velocity_mode) == (8 * ONE, False, True)
+    assert profile.trajectory_loaded == [ONE, 8 * ONE, 9]
     assert profile.relative == [False, False, True]
 
 
@@ -852,10 +866,10 @@ def test_motor_off_in_velocity_mode_leaves_the_desired_position_as_the_target(ma
     bench.move(control, position=7000)
     plant.counts = [-9, -9]
     desired(bench, 4)
-    profile = bench.axis.profile
-    assert (profile.position, profile.target) == (8 * ONE, 8)
+    profile = bench.probe
+    assert (profile.desired_position, profile.target_position) == (8 * ONE, 8)
     bench.command("SBPR", 0, 5)
-    assert bench.axis.breakpoint == 13
+    assert bench.probe.breakpoint == 13
 
 
 @pytest.mark.spec("LM-TRJ-13", "LM-TRJ-10")
@@ -865,7 +879,7 @@ def test_velocity_mode_chosen_while_the_motor_goes_off_makes_the_desired_positio
     bench.move(0x0900)
     bench.next_sample()
     assert bench.report("RDSIGS") & 0x0880 == 0x0880
-    assert bench.axis.profile.target == 20
+    assert bench.probe.target_position == 20
 
 
 @pytest.mark.spec("LM-TRJ-9", "LM-POS-6")
@@ -876,26 +890,26 @@ def test_an_error_that_ends_a_smooth_stop_leaves_the_desired_position_as_the_tar
     bench.command("LPES", 85)
     bench.move(0x1C00)
     desired(bench, 3)
-    assert bench.axis.motor_off
-    profile = bench.axis.profile
-    assert (profile.position, profile.target) == (87 * ONE, 87)
+    assert bench.probe.motor_off
+    profile = bench.probe
+    assert (profile.desired_position, profile.target_position) == (87 * ONE, 87)
 
 
 @pytest.mark.spec("LM-POS-4", "LM-TRJ-9")
 def test_home_in_a_smooth_stop_moves_the_target_along(make):
     bench = make(plant=Follower())
     run_and_stop(bench, 7000)
-    assert bench.axis.real == 414
+    assert bench.probe.real_position == 414
     bench.command("DFH")
-    profile = bench.axis.profile
-    assert (profile.position, profile.target) == (0xA4000, 10)
+    profile = bench.probe
+    assert (profile.desired_position, profile.target_position) == (0xA4000, 10)
     bench.next_sample()
-    assert profile.target == profile.position >> 16 == 19
+    assert profile.target_position == profile.desired_position >> 16 == 19
     assert desired(bench, 60)[-1] == 600 - 414
     bench.command("DFH")
     bench.move(0x0001, position=25)
     bench.next_sample()
-    assert profile.target == 25
+    assert profile.target_position == 25
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-TRJ-4", "LM-TRJ-6")
@@ -906,11 +920,11 @@ def test_a_move_that_is_stopped_in_the_sample_that_would_begin_it_was_not_starte
     bench.move(relative, position=7000)
     bench.load(0x0100, accel=3 * ONE)
     bench.command("STT")
-    assert bench.axis.start, "all of this within one sample"
+    assert bench.probe.start_waiting, "all of this within one sample"
     bench.next_sample()
-    assert bench.axis.motor_off
-    assert bench.axis.profile.target == 1000
+    assert bench.probe.motor_off
+    assert bench.probe.target_position == 1000
 
     bench.move(0)
     bench.next_sample()
-    assert bench.axis.profile.target == 7000 + 1000 * relative
+    assert bench.probe.target_position == 7000 + 1000 * relative

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.probe import Probe, probe
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import NS, US, Clock, Kernel
@@ -60,6 +61,11 @@ class Bench:
         """Return the level of a pin as it is now."""
         self.chip.advance()
         return self.chip.pins[name].value
+
+    @property
+    def probe(self) -> Probe:
+        """The inside of the chip."""
+        return probe(self.chip)
 
     # -- time ---------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from tests.conformance.mc1241a.conftest import BUSY, COMMAND, CYCLE, DATA, Bench
+from tests.probe import probe
 from vbus.chips.mc1241a.datasheet import COMMANDS, ILLEGAL_CODES
 from vbus.kernel import MS, US
 from vbus.state import save
@@ -72,14 +73,13 @@ class AnyHost(RuleBasedStateMachine):
 
     def untouched(self) -> tuple[object, ...]:
         """What the host may change of the axis that is not current."""
-        axes = self.bench.chip.axes
-        if len(axes) == 1:
+        if self.bench.chip.axis_count == 1:
             return ()
-        other = axes[1 - self.bench.chip.commands.current]
+        other = probe(self.bench.chip, 2 - self.bench.probe.current_axis)
         return (
             save(other.buffer), other.interrupt_mask, other.breakpoint_value,
             other.position_error_limit, other.step_ratio, other.start_velocity, other.auto_stop,
-            other.auto_update, other.stepper.two_phase, other.profile.mode,
+            other.auto_update, other.two_phase, other.profile_mode,
         )  # fmt: skip
 
     @rule(wait=st.sampled_from([0, 20 * US, 67 * US, BUSY, 100 * US, CYCLE, 3 * MS]))
@@ -90,7 +90,7 @@ class AnyHost(RuleBasedStateMachine):
     def command(self, code: int) -> None:
         ready = self._after_edge()
         before = self.untouched()
-        current = self.bench.chip.commands.current
+        current = self.bench.probe.current_axis
         self.bench.byte_out(COMMAND, code)
         if not ready:
             return
@@ -99,7 +99,7 @@ class AnyHost(RuleBasedStateMachine):
         if code == 0x39:
             return
         self.bench.run_for(BUSY)
-        if self.bench.chip.commands.current == current:
+        if self.bench.probe.current_axis == current:
             assert self.untouched() == before
 
     def _after_edge(self) -> bool:
@@ -125,7 +125,7 @@ class AnyHost(RuleBasedStateMachine):
     def read_byte(self) -> None:
         start = self.bench.now + US - self.bench.chip.read_low_ps
         ready = self.bench.chip.ready_at() <= start
-        last = self.bench.chip.port.last_driven
+        last = self.bench.probe.last_driven
         byte = self.bench.byte_in()
         if not ready:
             assert byte == last
@@ -167,7 +167,7 @@ class AnyHost(RuleBasedStateMachine):
     @invariant()
     def the_interrupt_line_shows_the_latch(self) -> None:
         low = self.bench.level("~HostIntrpt") == 0
-        assert low == (self.bench.chip.interrupts.axis >= 0)
+        assert low == (self.bench.probe.interrupting_axis >= 0)
 
     def teardown(self) -> None:
         self.bench.run_for(3 * MS)

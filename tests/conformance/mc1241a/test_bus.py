@@ -313,9 +313,9 @@ def test_a_strict_board_reports_the_same() -> None:
 def test_a_command_acts_at_the_end_of_the_busy_time(chip: Bench) -> None:
     chip.byte_out(COMMAND, 0x74)  # SET_PHASE_2
     chip.run_for(BUSY - 1)
-    assert not chip.chip.axes[0].stepper.two_phase
+    assert not chip.probe.two_phase
     chip.run_for(1)
-    assert chip.chip.axes[0].stepper.two_phase
+    assert chip.probe.two_phase
 
 
 @spec("PMD-BUS-9")
@@ -324,9 +324,9 @@ def test_an_update_acts_at_the_next_cycle(chip: Bench) -> None:
     chip.next_cycle()
     chip.send("UPDATE")
     chip.run_until((chip.now // CYCLE + 1) * CYCLE - 1)
-    assert chip.chip.axes[0].active.motor_command == 0
+    assert chip.probe.motor_command == 0
     chip.run_for(1)
-    assert chip.chip.axes[0].active.motor_command == 0x4000
+    assert chip.probe.motor_command == 0x4000
 
 
 @spec("PMD-BUS-9", "PMD-CMD-37")

@@ -1,7 +1,6 @@
 """The command table, row by row, and plain parameters (PMD-CMD, PMD-VER)."""
 
 from collections.abc import Iterator
-from operator import attrgetter
 
 import pytest
 
@@ -64,8 +63,7 @@ def test_a_row_of_the_table_is_the_manual_s(row: tuple[str, int, int, int]) -> N
 def test_each_row_has_its_hook_or_its_parameter(chip: Bench) -> None:
     for row in COMMANDS:
         assert bool(row.hook) != bool(row.parameter), row.name
-        holder = chip.chip.shared if row.scope == "g" else chip.chip.axes[0]
-        assert row.hook or attrgetter(row.parameter)(holder) is not None
+        assert row.hook or chip.probe.parameter(row) is not None
     names = {row.name for row in COMMANDS}
     assert not names & {"GET_I", "MULTI_AXIS", "SET_POS_ACTL_BRK", "SET_ACCEL", "CLR_PRFL"}
 
@@ -121,7 +119,7 @@ def test_buffered_registers_read_back_at_once_and_act_at_an_update(
 ) -> None:
     attribute = {"POS": "position", "VEL": "velocity", "ACC": "acceleration",
                  "MAX_ACC": "max_acceleration", "JERK": "jerk", "RATIO": "ratio"}[name]  # fmt: skip
-    axis = chip.chip.axes[0]
+    axis = chip.probe
     for value in values:
         before = getattr(axis.active, attribute)
         chip.send("SET_" + name, value)
@@ -148,7 +146,7 @@ def test_limit_sense_has_four_bits(chip: Bench, value: int, rules: list[str]) ->
 @pytest.mark.parametrize("value", [0, 32768, 2**30 - 1])
 def test_start_velocity_is_unsigned_and_acts_at_once(chip: Bench, value: int) -> None:
     chip.send("SET_START_VEL", value)
-    assert chip.chip.axes[0].start_velocity == value
+    assert chip.probe.start_velocity == value
     assert chip.send("GET_START_VEL") == value
 
 
@@ -543,7 +541,7 @@ def test_fields_of_the_version_word() -> None:
 def test_time_counts_cycles_and_wraps(chip: Bench) -> None:
     chip.next_cycle(7)
     assert chip.send("GET_TIME") == 7
-    chip.chip.shared.time = 0xFFFFFFFF
+    chip.probe.time = 0xFFFFFFFF
     chip.next_cycle()
     assert chip.send("GET_TIME") == 0
 

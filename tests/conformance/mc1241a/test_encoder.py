@@ -290,11 +290,11 @@ def test_arming_in_the_middle_of_a_slot_misses_what_has_gone_by_in_it(
         assert (plant.count, plant.count_at(0.0)) == (place, place - 1)
         crossing = start + int(plant.fraction_at(place) * SLOT)
         bench.run_until(crossing + offset * NS)
-        bench.chip.cycles.follow_encoders()
-        bench.chip.axes[0].encoder.set_source(source)
+        bench.probe.follow_encoders()
+        bench.probe.set_capture_source(source)
         bench.run_until(start + 20 * SLOT)
         # Armed before the edge it captures; what was captured by the first arming is forgotten.
-        assert bench.chip.axes[0].encoder._armed is not captured
+        assert bench.probe.capture_armed is not captured
 
 
 @spec("PMD-CAP-1")

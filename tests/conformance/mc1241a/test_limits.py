@@ -12,7 +12,7 @@ BITS = {"PosLimit1": 0x0020, "NegLimit1": 0x0040}
 
 
 def speed(bench: Bench) -> float:
-    return bench.chip.axes[0].profile.velocity / 2**32
+    return bench.probe.profile_velocity / 2**32
 
 
 def cruise(bench: Bench, sign: int = 1, mode: str = "VEL") -> None:
@@ -100,10 +100,10 @@ def test_the_detector_needs_an_open_switch_and_a_cleared_bit_to_re_arm(chip: Ben
     assert hits()
     chip.drive("PosLimit1", 0)  # open, but not cleared
     chip.next_cycle()
-    assert not chip.chip.axes[0].limits.armed
+    assert not chip.probe.limits_armed
     chip.send("CLR_STATUS")
     chip.next_cycle()
-    assert chip.chip.axes[0].limits.armed
+    assert chip.probe.limits_armed
 
 
 @spec("PMD-LIM-2")
@@ -243,7 +243,7 @@ def test_a_move_of_the_smallest_fraction_toward_an_active_switch_is_refused(
     chip.drive("NegLimit1", 1)
     chip.next_cycle(2)
     chip.send("CLR_STATUS")
-    chip.chip.axes[0].profile.position = (5 << 32) + beyond
+    chip.probe.profile_position = (5 << 32) + beyond
     chip.send("UPDATE")
     chip.next_cycle(2)
     assert {*chip.rules()} - {"without-current"} == ({"command-error"} if refused else set())

@@ -162,7 +162,7 @@ def test_a_target_that_is_renumbered_between_microsteps_keeps_the_angle(
             seen = [bench.seen("phase A") for bench in (plain, renumbered)]
             assert seen == [PHASE_A[angle % 256]] * 2
         target = 0 if command == "SYNCH_PRFL" else 100
-        assert renumbered.chip.axes[0].profile.position == (target << 32) + (45_000 << 16)
+        assert renumbered.probe.profile_position == (target << 32) + (45_000 << 16)
 
 
 @spec("PMD-USTP-2")
@@ -488,8 +488,8 @@ def test_the_dac_port_keeps_its_own_limits() -> None:
 @spec("PMD-USTP-5")
 def test_outputs_are_made_only_while_somebody_looks() -> None:
     bench = powered()
-    assert bench.chip.output.due() == NEVER
+    assert bench.probe.next_output_change() == NEVER
     observer = Edges(bench, "PWMMag1A")
-    assert bench.chip.output.due() < NEVER
+    assert bench.probe.next_output_change() < NEVER
     bench.chip.pins["PWMMag1A"].net.unobserve(observer)
-    assert bench.chip.output.due() == NEVER
+    assert bench.probe.next_output_change() == NEVER

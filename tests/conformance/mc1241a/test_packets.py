@@ -71,12 +71,12 @@ def test_every_code_from_80h_up_is_illegal(chip: Bench) -> None:
 
 @spec("PMD-PKT-5", "PMD-T-14", "PMD-AMB-1")
 def test_reserved_49h_does_nothing_and_has_a_checksum(bench: Bench) -> None:
-    before = save(bench.chip.axes[0])
+    before = save(bench.chip)["axes"][0]
     bench.command(0x49)
     assert bench.checksum() == 0x0049
     bench.write_word(0x1111)
     assert bench.checksum() == 0x0049
-    assert save(bench.chip.axes[0]) == before
+    assert save(bench.chip)["axes"][0] == before
     assert bench.rules() == ["reserved-command", "unexpected-write"]
 
 
@@ -87,7 +87,7 @@ def test_reserved_49h_ends_a_packet_that_is_open(bench: Bench) -> None:
     bench.command(0x49)
     bench.write_word(0x0002)
     assert bench.checksum() == 0x0049
-    assert bench.chip.axes[0].buffer.position == 0
+    assert bench.probe.position_buffered == 0
     assert "unexpected-write" in bench.rules()
 
 
@@ -95,7 +95,7 @@ def test_reserved_49h_ends_a_packet_that_is_open(bench: Bench) -> None:
 def test_4eh_is_smooth_stop(chip: Bench) -> None:
     chip.command(0x4E)
     assert chip.checksum() == 0x004E
-    assert chip.chip.axes[0].buffer.smooth_stop == 1
+    assert chip.probe.smooth_stop_buffered == 1
 
 
 @spec("PMD-PKT-6", "PMD-AMB-20")
@@ -128,7 +128,7 @@ def test_names_and_words_of_the_family_s_codes() -> None:
 @pytest.mark.parametrize("code", FAMILY)
 def test_family_codes_can_be_taken_as_commands_that_do_nothing(code: int) -> None:
     bench = Bench(family_codes="noop")
-    before = save(bench.chip.axes[0])
+    before = save(bench.chip)["axes"][0]
     _, written, read = FAMILY[code]
     bench.command(code)
     for _ in range(written):
@@ -136,7 +136,7 @@ def test_family_codes_can_be_taken_as_commands_that_do_nothing(code: int) -> Non
     for _ in range(read):
         assert bench.read_word() == 0
     assert bench.checksum() == code + 0x0102 * written
-    assert save(bench.chip.axes[0]) == before
+    assert save(bench.chip)["axes"][0] == before
     assert bench.rules() == []
     assert bench.status() == 0x0300  # AXIS_OFF does not change bit 9 either
 

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, SLOT, Bench
+from tests.probe import probe
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.plant.stepper import StepperMotor
@@ -51,10 +52,10 @@ def _expect_reset_state(bench: Bench) -> None:
         ):  # fmt: skip
             assert bench.send("GET_" + name) == 0, name
         assert bench.send("GET_POS_ERR") == 32767
-        assert bench.chip.axes[axis - 1].breakpoint_mode == 0
+        assert probe(bench.chip, axis).breakpoint_mode == 0
     assert bench.send("GET_OUTPUT_MODE") == 0
-    assert bench.chip.shared.limit_sense == 0
-    assert bench.chip.shared.sensing
+    assert bench.probe.limit_sense == 0
+    assert bench.probe.limit_sensing
 
 
 @spec("PMD-RST-1", "PMD-RST-2", "PMD-CMD-75")
@@ -340,8 +341,8 @@ def test_servo_rows_of_the_reset_table_have_no_command_here(chip: Bench) -> None
     names = {row.name for row in COMMANDS}
     for absent in ("GET_KP", "GET_I_LM", "GET_SMPL_TIME", "SET_PHASE_OFFSET", "GET_PRESCALE"):
         assert absent not in names
-    for axis in chip.chip.axes:
-        assert axis.stepper.angle(1) == 0  # not FFFFH
+    for axis in (1, 2):
+        assert probe(chip.chip, axis).stepper.angle(1) == 0  # not FFFFH
 
 
 def test_power_on_runs_the_reset_or_starts_after_it() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
 
 spec = pytest.mark.spec
@@ -45,12 +45,12 @@ def test_the_move_of_2000(chip: Bench) -> None:
 def test_a_short_move_does_not_reach_its_velocity(chip: Bench) -> None:
     s_curve(chip, 1000)
     chip.next_cycle()
-    curve = chip.chip.axes[0].profile._curve
+    curve = chip.probe.curve
     assert (curve.rise, curve.flat, curve.hold) == (32, 43, 0)
-    speeds = [chip.chip.axes[0].profile.velocity]
+    speeds = [chip.probe.profile_velocity]
     for _ in range(210):
         chip.next_cycle()
-        speeds.append(chip.chip.axes[0].profile.velocity)
+        speeds.append(chip.probe.profile_velocity)
     assert max(speeds) == (1000 << 32) // 107
     chip.next_cycle()
     assert chip.status() == 0x0301
@@ -80,7 +80,7 @@ def test_a_curve_begins_though_its_first_velocity_is_below_every_unit(chip: Benc
     """m = 444, so that the first cycle moves 3/197136 of 1/65536 ustep."""
     s_curve(chip, 3, vel=3, max_acc=0x7FFF, jerk=1)
     chip.next_cycle()
-    assert (chip.seen("status"), chip.chip.axes[0].profile.position) == (0x0700, 0)
+    assert (chip.seen("status"), chip.probe.profile_position) == (0x0700, 0)
     chip.next_cycle(1000)
     assert chip.send("GET_TRGT_VEL") == 3
 
@@ -171,11 +171,11 @@ def test_new_limits_in_motion_are_a_command_error_and_only_the_position_counts(
     chip.move(pos=2500, acc=9 << 16, ratio=7, buf_mtr_cmd=99, **what)
     chip.next_cycle()
     assert chip.status() == 0x0780
-    active = chip.chip.axes[0].active
+    active = chip.probe
     assert (active.velocity, active.max_acceleration, active.jerk) == (
         10 << 16, 0x2000, 0x01000000,
     )  # fmt: skip
-    assert (active.acceleration, active.ratio, active.motor_command) == (9 << 16, 7, 99)
+    assert (active.acceleration, active.gear_ratio, active.motor_command) == (9 << 16, 7, 99)
     assert "command-error" in chip.rules()
     chip.next_cycle(600)
     assert chip.seen("target") == 2500
@@ -200,7 +200,7 @@ def test_smooth_stop_mirrors_the_acceleration_so_far(
 ) -> None:
     s_curve(chip, 5000)
     chip.next_cycle(at)
-    profile = chip.chip.axes[0].profile
+    profile = chip.probe
     rising = []
     chip.send("SMOOTH_STOP")
     chip.move()
@@ -210,13 +210,13 @@ def test_smooth_stop_mirrors_the_acceleration_so_far(
         if not profile.in_motion():
             break
         seen.add(phase(chip))
-        rising.append(profile.velocity)
+        rising.append(profile.profile_velocity)
     assert seen - {phase(chip)} == phases
     peak = rising.index(max(rising))
     falls = [a - b for a, b in zip(rising[peak:], rising[peak + 1 :], strict=False)]
     assert max(falls) <= 0x2000 << 16
     assert chip.status() == 0x0301
-    assert profile.velocity == 0
+    assert profile.profile_velocity == 0
 
 
 @spec("PMD-TRJ-10", "PMD-TRJ-12")
@@ -233,9 +233,9 @@ def test_smooth_stop_of_a_curve_that_rises_in_one_cycle_comes_to_rest(
     bench.next_cycle()
     assert (bench.seen("status"), phase(bench)) == (0x0301, 0)
     assert bench.send("GET_TRGT_VEL") == 0
-    assert bench.chip.axes[0].profile.position == max(2, cycles) << 16
+    assert bench.probe.profile_position == max(2, cycles) << 16
     bench.next_cycle(5)
-    assert bench.chip.axes[0].profile.position == max(2, cycles) << 16
+    assert bench.probe.profile_position == max(2, cycles) << 16
 
 
 @spec("PMD-TRJ-10")
@@ -353,7 +353,7 @@ def test_a_destination_beyond_the_end_of_the_range_can_be_had_after_coming_round
 def test_every_s_curve_ends_on_its_destination_within_its_limits(
     goal: int, top: int, accel: int, jerk: int
 ) -> None:
-    profile, active = Profile(), Registers()
+    profile, active = Profile(), ProfileRegisters()
     active.position, active.velocity = goal, top
     active.max_acceleration, active.jerk = accel, jerk
     profile.set_mode(2, 0)

@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import CYCLE, words
+from tests.probe import probe
 from vbus.board.board import Board
 from vbus.chips.mc1241a.chip import MC1241A
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import Registers
 from vbus.kernel import MS, SECOND, US
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
@@ -28,7 +29,7 @@ class Rig:
         chip = self.board.add_chip(MC1241A, "m", "MC1241A", 25_000_000)
         assert isinstance(chip, MC1241A)
         self.chip: MC1241A = chip
-        chip.cycles.skipping = skipping
+        probe(chip).skipping = skipping
         if motors is not None:
             for axis in (0, 1):
                 plant = motors()
@@ -224,7 +225,7 @@ def test_once_an_update_has_replaced_it_an_amplitude_past_the_buffer_has_left_no
         rig.send("UPDATE")
         rig.board.run_for(2 * CYCLE)
         rig.board.catch_up()
-    one, other = (save(rig.chip.axes[0]) for rig in (first, second))
+    one, other = (save(rig.chip)["axes"][0] for rig in (first, second))
     assert {name for name in one if one[name] != other[name]} <= {"stepper"}
 
 
@@ -240,8 +241,8 @@ def test_an_angle_that_renumbering_has_left_is_saved_with_its_fraction() -> None
 
 
 def test_registers_and_currents_begin_at_zero() -> None:
-    assert {*save(Registers()).values()} == {0}
-    assert {*sum((tuple(one) for one in save(Rig().chip.cycles)["_driven"]), ())} == {0}
+    assert {*save(ProfileRegisters()).values()} == {0}
+    assert {*sum((tuple(one) for one in save(Rig().chip)["cycles"]["_driven"]), ())} == {0}
 
 
 @pytest.mark.parametrize("motor", [None, StepperMotor])
@@ -253,12 +254,12 @@ def test_an_hour_of_rest_is_passed_over_at_once(motor: Callable[[], Plant] | Non
     rig.send("UPDATE")
     rig.board.run_for(2 * SECOND)
     rig.board.catch_up()
-    cycles = rig.chip.cycles
-    time, run = cycles.shared.time, cycles.run_count
+    cycles = probe(rig.chip)
+    time, run = cycles.time, cycles.cycles_computed
     rig.board.run_for(3600 * SECOND)
     rig.board.catch_up()
-    assert cycles.shared.time - time in (6_633_254, 6_633_255)
-    assert cycles.run_count - run <= 1
+    assert cycles.time - time in (6_633_254, 6_633_255)
+    assert cycles.cycles_computed - run <= 1
 
 
 @pytest.mark.spec("PMD-USTP-2", "PMD-CMD-64")

@@ -48,7 +48,7 @@ def test_events_stay_until_the_host_clears_them(chip: Bench) -> None:
 @spec("PMD-STA-2", "PMD-CMD-45", "PMD-CMD-46")
 @pytest.mark.parametrize("bit", range(8))
 def test_a_zero_clears_its_event_and_a_one_leaves_it(chip: Bench, bit: int) -> None:
-    axis = chip.chip.axes[0]
+    axis = chip.probe
     axis.events = 0xFF
     chip.send("RST_STATUS", 0xFF00 | 1 << bit)
     assert chip.status() == 0x0300 | 1 << bit
@@ -285,7 +285,7 @@ def test_who_interrupts_next_is_found_when_the_line_falls_again(chip: Bench) -> 
     chip.command(0x32)
     chip.wait_ready()
     # RST_INTRPT acts at the instant of the cycle in which axis 1 stops; axis 2's event stays.
-    boundary = chip.chip.cycles.boundary
+    boundary = chip.probe.cycle_boundary
     chip.byte_out(0, 0x00)
     chip.run_until(boundary + 7 * CYCLE // 8 - BUSY)
     chip.byte_out(0, 0x01)

@@ -346,4 +346,4 @@ def test_a_whole_word_by_hand_at_the_shortest_legal_times() -> None:
     play(bench, changed(READ, strobe_on=-50, slct_on=-30, slct_off=15), at)
     play(bench, changed(READ, strobe_on=-50, slct_on=-30, slct_off=15), at + 110)
     assert broken(bench) == []
-    assert bench.chip.port.last_driven == 0xFF
+    assert bench.probe.last_driven == 0xFF

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
 
 spec = pytest.mark.spec
@@ -51,7 +51,7 @@ def _speeds(bench: Bench, cycles: int) -> list[int]:
     speeds = []
     for _ in range(cycles):
         bench.next_cycle()
-        speeds.append(bench.chip.axes[0].profile.velocity >> 16)
+        speeds.append(bench.probe.profile_velocity >> 16)
     return speeds
 
 
@@ -199,7 +199,7 @@ def test_a_fraction_of_velocity_left_by_an_s_curve_is_no_motion_without_accelera
     chip.send("SET_PRFL_S_CRV")
     chip.move(pos=2000, vel=10 << 16, max_acc=1, jerk=1)
     chip.next_cycle(3)
-    assert 0 < chip.chip.axes[0].profile.velocity < 1 << 16
+    assert 0 < chip.probe.profile_velocity < 1 << 16
     chip.send("SET_PRFL_TRAP")
     chip.next_cycle()
     assert chip.status() == 0x0301
@@ -251,7 +251,7 @@ def test_every_move_lands_exactly_within_its_limits(
     goal: int, top: int, accel: int, start: int, turns: list[tuple[int, int]]
 ) -> None:
     """Also after changes of the destination on the way: |dv| <= A above the start velocity."""
-    profile, active = Profile(), Registers()
+    profile, active = Profile(), ProfileRegisters()
     active.position, active.velocity, active.acceleration = goal, top, accel
     done = profile.start(active, True)
     cycle, slow = 0, 0

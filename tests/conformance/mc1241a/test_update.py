@@ -19,7 +19,7 @@ def values(registers: object) -> tuple[int, ...]:
 
 
 def speed(bench: Bench) -> float:
-    return bench.chip.axes[0].profile.velocity / 2**32
+    return bench.probe.profile_velocity / 2**32
 
 
 @spec("PMD-UPD-1", "PMD-CMD-36")
@@ -29,7 +29,7 @@ def test_an_update_copies_every_buffered_register(chip: Bench) -> None:
         chip.send(name)
     chip.send("UPDATE")
     chip.next_cycle()
-    axis = chip.chip.axes[0]
+    axis = chip.probe
     assert values(axis.active)[:7] == (1, 2, 3, 4, 5, 6, 7)
     assert values(axis.buffer) == (1, 2, 3, 4, 5, 6, 7, 0, 0, 0)
 
@@ -176,11 +176,11 @@ def test_stop_wins_over_smooth_stop_and_over_a_new_position(chip: Bench) -> None
     chip.next_cycle()
     assert speed(chip) == 0
     assert chip.rules() == ["two-stops"]
-    assert (chip.chip.axes[0].buffer.stop, chip.chip.axes[0].buffer.smooth_stop) == (0, 0)
+    assert (chip.probe.stop_buffered, chip.probe.smooth_stop_buffered) == (0, 0)
     chip.next_cycle(3)
     assert speed(chip) == 0
     assert chip.send("GET_POS") == 50_000
-    assert chip.chip.axes[0].active.position == 50_000
+    assert chip.probe.position == 50_000
 
 
 @spec("PMD-CMD-17", "PMD-AMB-5", "PMD-UPD-1")
@@ -342,7 +342,7 @@ def test_a_new_acceleration_in_a_trapezoidal_move_is_refused_with_the_velocity(
     chip.move(pos=-7, vel=9 << 16, acc=1 << 16, max_acc=8, jerk=9, ratio=10, buf_mtr_cmd=11)
     chip.next_cycle()
     assert chip.status() == 0x0780
-    assert values(chip.chip.axes[0].active)[:7] == (-7, 4 << 16, 4 << 16, 8, 9, 10, 11)
+    assert values(chip.probe.active)[:7] == (-7, 4 << 16, 4 << 16, 8, 9, 10, 11)
     assert chip.rules() == ["command-error"]
     chip.next_cycle(50)
     assert chip.seen("target") == -7  # the position was accepted
@@ -357,7 +357,7 @@ def test_any_other_acceleration_is_refused_as_often_as_it_is_asked_for(
     cruise(chip)
     chip.move(vel=vel << 16, acc=(4 << 16) + by)
     chip.next_cycle()
-    active = chip.chip.axes[0].active
+    active = chip.probe
     assert (active.velocity, active.acceleration) == (4 << 16, 4 << 16)
     assert chip.status() == 0x0780
     chip.send("CLR_STATUS")
@@ -392,7 +392,7 @@ def test_the_same_acceleration_again_is_no_error_and_at_rest_any_is_taken(chip: 
     chip.move(acc=1 << 16)
     chip.next_cycle()
     assert chip.status() == 0x0301
-    assert chip.chip.axes[0].active.acceleration == 1 << 16
+    assert chip.probe.acceleration == 1 << 16
 
 
 @spec("PMD-CMD-14", "PMD-ERR-1")
@@ -419,7 +419,7 @@ def test_a_move_toward_an_active_limit_switch_is_ignored(
     assert chip.status() & 0x04FF == 0x0080
     assert chip.seen("target") == 0
     assert chip.send("GET_POS") == 100 * sign
-    assert chip.chip.axes[0].active.ratio == 3
+    assert chip.probe.gear_ratio == 3
     chip.move(pos=-100 * sign)  # away from it
     chip.next_cycle(100)
     assert chip.seen("target") == -100 * sign
@@ -513,10 +513,10 @@ def test_a_time_breakpoint_counts_all_32_bits(chip: Bench, time: int, before: in
     cruise(chip)
     stop_at(chip, "SET_TIME_BRK", time - before)
     for bit in range(32):
-        chip.chip.shared.time = (time - before ^ 1 << bit) - 1 & 0xFFFF_FFFF
+        chip.probe.time = (time - before ^ 1 << bit) - 1 & 0xFFFF_FFFF
         chip.next_cycle()
         assert speed(chip) == 4
-    chip.chip.shared.time = time - before - 1
+    chip.probe.time = time - before - 1
     chip.next_cycle()
     assert speed(chip) == 0
 
@@ -642,7 +642,7 @@ def test_a_condition_that_holds_already_fires_in_the_next_cycle_and_only_once(
     stop_at(chip, "SET_POS_BRK", -5)
     chip.next_cycle()
     assert chip.seen("status") == 0x0305
-    assert chip.chip.axes[0].breakpoint_mode == 0
+    assert chip.probe.breakpoint_mode == 0
     chip.send("CLR_STATUS")
     chip.next_cycle(5)
     assert chip.seen("status") == 0x0300

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
 from vbus.kernel import US
 
@@ -17,7 +17,7 @@ def speeds(bench: Bench, cycles: int) -> list[float]:
     result = []
     for _ in range(cycles):
         bench.next_cycle()
-        result.append(bench.chip.axes[0].profile.velocity / 2**32)
+        result.append(bench.probe.profile_velocity / 2**32)
     return result
 
 
@@ -159,7 +159,7 @@ def test_a_mode_change_at_rest_starts_nothing(chip: Bench) -> None:
 def test_the_velocity_comes_to_its_goal_and_stays(
     velocity: int, top: int, accel: int, start: int
 ) -> None:
-    profile, active = Profile(), Registers()
+    profile, active = Profile(), ProfileRegisters()
     profile.set_mode(1, 0)
     active.velocity, active.acceleration = abs(velocity), velocity
     profile.start(active, False)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.probe import Probe, probe
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.chips.mcp1200.datasheet import DATA, REGISTERS
 from vbus.kernel import SECOND, Clock, Kernel
@@ -149,6 +150,11 @@ class Bench:
         self._host: dict[str, Pin] = {}
         self.chip.power_on(done)
 
+    @property
+    def probe(self) -> Probe:
+        """The inside of the chip."""
+        return probe(self.chip)
+
     # -- time ---------------------------------------------------------------------------------
 
     @property
@@ -174,12 +180,11 @@ class Bench:
     @property
     def period(self) -> int:
         """Clocks of the present sample period."""
-        return self.chip.axis.timer.period
+        return self.probe.sample_period
 
     def sample_start(self) -> int:
         """Cycle of the next sample start."""
-        timer = self.chip.axis.timer
-        return timer.start + timer.period
+        return self.probe.sample_start + self.probe.sample_period
 
     def results(self) -> int:
         """Come to the end of BUSY of the next sample that begins; return that cycle."""
@@ -277,13 +282,13 @@ class Bench:
     def seen(self, name: str) -> int:
         """Return a register's value without a bus cycle."""
         self.chip.advance()
-        return int(getattr(self.chip.axis.registers, name.lower()))
+        return int(getattr(self.probe, name.lower()))
 
     @property
     def position(self) -> int:
         """The actual position now, without a bus cycle."""
         self.chip.advance()
-        return self.chip.axis.counter.position(self.cycle)
+        return self.probe.position_at(self.cycle)
 
     def extended(self) -> None:
         """Address all 128 registers."""

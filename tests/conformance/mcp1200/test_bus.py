@@ -263,7 +263,7 @@ def test_a_live_register_moves_on_the_bus_while_it_is_read(strobes: Strober) -> 
 def test_reading_has_its_effect_when_cs_rises(strobes: Strober) -> None:
     bench = strobes.bench
     strobes.begin(SEPARATE, 0x14, 1)
-    bench.chip.axis.counter.preset(0x123456, bench.cycle)
+    bench.probe.set_position(0x123456, bench.cycle)
     assert bench.seen("ACTUAL_POSITION") == 0
     strobes.set(cs=1)
     assert bench.seen("ACTUAL_POSITION") == 0x123456

@@ -75,7 +75,7 @@ def test_a_count_between_two_clocks_is_seen_by_the_second() -> None:
 @pytest.mark.spec("MCP-BRK-1")
 def test_all_24_bits_are_compared_and_the_counter_may_wrap() -> None:
     bench, _ = moving()
-    bench.chip.axis.counter.preset(0x7FFFFF - 2000, bench.cycle)
+    bench.probe.set_position(0x7FFFFF - 2000, bench.cycle)
     arm(bench, 0x800001)
     bench.until((2000 + 2) * 8 - 1)
     assert bench.pin("TRIG") == 1
@@ -88,7 +88,7 @@ def test_backwards_and_with_swapped_channels() -> None:
     for swap, speed in ((0, -SPEED), (0x80, SPEED)):
         bench, _ = moving(speed=0.0)
         bench.write(0x1A, swap)
-        bench.chip.axis.encoder.plant.speed = speed  # type: ignore[union-attr]
+        bench.probe.plant.speed = speed  # type: ignore[union-attr]
         bench.until(PERIOD)
         arm(bench, -3000)
         edges = bench.watch("TRIG")
@@ -103,7 +103,7 @@ def test_backwards_and_with_swapped_channels() -> None:
 def test_in_single_mode_the_compare_register_is_loaded_67_clocks_after_a_sample_start() -> None:
     bench, _ = moving(speed=0.0)
     bench.write(0x02, 0x10)
-    bench.chip.axis.counter.preset(50, bench.cycle)
+    bench.probe.set_position(50, bench.cycle)
     bench.put("BREAKPOINT", 50)
     start = bench.sample_start()
     bench.until(start + 66)
@@ -122,9 +122,9 @@ def test_the_three_bytes_of_the_breakpoint_are_taken_at_the_sample_start() -> No
     bench.until(bench.sample_start() + 1)
     bench.write(0x3D, 0x56)
     bench.wait(100)
-    assert bench.chip.axis.breakpoint.compare == 0x123400
+    assert bench.probe.compared == 0x123400
     bench.samples(1)
-    assert bench.chip.axis.breakpoint.compare == 0x123456
+    assert bench.probe.compared == 0x123456
 
 
 @pytest.mark.spec("MCP-BRK-1", "MCP-BRK-3", "MCP-T-15", "MCP-AMB-23")
@@ -132,7 +132,7 @@ def test_a_pulse_at_15000_and_every_2500_counts_after_it() -> None:
     bench, _ = moving(speed=0.0)
     bench.control()
     arm(bench, 15_000, 2_500)
-    rail = bench.chip.axis.encoder.plant
+    rail = bench.probe.plant
     edges = bench.watch("TRIG")
     bench.until(bench.sample_start())
     begun = bench.cycle
@@ -166,13 +166,13 @@ def test_repeat_backwards_with_a_negative_step() -> None:
 @pytest.mark.spec("MCP-BRK-3")
 def test_repeated_breakpoints_wrap_with_the_counter() -> None:
     bench, rail = moving(speed=0.0)
-    bench.chip.axis.counter.preset(0x7FFF00, bench.cycle)
+    bench.probe.set_position(0x7FFF00, bench.cycle)
     arm(bench, 0x7FFFF0, 0x1000)
     edges = bench.watch("TRIG")
     rail.speed = SPEED
     bench.wait(10_000 * 8)
     assert len(edges.of("TRIG", 0)) == 3
-    assert bench.chip.axis.breakpoint.compare == -0x800000 + 3 * 0x1000 - 0x10
+    assert bench.probe.compared == -0x800000 + 3 * 0x1000 - 0x10
 
 
 @pytest.mark.spec("MCP-BRK-3", "MCP-STA-2")
@@ -213,15 +213,15 @@ def test_leaving_repeat_mode_forgets_a_match_the_routine_has_not_seen() -> None:
     bench.write(0x02, 0x10)
     bench.samples(1)
     # Single mode: the register is the breakpoint, and the flag waits for the host.
-    assert (bench.chip.axis.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+    assert (bench.probe.compared, bench.pin("TRIG")) == (100, 0)
     bench.write(0x02, 0x30)
     bench.samples(2)
-    assert (bench.chip.axis.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+    assert (bench.probe.compared, bench.pin("TRIG")) == (100, 0)
     bench.write(0x07, 0)
     bench.put("PRESET_POSITION", 100)
     assert bench.pin("TRIG") == 0
     bench.samples(1)
-    assert (bench.chip.axis.breakpoint.compare, bench.pin("TRIG")) == (200, 1)
+    assert (bench.probe.compared, bench.pin("TRIG")) == (200, 1)
 
 
 @pytest.mark.spec("MCP-BRK-2", "MCP-BRK-3", "MCP-SMP-2")
@@ -235,17 +235,17 @@ def test_leaving_repeat_mode_before_its_routine_has_come_loads_the_breakpoint() 
     bench.drive("/SYNC", LOW)
     bench.write(0x02, 0x10)
     bench.until(start + 2 * PERIOD)
-    assert (bench.chip.axis.breakpoint.compare, bench.pin("TRIG")) == (5, 0)
+    assert (bench.probe.compared, bench.pin("TRIG")) == (5, 0)
     bench.drive("/SYNC", HIGH)
     bench.samples(1)
-    assert (bench.chip.axis.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+    assert (bench.probe.compared, bench.pin("TRIG")) == (100, 0)
 
 
 @pytest.mark.spec("MCP-BRK-4")
 def test_clearing_the_flag_on_the_spot_does_not_trigger_again_but_returning_does() -> None:
     bench, _ = moving(speed=0.0)
     arm(bench, 5)
-    bench.chip.axis.counter.preset(4, bench.cycle)
+    bench.probe.set_position(4, bench.cycle)
     bench.write(0x15, 0, 0, 5)
     assert bench.pin("TRIG") == 0
     bench.write(0x07, 0)

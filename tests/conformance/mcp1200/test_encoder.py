@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
-from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
 
@@ -140,7 +140,7 @@ def test_any_walk_that_passes_the_filter_is_counted(walk: list[tuple[bool, int]]
 
 @pytest.mark.spec("MCP-BRK-1")
 def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come() -> None:
-    encoder = Encoder(8_000_000)
+    encoder = EncoderCourse(8_000_000)
     encoder.connect(IdealPlant(), limits=False, home=False)
     encoder.end = 0
     encoder.run(512, 0.0, encoder.error(100), stepping=False, steps=0)
@@ -153,7 +153,7 @@ def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come()
 
 @pytest.mark.spec("MCP-STP-1")
 def test_a_plant_for_steps_stands_while_the_chip_gives_a_motor_command() -> None:
-    encoder = Encoder(8_000_000)
+    encoder = EncoderCourse(8_000_000)
     motor = StepperMotor()
     encoder.connect(motor, limits=False, home=False)
     encoder.end = 0
@@ -189,5 +189,5 @@ def test_a_plant_is_prepared_for_no_period_of_length_0() -> None:
     bench = Bench(plant=rail)
     bench.samples(1)
     period = rail._period
-    bench.chip.axis.encoder.prepared = 0
+    bench.probe.encoder_prepared = 0
     assert rail._period == period > 0

@@ -70,7 +70,7 @@ def moving(bench: Bench, begin: Callable[[Bench], None], samples: int = 12) -> i
     """Run a mode for some samples with the motor at 7; return the command position."""
     begin(bench)
     bench.samples(samples)
-    bench.chip.axis.counter.preset(7, bench.cycle)
+    bench.probe.set_position(7, bench.cycle)
     return bench.seen("COMMAND_POSITION")
 
 
@@ -417,7 +417,7 @@ def test_an_abrupt_stop_repeats_while_the_pin_is_low(pin: str, setting: int) -> 
     bench.drive(pin, LOW)
     bench.samples(1)
     assert bench.seen("COMMAND_POSITION") == 7
-    bench.chip.axis.counter.preset(9, bench.cycle)
+    bench.probe.set_position(9, bench.cycle)
     bench.samples(1)
     assert bench.seen("COMMAND_POSITION") == 9
     bench.drive(pin, HIGH)

@@ -16,7 +16,7 @@ def respond(bench: Bench, errors: list[int]) -> list[int]:
     for error in errors:
         bench.put("COMMAND_POSITION", error & 0xFFFFFF)
         bench.samples(1)
-        commands.append(bench.chip.axis.loop.mc)
+        commands.append(bench.probe.mc)
     return commands
 
 
@@ -35,7 +35,7 @@ def servo(pid: bool = False, **registers: int) -> Bench:
 def test_the_lead_filter_with_its_default_parameters() -> None:
     bench = servo()
     assert respond(bench, [1, 1, 1, 1, 0, 0, -3]) == [256, -37, 37, 18, -233, 59, -782]
-    assert bench.chip.axis.registers.pwm == -782
+    assert bench.probe.pwm == -782
     assert bench.pin("MC0-MC11") == 0x800 - 782
 
 
@@ -75,7 +75,7 @@ def test_the_lead_filter_is_its_difference_equation(
 def test_the_pid_filter_with_its_default_parameters() -> None:
     bench = servo(pid=True)
     assert respond(bench, [1, 1, 2, 2, 2, -3]) == [160, 32, 192, 64, 64, -736]
-    assert bench.chip.axis.registers.pwm == -736
+    assert bench.probe.pwm == -736
 
 
 @pytest.mark.spec("MCP-FLT-3", "MCP-REG-44")
@@ -97,17 +97,15 @@ def test_scaling_of_the_pid_terms(gains: dict[str, int], command: int) -> None:
 def test_the_integral_is_limited_by_15_bits(limit: int, reached: int) -> None:
     bench = servo(pid=True, KP=0, KI=1, KD=0, INTEGRAL_LIMIT=limit)
     respond(bench, [50] * 5)
-    assert bench.chip.axis.loop.pid.integral == reached
+    assert bench.probe.integral == reached
     respond(bench, [-50] * 12)
-    assert bench.chip.axis.loop.pid.integral == max(
-        reached - 600, -reached if reached == 100 else -32767
-    )
+    assert bench.probe.integral == max(reached - 600, -reached if reached == 100 else -32767)
 
 
 @pytest.mark.spec("MCP-FLT-3")
 def test_the_integral_rests_in_the_sample_after_a_saturated_one() -> None:
     bench = servo(pid=True, KP=255, KI=1, KD=0)
-    integral = bench.chip.axis.loop.pid
+    integral = bench.probe
     seen = []
     for error in (10, 20, 20, 10, 10):
         respond(bench, [error])
@@ -129,9 +127,9 @@ def test_a_lowered_limit_holds_while_the_motor_command_is_saturated(
     bench.put("COMMAND_POSITION", command & 0xFFFFFF)
     bench.control()
     bench.samples(8)
-    core = bench.chip.axis.loop
+    core = bench.probe
     assert not -2048 <= core.mc <= 2047
-    assert (core.pid.integral, bench.pin("MC0-MC11")) == (
+    assert (core.integral, bench.pin("MC0-MC11")) == (
         (5000, 0xF00) if command > 0 else (-5000, 0x0F0)
     )
     bench.write(0x66, 0x00)
@@ -158,7 +156,7 @@ def test_the_last_command_that_fits_is_not_saturated(
     seen = []
     for error in errors:
         mc = respond(bench, [error])[0]
-        seen.append((mc, bench.chip.axis.loop.pid.integral, bench.pin("MC0-MC11")))
+        seen.append((mc, bench.probe.integral, bench.pin("MC0-MC11")))
     assert seen == list(zip(commands, integrals, codes, strict=True))
 
 
@@ -199,7 +197,7 @@ def test_feed_forward_of_a_profile_comes_from_the_generator() -> None:
     commands = []
     for _ in range(8):
         bench.samples(1)
-        commands.append(bench.chip.axis.loop.mc)
+        commands.append(bench.probe.mc)
     speeds = [384, 768, 1152, 1536, 1920, 2304, 2560, 2560]
     changes = [384, 384, 384, 384, 384, 384, 256, 0]
     assert commands == [
@@ -223,7 +221,7 @@ def test_feed_forward_of_interpolation(code: int, speeds: list[int]) -> None:
     commands = []
     for _ in range(5):
         bench.samples(1)
-        commands.append(bench.chip.axis.loop.mc)
+        commands.append(bench.probe.mc)
     assert commands == [2 * 255 * speed >> 9 for speed in speeds]
 
 

@@ -18,7 +18,7 @@ def command(bench: Bench, mc: int) -> int:
     """Make the loop give motor command ``mc`` (a multiple of 16); return the DAC code."""
     bench.put("COMMAND_POSITION", mc // 16 & 0xFFFFFF)
     bench.samples(1)
-    assert bench.chip.axis.loop.mc == mc
+    assert bench.probe.mc == mc
     assert bench.seen("MOTOR_COMMAND") << 4 | bench.seen("MOTOR_COMMAND_LOW") >> 4 == bench.pin(
         "MC0-MC11"
     )
@@ -70,7 +70,7 @@ def test_unipolar_gives_the_magnitude_and_leaves_pwm_and_sign(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
+    assert bench.probe.pwm == max(-2048, min(2047, mc))
 
 
 @pytest.mark.spec("MCP-OUT-2", "MCP-AMB-5", "MCP-OUT-3")
@@ -87,7 +87,7 @@ def test_unipolar_clipped_gives_zero_of_a_negative_command(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
+    assert bench.probe.pwm == max(-2048, min(2047, mc))
     # In idle mode the host writes what it likes.
     bench.write(0x05, 0x01)
     bench.samples(1)
@@ -101,7 +101,7 @@ def test_the_smallest_negative_command_of_a_unipolar_output(unipolar: str, code:
     bench = servo(unipolar=unipolar, FEATURE=0x0C, KP=2, KD=0)
     bench.put("COMMAND_POSITION", 0xFFFFFF)
     bench.samples(1)
-    assert (bench.chip.axis.loop.mc, bench.pin("MC0-MC11")) == (-1, code)
+    assert (bench.probe.mc, bench.pin("MC0-MC11")) == (-1, code)
 
 
 @pytest.mark.spec("MCP-OUT-2")
@@ -144,7 +144,7 @@ def test_the_dac_offset_is_added_with_carry_and_clamped(offset: int, mc: int, co
 def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> None:
     bench = servo(DAC_OFFSET=0x40, SATURATION=0x90)
     command(bench, mc)
-    assert bench.chip.axis.registers.pwm == shown
+    assert bench.probe.pwm == shown
     assert bench.read(0x09) == shown >> 4 & 0xFF
     assert bench.read(0x4D) == shown << 4 & 0xF0
 
@@ -152,7 +152,7 @@ def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> 
 def duty(bench: Bench, resolution: int = 100, frames: int = 2) -> tuple[int, int]:
     """Clocks Pulse is high in a whole frame, and the level of Sign."""
     bench.wait(2 * resolution)
-    while (bench.cycle - bench.chip.axis.pwm.start) % resolution:
+    while (bench.cycle - bench.probe.pwm_frame_start) % resolution:
         bench.wait(1)
         bench.pin("PULSE")
     high = 0
@@ -238,7 +238,7 @@ def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
     chip.write(0x09, 0x32)
     chip.wait(300)
     edges = chip.watch("PULSE", "SIGN")
-    frame = chip.chip.axis.pwm.start + 100
+    frame = chip.probe.pwm_frame_start + 100
     while frame <= chip.cycle + 5:
         frame += 100
     chip.until(frame + 10)
@@ -266,7 +266,7 @@ def test_a_pin_that_has_been_high_for_frames_changes_with_the_next_one(
     chip.write(0x09, 0x64)
     chip.wait(300)
     log = chip.watch("PULSE", "SIGN")
-    frame = chip.chip.axis.pwm.start + 100
+    frame = chip.probe.pwm_frame_start + 100
     while frame <= chip.cycle + 5:
         frame += 100
     chip.until(frame + 10)
@@ -279,8 +279,8 @@ def long_frames(bench: Bench) -> int:
     """Frames of 1600 clocks; return the start of the one under way."""
     bench.write(0x1A, 0x08)
     bench.wait(200)
-    bench.chip.outputs.show_pulse(bench.cycle)
-    return bench.chip.axis.pwm.start
+    bench.probe.show_pulse(bench.cycle)
+    return bench.probe.pwm_frame_start
 
 
 def unseen(bench: Bench, cycle: int) -> int:
@@ -325,7 +325,7 @@ def test_a_frame_that_begins_together_with_idle_is_off() -> None:
     bench.write(0x05, 0x01)
     idle = bench.sample_start()
     assert idle % 2 == 0
-    bench.chip.axis.pwm.start = idle - 1600
+    bench.probe.pwm_frame_start = idle - 1600
     assert unseen(bench, idle + 5) == 0
 
 
@@ -394,14 +394,14 @@ def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm
     bench = servo(LEAD_GAIN=2, FEATURE=feature)
     bench.put("COMMAND_POSITION", 3)
     bench.samples(1)
-    assert (bench.pin("MC0-MC11"), bench.chip.axis.registers.pwm) == (dac, pwm)
+    assert (bench.pin("MC0-MC11"), bench.probe.pwm) == (dac, pwm)
     bench.put("COMMAND_POSITION", 0xFFFF00)
     bench.samples(1)
     shown = -256 * 8
     expected = -2048
     assert expected == shown
     if feature & 0x40:
-        assert bench.chip.axis.registers.pwm == -2048
+        assert bench.probe.pwm == -2048
     if feature & 0x80:
         assert bench.pin("MC0-MC11") == 0
 

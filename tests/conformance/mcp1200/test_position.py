@@ -100,7 +100,7 @@ def test_a_command_written_while_busy_is_not_lost_to_an_increment(bench: Bench) 
 @pytest.mark.spec("MCP-POS-2")
 def test_positions_wrap_and_their_difference_is_the_short_way(bench: Bench) -> None:
     bench.put("COMMAND_POSITION", 0x800003)
-    bench.chip.axis.counter.preset(0x7FFFFE, bench.cycle)
+    bench.probe.set_position(0x7FFFFE, bench.cycle)
     bench.control()
     bench.samples(1)
     assert bench.seen("POSITION_ERROR") == 5
@@ -108,7 +108,7 @@ def test_positions_wrap_and_their_difference_is_the_short_way(bench: Bench) -> N
     bench.write(0x0B, 0x02)
     bench.samples(1)
     assert bench.seen("COMMAND_POSITION") == -0x7FFFFF
-    bench.chip.axis.counter.preset(-0x7FFFFF, bench.cycle)
+    bench.probe.set_position(-0x7FFFFF, bench.cycle)
     bench.samples(1)
     assert bench.seen("POSITION_ERROR") == 0
 
@@ -117,7 +117,7 @@ def test_positions_wrap_and_their_difference_is_the_short_way(bench: Bench) -> N
 def test_the_counter_wraps_at_24_bits() -> None:
     follower = Follower()
     bench = Bench(plant=follower)
-    bench.chip.axis.counter.preset(0x7FFFFF, bench.cycle)
+    bench.probe.set_position(0x7FFFFF, bench.cycle)
     bench.put("COMMAND_POSITION", 0x800001)
     bench.control()
     bench.samples(2)
@@ -217,7 +217,7 @@ def test_inside_the_deadband_the_motor_is_off(bench: Bench, actual: int, driven:
     bench.extended()
     bench.put("DEADBAND", 2)
     bench.put("COMMAND_POSITION", 1000)
-    bench.chip.axis.counter.preset(actual, bench.cycle)
+    bench.probe.set_position(actual, bench.cycle)
     bench.control()
     bench.samples(1)
     assert bench.seen("POSITION_ERROR") == (1000 - actual if driven else 0)

@@ -74,7 +74,7 @@ def test_a_move_starts_from_the_command_position_even_if_the_motor_is_elsewhere(
     bench: Bench,
 ) -> None:
     bench.put("COMMAND_POSITION", 1000)
-    bench.chip.axis.counter.preset(77, bench.cycle)
+    bench.probe.set_position(77, bench.cycle)
     prepare(bench, 1100)
     start(bench)
     assert run(bench) == [1000 + place for place in T_10]
@@ -574,17 +574,17 @@ def test_every_move_lands_exactly_and_keeps_its_limits(
     accel = max(accel, abs(final) // 100)
     prepare(bench, final, velocity, accel, jerk)
     start(bench)
-    command = bench.chip.axis.loop.command
+    command = bench.probe
     place = speed = 0
     for _ in range(20_000):
         bench.samples(1)
         moved = bench.seen("COMMAND_POSITION") - place
         place += moved
         assert abs(moved) <= velocity + 1
-        assert abs(command.velocity) <= velocity << 8
+        assert abs(command.command_velocity) <= velocity << 8
         if jerk is None:
-            assert abs(command.velocity - speed) <= accel
-        speed = command.velocity
+            assert abs(command.command_velocity - speed) <= accel
+        speed = command.command_velocity
         if not bench.seen("FLAG") & 1:
             break
     assert bench.seen("COMMAND_POSITION") == final

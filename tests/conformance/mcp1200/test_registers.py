@@ -133,7 +133,7 @@ def test_what_counts_with_the_next_sample_leaves_the_one_under_way_alone(
     chip.samples(1)
     start = chip.sample_start()
     chip.until(start + 100)
-    registers = chip.chip.axis.registers
+    registers = chip.probe
     before = getattr(registers.sampled, name.lower())
     chip.put(name, 0x14)
     assert (getattr(registers, name.lower()), chip.pin("BUSY")) == (0x14, 1)
@@ -169,10 +169,10 @@ def test_the_command_position_is_loaded_by_its_last_byte(bench: Bench) -> None:
 
 @pytest.mark.spec("MCP-REG-16")
 def test_reading_the_lsb_of_the_actual_position_freezes_the_other_bytes(bench: Bench) -> None:
-    bench.chip.axis.counter.preset(-2, bench.cycle)
+    bench.probe.set_position(-2, bench.cycle)
     assert bench.read(0x12) == 0
     low = bench.read(0x14)
-    bench.chip.axis.counter.preset(0x123456, bench.cycle)
+    bench.probe.set_position(0x123456, bench.cycle)
     assert (bench.read(0x12), bench.read(0x13), low) == (0xFF, 0xFF, 0xFE)
     assert bench.read(0x14) == 0x56
     assert (bench.read(0x13), bench.read(0x12)) == (0x34, 0x12)
@@ -180,7 +180,7 @@ def test_reading_the_lsb_of_the_actual_position_freezes_the_other_bytes(bench: B
 
 @pytest.mark.spec("MCP-REG-16")
 def test_writing_r13_clears_the_counter_and_r12_and_r14_do_nothing(bench: Bench) -> None:
-    bench.chip.axis.counter.preset(0x123456, bench.cycle)
+    bench.probe.set_position(0x123456, bench.cycle)
     bench.write(0x12, 0x77)
     bench.write(0x14, 0x77)
     assert bench.position == 0x123456
@@ -220,7 +220,7 @@ def test_the_sample_timer_reads_the_count_not_the_reload_value(bench: Bench) -> 
         bench.until(start + (5 - count) * 64 + 20)
         assert bench.read(0x0F) == count
     bench.until(start + 6 * 64)
-    assert bench.chip.axis.host.read(0x0F, bench.cycle) == 5
+    assert bench.probe.read_register(0x0F, bench.cycle) == 5
 
 
 @pytest.mark.spec("MCP-REG-12", "MCP-POS-1")
@@ -242,7 +242,7 @@ def test_the_motor_command_registers_and_their_nibbles(bench: Bench) -> None:
         bench.write(address, data)
         assert bench.read(address) == reads
     assert bench.pin("MC0-MC11") == 0x9AB
-    assert bench.chip.axis.registers.pwm == (0xC47 - 0x1000)
+    assert bench.probe.pwm == (0xC47 - 0x1000)
 
 
 @pytest.mark.spec("MCP-REG-48")
@@ -416,7 +416,7 @@ def test_writing_status_leaves_the_three_low_bits(bench: Bench) -> None:
     bench.control()
     bench.samples(1)
     assert bench.read(0x07) == 0xFC
-    bench.chip.axis.registers.status = 0x06
+    bench.probe.status = 0x06
     bench.write(0x07, 0x00)
     assert bench.read(0x07) == 0xFE
 
@@ -430,7 +430,7 @@ def test_the_direction_at_a_fault_is_noted(speed: float, direction: int) -> None
     bench.write(0x04, 0x00)
     bench.control()
     bench.samples(3)
-    bench.chip.axis.registers.status ^= 2 - direction
+    bench.probe.status ^= 2 - direction
     bench.drive("/STOP", LOW)
     assert bench.seen("STATUS") & 0x42 == direction
     rail.speed = -speed

@@ -78,7 +78,7 @@ def test_pulse_is_high_for_exactly_one_clock_after_reset(chip: Bench) -> None:
 @pytest.mark.spec("MCP-RST-3", "MCP-AMB-9", "MCP-AMB-19")
 def test_hard_reset_loads_every_default(bench: Bench) -> None:
     fill(bench)
-    bench.chip.axis.counter.preset(77, bench.cycle)
+    bench.probe.set_position(77, bench.cycle)
     bench.drive("/RESET", LOW)
     assert bench.position == 0
     bench.wait(2)
@@ -105,7 +105,7 @@ def test_hard_reset_loads_every_default(bench: Bench) -> None:
 )  # fmt: skip
 def test_defaults_of_the_register_table(bench: Bench, name: str, value: int) -> None:
     bench.extended()
-    bench.chip.axis.registers.reset(name)
+    bench.probe.reset_register(name)
     if name != "SAMPLE_TIMER":
         assert bench.get(name) == value
     assert bench.seen(name) == value
@@ -114,7 +114,7 @@ def test_defaults_of_the_register_table(bench: Bench, name: str, value: int) -> 
 @pytest.mark.spec("MCP-RST-4", "MCP-AMB-20")
 def test_soft_reset_loads_some_registers_and_keeps_the_rest(bench: Bench) -> None:
     fill(bench)
-    bench.chip.axis.counter.preset(77, bench.cycle)
+    bench.probe.set_position(77, bench.cycle)
     bench.write(0x05, 0x00)
     bench.wait(320)
     for name, value in SOFT.items():
@@ -200,7 +200,7 @@ def test_halt_stops_at_the_actual_position_and_holds_it_until_control(bench: Ben
     bench.control()
     bench.write(0x00, 0x0D)
     bench.samples(5)
-    bench.chip.axis.counter.preset(33, bench.cycle)
+    bench.probe.set_position(33, bench.cycle)
     bench.write(0x05, 0x02)
     bench.samples(1)
     assert bench.read(0x05) == 2
@@ -502,7 +502,7 @@ def test_in_position_in_idle_follows_an_encoder_however_seldom_somebody_looks() 
             encoder.drive(name, level)
     assert (turned.position, abs(encoder.position)) == (50, 49)
     seldom.until(turned.cycle)
-    assert save(seldom.chip.axis) == save(turned.chip.axis)
+    assert save(seldom.chip)["axis"] == save(turned.chip)["axis"]
 
 
 @pytest.mark.spec("MCP-STA-4", "MCP-SMP-6", "MCP-MOD-5")
@@ -525,7 +525,7 @@ def test_a_sample_in_which_an_exception_ends_control_is_one_of_idle_mode(bench: 
 @pytest.mark.spec("MCP-MOD-6")
 def test_control_starts_at_the_next_timer_zero_and_copies_nothing(bench: Bench) -> None:
     bench.put("COMMAND_POSITION", 100)
-    bench.chip.axis.counter.preset(30, bench.cycle)
+    bench.probe.set_position(30, bench.cycle)
     bench.control()
     start = bench.sample_start()
     bench.until(start - 1)

@@ -44,9 +44,9 @@ def test_the_timer_runs_in_idle_too(bench: Bench) -> None:
     counts = []
     for _ in range(3):
         bench.until(bench.sample_start())
-        counts.append(bench.chip.axis.host.read(0x0F, bench.cycle))
+        counts.append(bench.probe.read_register(0x0F, bench.cycle))
         bench.wait(64)
-        counts.append(bench.chip.axis.host.read(0x0F, bench.cycle))
+        counts.append(bench.probe.read_register(0x0F, bench.cycle))
     assert counts == [0x40, 0x3F] * 3
 
 
@@ -74,7 +74,7 @@ def test_four_chips_on_one_sync_net_start_their_samples_in_the_same_clock() -> N
     kernel.settle()
     for bench in chips:
         bench.control()
-        assert bench.chip.axis.host.read(0x0F, bench.cycle) == 0
+        assert bench.probe.read_register(0x0F, bench.cycle) == 0
     assert kernel.now > 50 * US
     kernel.run_until(kernel.now + 2 * MS + 30 * NS)
     assert all(edges.seen == [] for edges in watches)
@@ -148,9 +148,9 @@ def test_after_sync_counting_starts_from_the_programmed_values(bench: Bench) -> 
     bench.drive("/SYNC", HIGH)
     assert bench.sample_start() == bench.cycle + 1000
     bench.wait(99)
-    assert bench.chip.axis.host.read(0x0F, bench.cycle) == 9
+    assert bench.probe.read_register(0x0F, bench.cycle) == 9
     bench.wait(1)
-    assert bench.chip.axis.host.read(0x0F, bench.cycle) == 8
+    assert bench.probe.read_register(0x0F, bench.cycle) == 8
 
 
 @pytest.mark.spec("MCP-SMP-2")
@@ -295,7 +295,7 @@ def test_actual_velocity_is_the_difference_of_two_positions() -> None:
 def test_actual_velocity_has_16_bits(bench: Bench, step: int, velocity: int) -> None:
     bench.control()
     bench.samples(2)
-    bench.chip.axis.counter.preset(step, bench.cycle)
+    bench.probe.set_position(step, bench.cycle)
     bench.samples(1)
     assert bench.seen("ACTUAL_VELOCITY") == velocity
 

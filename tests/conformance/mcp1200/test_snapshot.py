@@ -167,7 +167,7 @@ def test_no_output_changes_before_the_next_event(kind: int, operations: list[Op]
 
 def test_an_idle_hour_skipped_equals_an_idle_hour_stepped() -> None:
     benches = [Bench(plant=Rail()), Bench(plant=Rail())]
-    restless = benches[1].chip.axis.encoder.plant
+    restless = benches[1].probe.plant
     assert restless is not None
     restless.resting = lambda: False  # type: ignore[method-assign]
     for bench in benches:

@@ -308,7 +308,7 @@ def test_every_step_is_sent_and_counted(changes: list[int], backlash: int) -> No
 @pytest.mark.parametrize("position", [0x5A5A5A, -0x5A5A5A])
 def test_steps_are_counted_in_24_bits(position: int) -> None:
     bench = stepper()
-    bench.chip.axis.counter.preset(position, bench.cycle)
+    bench.probe.set_position(position, bench.cycle)
     assert bench.position == position
 
 

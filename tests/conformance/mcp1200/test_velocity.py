@@ -78,10 +78,10 @@ def test_each_bit_of_the_acceleration_counts_but_the_sixteenth(bench: Bench, bit
         bench.write(0x00, 0x05)
         bench.samples(1)
         velocity_mode(bench, accel=accel & 0xFFFF, goal=127)
-        command = bench.chip.axis.loop.command
-        before = command.velocity
+        command = bench.probe
+        before = command.command_velocity
         bench.samples(1)
-        assert command.velocity - before == min(accel & 0x7FFF, (127 << 8) - before)
+        assert command.command_velocity - before == min(accel & 0x7FFF, (127 << 8) - before)
 
 
 @pytest.mark.spec("MCP-VEL-2")
@@ -164,17 +164,17 @@ def test_velocity_never_changes_by_more_than_the_acceleration(
     bench = Bench()
     velocity_mode(bench)
     speed = 0
-    command = bench.chip.axis.loop.command
+    command = bench.probe
     for goal, accel in goals:
         bench.put("VELOCITY_COMMAND", goal & 0xFF)
         bench.put("ACCELERATION", accel)
         for _ in range(4):
             bench.samples(1)
-            assert abs(command.velocity - speed) <= accel
-            speed = command.velocity
+            assert abs(command.command_velocity - speed) <= accel
+            speed = command.command_velocity
         bench.put("ACCELERATION", 0x7FFF)
         bench.samples(2)
-        speed = command.velocity
+        speed = command.command_velocity
         assert speed == goal << 8
 
 
@@ -323,14 +323,14 @@ def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_veloci
     bench.write(0x00, 0x0C)
     bench.control()
     bench.samples(4)
-    command = bench.chip.axis.loop.command
-    assert command.velocity == 0x400
+    command = bench.probe
+    assert command.command_velocity == 0x400
     bench.write(0x24, 0x08)
     assert not bench.read(0x03) & 0x80
     speeds = []
     for _ in range(3):
         bench.samples(1)
-        speeds.append(command.velocity)
+        speeds.append(command.command_velocity)
     assert speeds == [0x600, 0x800, 0x800]
     # With the latch set, what was captured; after it what stands in the registers.
     bench.write(0x25, 0x00)
@@ -339,7 +339,7 @@ def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_veloci
     speeds = []
     for _ in range(4):
         bench.samples(1)
-        speeds.append(command.velocity)
+        speeds.append(command.command_velocity)
     assert speeds == [0x800, 0x800, 0x600, 0x400]
 
 
@@ -402,7 +402,7 @@ def test_velocity_interpolation_ramps_evenly(bench: Bench) -> None:
     speeds, course = [], []
     for _ in range(8):
         bench.samples(1)
-        speeds.append(bench.chip.axis.loop.command.velocity)
+        speeds.append(bench.probe.command_velocity)
         course.append(bench.seen("COMMAND_POSITION"))
     assert speeds == [0x80 * k for k in range(1, 9)]
     assert course == [0, 1, 3, 5, 7, 10, 14, 18]

@@ -7,7 +7,7 @@ from vbus.board.config import read_board_text
 from vbus.errors import ConfigError
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins
-from vbus.server.serial_lines import on_line
+from vbus.server.server import on_line
 
 BOARD = """\
 [board]

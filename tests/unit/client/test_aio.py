@@ -9,8 +9,7 @@ from tests.unit.client.served import Served
 from vbus.client.aio import Event, connect
 from vbus.errors import TransportError
 from vbus.kernel import US
-from vbus.tools.generate.blocking import blocking
-from vbus.tools.generate.targets import blocking_sources, stale
+from vbus.tools.generate.targets import blocking, blocking_sources, stale
 
 
 @pytest.mark.asyncio

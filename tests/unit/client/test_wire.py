@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
 from vbus.client.message import Event, Message, Ready, Sample, Sync
-from vbus.client.wire import Wire
+from vbus.client.wire import SessionWire
 from vbus.errors import ProtocolError
 from vbus.kernel import US
 from vbus.protocols.byte import ByteProtocol
@@ -23,7 +23,7 @@ class Pair:
     def __init__(self) -> None:
         self.port = FakePort()
         self.board = ByteProtocol(self.port)
-        self.wire = Wire()
+        self.wire = SessionWire()
 
     def exchange(self, message: Message, mask: int | None = None) -> None:
         self.board.receive(self.wire.send(message, mask))

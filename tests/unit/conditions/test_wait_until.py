@@ -8,7 +8,7 @@ from tests.unit.faults.bench import LM, MC, MCP, SAMPLE, STEPPER, Lm, Mc, Mcp, b
 from vbus.board.board import Board
 from vbus.errors import VbusError
 from vbus.events.condition import Condition
-from vbus.events.until import wait_until
+from vbus.events.watch import wait_until
 from vbus.kernel import MS, SECOND
 from vbus.signals import Observer
 from vbus.testing.bench import Bench

@@ -10,7 +10,7 @@ from tests.unit.trace.conftest import LM629, read, record
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.events.until import Holds, PacketWatch
+from vbus.events.watch import Holds, Watch
 from vbus.kernel import MS, US
 from vbus.trace.journal.history import History
 from vbus.trace.wave.wave import Wave
@@ -44,7 +44,7 @@ RESET = 5_018 * US
     [
         ("x.A == 1", MS, MS, ("pin", MS), MS),
         ("rising(x.A)", MS, MS, ("pin", MS), MS),
-        ("not x.status.TRAJECTORY_COMPLETE", RESET, 6 * MS, ("delay", 7_004 * US), RESET),
+        ("not x.status.TRAJECTORY_COMPLETE", RESET, RESET, ("delay", 7_004 * US), RESET),
         ("x.A stable for 2 ms", 3 * MS, 3 * MS, ("delay", 4 * MS), None),
         ("command RSTI", PACKET, PACKET, ("write", PACKET), COMMAND),
         ("lm628.busy-write", BUSY, BUSY, ("write", BUSY), BUSY),
@@ -78,7 +78,7 @@ def played() -> tuple[Board, HostBus]:
 def first_of_watch(form: str) -> int:
     board, port = played()
     met: list[int] = []
-    watch = PacketWatch(form, board, met=lambda: met.append(board.now))
+    watch = Watch(form, board, met=lambda: met.append(board.now))
     watch.begin()
     host(port)
     watch.end()

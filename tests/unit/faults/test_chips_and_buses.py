@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.probe import probe
 from tests.unit.faults.bench import DC, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle, telemetry
 from vbus.kernel import MS, US
 from vbus.signals import Observer
@@ -285,7 +286,7 @@ def test_a_state_throws_the_switches_of_the_faults_it_has_and_no_others() -> Non
     board.faults.arm("busy_longest")
     other.load(board.save())
     chip = other.chips[0]
-    assert (chip.host.worst, chip.axis.stuck_part) == (True, False)
+    assert (probe(chip).worst_busy, probe(chip).stuck_part) == (True, False)
 
 
 def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.probe import probe
 from tests.unit.faults.bench import (
     DC,
     IDEAL,
@@ -207,7 +208,7 @@ def test_a_stepper_that_loses_steps_is_behind_by_so_many() -> None:
     board = build(MCP, IDEAL)
     chip = board.chips[0]
     board.faults.arm("lost_steps", every=10)
-    plant = chip.axis.encoder.plant
+    plant = probe(chip).plant
     for _ in range(10):
         plant.pulses(20)
     assert plant.count == 180 * plant.inner.encoder.counts // plant.inner._steps_per_rev

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.probe import probe
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
 from vbus.board.snapshot import fork
@@ -155,7 +156,7 @@ def test_a_stream_of_lasting_faults_comes_and_goes() -> None:
     assert 20 < kinds.count("begun") < 60
     assert abs(kinds.count("begun") - kinds.count("ended")) <= 1
     board.faults.clear()
-    assert type(board.chips[0].encoder.plant).__name__ == "DcMotor"
+    assert type(probe(board.chips[0]).plant).__name__ == "DcMotor"
 
 
 def test_unfired_tells_what_never_began_and_was_not_called_off() -> None:
@@ -171,14 +172,14 @@ def test_without_faults_nothing_is_put_in_between() -> None:
     host = Lm(board)
     host.tune()
     assert not board.broken
-    plant = board.chips[0].encoder.plant
+    plant = probe(board.chips[0]).plant
     for name in ("jam", "slip", "load_step", "bit_stuck", "ab_swapped"):
         board.faults.arm(name, until="for 1 ms")
     assert board.disturbed
-    assert board.chips[0].encoder.plant is not plant
+    assert probe(board.chips[0]).plant is not plant
     settle(board, 5)
     board.faults.clear("ab_swapped")
-    mine = board.chips[0].encoder.plant
+    mine = probe(board.chips[0]).plant
     assert mine is plant or mine.inner is plant
     assert not board.disturbed
     assert not board.observers

@@ -12,7 +12,7 @@ from tests.unit.trace.test_replay import played
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
 from vbus.chips.packets import Packet
-from vbus.events.decode import BoardPackets, settings_for_decoders
+from vbus.circuit.stream import PacketTaker
 from vbus.kernel import MS, US
 from vbus.signals import Observer
 from vbus.state import save
@@ -74,8 +74,8 @@ def test_a_driver_on_a_card_covers_commands_and_is_read_in_the_manuals_words() -
     def take_packet(chip: str, packet: Packet) -> None:
         packets.append((chip, packet.name))
 
-    coverage = CoverageObserver(families, "driver", settings_for_decoders(slot.board.chips))
-    slot.board.observe(BoardPackets(families, take_packet, settings_for_decoders(slot.board.chips)))
+    coverage = CoverageObserver(families, "driver")
+    slot.board.observe(PacketTaker(take_packet))
     slot.board.observe(coverage)
     slot.outb(LATCH, 0x01)
     slot.port.delay(4 * MS)

@@ -11,7 +11,7 @@ from vbus.protocols.requests import (
     REQUESTS,
     UNASKED,
     Field,
-    Layout,
+    PayloadLayout,
     Request,
     RequestTable,
 )  # fmt: skip
@@ -107,7 +107,7 @@ def test_a_name_given_twice_is_refused() -> None:
 
 
 def test_a_run_of_bytes_may_stand_behind_numbers() -> None:
-    layout = Layout(Field("a", "u8"), Field("data", "bytes8"))
+    layout = PayloadLayout(Field("a", "u8"), Field("data", "bytes8"))
     assert layout.counted
     assert layout.size == 2
     assert Request("X", 1, "", layout).size == 3
@@ -115,4 +115,4 @@ def test_a_run_of_bytes_may_stand_behind_numbers() -> None:
 
 def test_a_run_of_bytes_must_stand_last() -> None:
     with pytest.raises(ValueError, match=r"^a run of bytes must stand last$"):
-        Layout(Field("data", "bytes8"), Field("a", "u8"))
+        PayloadLayout(Field("data", "bytes8"), Field("a", "u8"))

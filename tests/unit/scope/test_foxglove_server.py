@@ -13,7 +13,7 @@ from vbus.errors import TransportError
 from vbus.kernel import NS
 from vbus.scope.replayed import Recorded, replayed
 from vbus.tools.foxglove_lanes import FoxgloveServer
-from vbus.tools.scope import Place
+from vbus.tools.scope import PagePlace
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ async def test_other_computers_are_served_with_tls(run: Recorded, tmp_path: Path
     certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
     issued.cert_chain_pems[0].write_to_path(certificate)
     issued.private_key_pem.write_to_path(key)
-    place = Place("127.0.0.1:0", certificate=certificate, key=key, option="--foxglove")
+    place = PagePlace("127.0.0.1:0", certificate=certificate, key=key, option="--foxglove")
     server = place.foxglove_server(run.description)
     told: list[str] = []
     server._report = told.append

@@ -10,7 +10,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import Packet
-from vbus.events.decode import BoardPackets
+from vbus.circuit.stream import PacketTaker
 from vbus.kernel import MS, US
 from vbus.scope.frames import numbers, small
 from vbus.scope.lanes import Lateness
@@ -99,9 +99,8 @@ def test_the_motor_is_told_one_period_ahead(move: Seen) -> None:
 def test_packets_are_those_of_the_journal_in_its_words(move: Seen, moved: bytes) -> None:
     header, entries = read(moved)
     packets: list[Packet] = []
-    watch = BoardPackets(header.families, lambda chip, packet: packets.append(packet))
-    play(entries, watch)
-    watch.finish()
+    taker = PacketTaker(lambda chip, packet: packets.append(packet))
+    play(header, entries, taker)
     packets.sort(key=lambda packet: packet.begin)
     expected = [
         (p.begin, p.end - p.begin, f"{p.text}  [{p.clause}]" if p.clause else p.text)

@@ -13,7 +13,7 @@ from vbus.board.sections import RecordSection
 from vbus.kernel import MS
 from vbus.server.control import Order
 from vbus.server.fault_orders import FaultOrders
-from vbus.server.jump import Jump
+from vbus.server.jump import JumpBack
 from vbus.server.recording import Recording
 from vbus.server.steps import PAUSED
 from vbus.tools.journal_lines import decoded
@@ -39,7 +39,7 @@ class Hand(Bench):
 
     def begin(self) -> None:
         self.onlookers: list[Hand] = [self]
-        self.jump = Jump(self.board, self.pacer, self.steps, lambda: self.onlookers)
+        self.jump = JumpBack(self.board, self.pacer, self.steps, lambda: self.onlookers)
         self.jump.recording = self.recording
         self.join()
 

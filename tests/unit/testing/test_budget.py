@@ -16,7 +16,7 @@ from vbus.server.host_limits import GRACE, LOOK
 from vbus.server.polls import Polls
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits, Watch, budget_of
+from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, HostWatch, Limits, budget_of
 
 pytest_plugins = "pytester"
 
@@ -45,7 +45,7 @@ def test_polls_in_vain_end_a_host_where_nothing_can_change(
     part: str, address: int, told: str
 ) -> None:
     board = in_lockstep(part)
-    watch = Watch(board, Limits(polls=700))
+    watch = HostWatch(board, Limits(polls=700))
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     polled(bus, 700, address)
@@ -58,7 +58,7 @@ def test_polls_in_vain_end_a_host_where_nothing_can_change(
 @pytest.mark.parametrize("why", ["another host", "something due", "a fault", "it moves"])
 def test_a_host_may_poll_where_something_can_change(why: str) -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(polls=100))
+    watch = HostWatch(board, Limits(polls=100))
     board.run_until(2 * MS)
     bus = connect_in_process(board)
     if why == "another host":
@@ -78,7 +78,7 @@ def test_a_host_may_poll_where_something_can_change(why: str) -> None:
 
 def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(polling=0.0))
+    watch = HostWatch(board, Limits(polling=0.0))
     board.kernel.timer(lambda: None).at(SECOND)
     board.run_until(5 * MS)
     bus = connect_in_process(board)
@@ -87,13 +87,13 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     assert watch.cycles == 2 * LOOK + 1
 
 
-def moving(policy: str, limits: Limits) -> tuple[Watch, Bus]:
+def moving(policy: str, limits: Limits) -> tuple[HostWatch, Bus]:
     """Return a board on which something is due, so that a poll may be told something new."""
     rate = 1.0 if policy == "realtime" else None
     board = build(*for_test(of_part("LM629N-8"), "board.toml", rate=rate))
     board.run_until(5 * MS)
     board.kernel.timer(lambda: None).at(3000 * SECOND)
-    watch = Watch(board, limits)
+    watch = HostWatch(board, limits)
     return watch, connect_in_process(board)
 
 
@@ -146,8 +146,8 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
     board.run_until(2 * MS)
     bus = connect_in_process(board)
     board.kernel.timer(lambda: None).at(SECOND)
-    watch = Watch(board, Limits(cycles=1500, polling=60.0))
-    bounded = Watch(board, Limits(cycles=1500))
+    watch = HostWatch(board, Limits(cycles=1500, polling=60.0))
+    bounded = HostWatch(board, Limits(cycles=1500))
     polled(bus, 4 * LOOK + 1, 0)
     assert (watch.stuck, bounded.stuck) == ("", "it made more than 1500 bus cycles")
     while not watch.stuck:
@@ -177,7 +177,7 @@ def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does() -
 
 def test_a_loop_of_several_polls_is_one_too() -> None:
     board = in_lockstep("MCP-1200")
-    watch = Watch(board, Limits(polls=100))
+    watch = HostWatch(board, Limits(polls=100))
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     with pytest.raises(HostStuck) as found:
@@ -189,7 +189,7 @@ def test_a_loop_of_several_polls_is_one_too() -> None:
 
 def test_news_and_writes_begin_anew() -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(polls=100))
+    watch = HostWatch(board, Limits(polls=100))
     board.run_until(2 * MS)
     bus = connect_in_process(board)
     for _ in range(3):
@@ -208,7 +208,7 @@ def test_news_and_writes_begin_anew() -> None:
 
 def test_a_host_that_catches_everything_is_ended_again_and_has_a_grace() -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(cycles=10))
+    watch = HostWatch(board, Limits(cycles=10))
     board.run_until(2 * MS)
     bus = connect_in_process(board)
     bus.reads(0, 10)
@@ -225,7 +225,7 @@ def test_a_host_that_catches_everything_is_ended_again_and_has_a_grace() -> None
 
 def test_a_host_that_lets_time_pass_and_makes_no_bus_cycle_is_ended() -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(chip_time=2 * SECOND))
+    watch = HostWatch(board, Limits(chip_time=2 * SECOND))
     bus = connect_in_process(board)
     bus.delay("2 s")
     assert (board.now, watch.left) == (2 * SECOND, 0)
@@ -240,7 +240,7 @@ def test_a_host_that_lets_time_pass_and_makes_no_bus_cycle_is_ended() -> None:
 
 def test_time_that_no_host_lets_pass_does_not_count() -> None:
     board = in_lockstep("LM629N-8")
-    watch = Watch(board, Limits(chip_time=2 * SECOND))
+    watch = HostWatch(board, Limits(chip_time=2 * SECOND))
     with watch.excused():
         board.run_for(5 * SECOND)
     board.run_for(2 * SECOND)

@@ -7,14 +7,14 @@ from vbus.kernel import MS
 from vbus.server.host_limits import KEPT
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.limits import HostWatch, Limits
 
 pytest_plugins = "pytester"
 
 
 def test_several_polls_in_turn_are_folded_and_hide_nothing() -> None:
     board = build(*for_test(of_part("MCP-1200"), "board.toml"))
-    watch = Watch(board, Limits())
+    watch = HostWatch(board, Limits())
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     bus.write(0x05, 0x03)

@@ -11,10 +11,10 @@ from click.testing import CliRunner
 
 from vbus.board.build import load_board_text
 from vbus.chips.clauses import proofs_of
-from vbus.chips.lm628.packets import Lm628Packets
-from vbus.chips.mcp1200.packets import Mcp1200Packets
+from vbus.chips.lm628.packets import Lm628Decoder
+from vbus.chips.mcp1200.packets import Mcp1200Decoder
 from vbus.chips.packets import CUT, Cycle, Packet
-from vbus.events.decode import BoardPackets
+from vbus.circuit.stream import PacketStream, PacketTaker
 from vbus.kernel import MS, US
 from vbus.tools.explain import command
 from vbus.tools.journal_lines import instant
@@ -254,13 +254,13 @@ def test_equal_polls_are_gone_through_at_once(
 ) -> None:
     """Also those in the middle of a packet."""
     taken: list[Cycle] = []
-    take = Lm628Packets.take
+    take = Lm628Decoder.take
 
-    def count(self: Lm628Packets, cycle: Cycle) -> list[Packet]:
+    def count(self: Lm628Decoder, cycle: Cycle) -> list[Packet]:
         taken.append(cycle)
         return take(self, cycle)
 
-    monkeypatch.setattr(Lm628Packets, "take", count)
+    monkeypatch.setattr(Lm628Decoder, "take", count)
     board = load_board_text(BOARD)
     with (tmp_path / "a.vbj").open("wb") as file:
         recorder = Journal(board, file)
@@ -307,13 +307,12 @@ def test_lines_are_those_of_one_cycle_after_the_other(tmp_path: Path, seed: int)
     with path.open("rb") as file:
         reader, sessions = JournalReader(file), Sessions()
         found: list[tuple[int, str]] = []
-        watch = BoardPackets(
-            reader.header.families,
+        taker = PacketTaker(
             lambda chip, packet: found.append(
                 (packet.end, f"{chip} {packet.text}" + f"  [{packet.clause}]" * bool(packet.clause))
-            ),
-            reader.header.settings,
+            )
         )
+        watch = PacketStream(reader.header.families, reader.header.settings, (taker,))
         for entry in reader:
             show(entry, sessions, watch)
             if entry.op == "violation":
@@ -329,7 +328,7 @@ def test_lines_are_those_of_one_cycle_after_the_other(tmp_path: Path, seed: int)
 
 
 def test_a_register_whose_other_bytes_do_not_move_is_not_waited_for_for_ever() -> None:
-    decoder = Mcp1200Packets()
+    decoder = Mcp1200Decoder()
     assert decoder.feed(Cycle(0, False, 0x14, 0)) == []
     found = [packet for n in range(1, 1100) for packet in decoder.feed(Cycle(n, False, 7, 0))]
     cut = [(n, packet.text) for n, packet in enumerate(found) if packet.kind == CUT]

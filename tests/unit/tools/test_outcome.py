@@ -3,7 +3,7 @@
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
-from vbus.tools.outcome import Outcome
+from vbus.tools.outcome import AxisOutcomes
 
 HEAD = '[board]\nname = "b"\ntime = "lockstep"\npower_on = "done"\n[chips.x]\n'
 LM629 = HEAD + 'part = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
@@ -30,7 +30,7 @@ def pmd(port: HostBus, code: int, *words: int) -> None:
 
 def run(text: str, *commands: tuple[int, ...]) -> str:
     board = load_board_text(text)
-    outcome = Outcome(board)
+    outcome = AxisOutcomes(board)
     board.observe(outcome)
     port = board.open_port("h")
     for command in commands:

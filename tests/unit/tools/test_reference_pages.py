@@ -11,10 +11,10 @@ from click.testing import CliRunner
 from vbus import plugins
 from vbus.chips.clauses import SILICON, clauses_of, proofs_of
 from vbus.tools.cli import cli
-from vbus.tools.generate.c_interface import HEADER, c_interface
 from vbus.tools.generate.command_line import command_line
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.ledger import ledger
+from vbus.tools.generate.targets import HEADER, c_interface
 
 
 def test_every_command_is_on_the_page_with_every_option() -> None:

@@ -17,7 +17,7 @@ from aiohttp import ClientSession, CookieJar, WSServerHandshakeError
 from vbus.errors import TransportError, VbusError
 from vbus.scope.frames import ALL, NOW, frame
 from vbus.scope.stream import Stream
-from vbus.tools.scope import Place
+from vbus.tools.scope import PagePlace
 from vbus.tools.scope_bookmarks import Bookmarks
 from vbus.tools.scope_server import ScopeServer
 
@@ -29,9 +29,9 @@ def now(when: int) -> bytes:
 
 
 class Served:
-    def __init__(self, place: Place | None = None) -> None:
+    def __init__(self, place: PagePlace | None = None) -> None:
         self.links: list[str] = []
-        place = place or Place("127.0.0.1:0")
+        place = place or PagePlace("127.0.0.1:0")
         self.server = ScopeServer(
             Stream(TOLD), place.host, place.port, self.links.append, place.tls
         )
@@ -51,7 +51,7 @@ class Served:
 
 
 @asynccontextmanager
-async def served(place: Place | None = None) -> AsyncIterator[tuple[Served, ClientSession]]:
+async def served(place: PagePlace | None = None) -> AsyncIterator[tuple[Served, ClientSession]]:
     made = Served(place)
     await made.server.start()
     try:
@@ -396,10 +396,10 @@ async def test_an_address_that_is_taken_is_named() -> None:
 )  # fmt: skip
 def test_addresses_that_are_refused(listen: str, told: str) -> None:
     with pytest.raises(VbusError) as error:
-        Place(listen)
+        PagePlace(listen)
     assert told in str(error.value)
     with pytest.raises(VbusError):
-        Place(listen, remote=True)
+        PagePlace(listen, remote=True)
 
 
 @pytest.mark.asyncio
@@ -410,11 +410,11 @@ async def test_other_computers_come_in_by_tls(tmp_path: Path) -> None:
     mine.cert_chain_pems[0].write_to_path(certificate)
     mine.private_key_pem.write_to_path(key)
     with pytest.raises(VbusError, match="belong together"):
-        Place("127.0.0.1:0", True, certificate)
+        PagePlace("127.0.0.1:0", True, certificate)
     with pytest.raises(VbusError, match="no certificate with this key"):
-        Place("127.0.0.1:0", True, key, certificate)
-    assert Place("0.0.0.0:0", True, certificate, key).tls is not None
-    async with served(Place("127.0.0.1:0", True, certificate, key)) as (made, _):
+        PagePlace("127.0.0.1:0", True, key, certificate)
+    assert PagePlace("0.0.0.0:0", True, certificate, key).tls is not None
+    async with served(PagePlace("127.0.0.1:0", True, certificate, key)) as (made, _):
         assert made.url.startswith("https://")
         trusted = aiohttp.TCPConnector(ssl=_client(authority))
         async with ClientSession(connector=trusted, cookie_jar=CookieJar(unsafe=True)) as browser:

@@ -5,11 +5,13 @@ from typing import Any
 import pytest
 
 from vbus import plugins
-from vbus.events.decode import decoder_of
-from vbus.tools.telemetry_text import Number, rounded, words_and_numbers
+from vbus.circuit.stream import decoder_of
+from vbus.tools.telemetry_text import TelemetryValue, rounded, words_and_numbers
 
 
-def told(family: str, **values: Any) -> tuple[list[Number], dict[str, tuple[str, dict[str, bool]]]]:
+def told(
+    family: str, **values: Any
+) -> tuple[list[TelemetryValue], dict[str, tuple[str, dict[str, bool]]]]:
     named = {key.replace("_1", " 1").replace("_2", " 2"): value for key, value in values.items()}
     numbers, words = words_and_numbers(plugins.family(family), decoder_of(family), named)
     return numbers, {word.name: (word.text, dict(word.bits)) for word in words}
@@ -32,10 +34,10 @@ def test_values_have_units_and_texts_that_repeat_bits_are_left_out() -> None:
         signal_names="HOST_INTERRUPT TRAJECTORY_COMPLETE",
     )  # fmt: skip
     assert numbers == [
-        Number("real", "7", "counts"),
-        Number("velocity", "1.23", "counts/sample"),
-        Number("output", "-50", "%"),
-        Number("integral", "3", ""),
+        TelemetryValue("real", "7", "counts"),
+        TelemetryValue("velocity", "1.23", "counts/sample"),
+        TelemetryValue("output", "-50", "%"),
+        TelemetryValue("integral", "3", ""),
     ]
     text, bits = words["signals"]
     assert text == "8004H"
@@ -45,7 +47,7 @@ def test_values_have_units_and_texts_that_repeat_bits_are_left_out() -> None:
 
 def test_codes_are_named_and_each_axis_has_its_own() -> None:
     numbers, words = told("mc1241a", actual_2=5, mode_2=0x1080, status_1=0x0301)
-    assert numbers == [Number("actual 2", "5", "counts")]
+    assert numbers == [TelemetryValue("actual 2", "5", "counts")]
     assert words["mode 2"] == (
         "1080H S-curve phase 0", {"auto update off": False, "auto stop": True},
     )  # fmt: skip
@@ -58,5 +60,5 @@ def test_codes_are_named_and_each_axis_has_its_own() -> None:
 
 def test_a_chip_nobody_knows_tells_its_values_as_they_are() -> None:
     numbers, words = words_and_numbers(plugins.family("nothing"), None, {"load": 3, "mode": "run"})
-    assert numbers == [Number("load", "3", ""), Number("mode", "run", "")]
+    assert numbers == [TelemetryValue("load", "3", ""), TelemetryValue("mode", "run", "")]
     assert words == []

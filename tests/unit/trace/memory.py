@@ -58,7 +58,7 @@ def lines(path: str) -> Iterator[object]:
 def report(path: str) -> Iterator[object]:
     with opened(Path(path)) as reader:
         found = Report("bench", reader.header.families, all_rules())
-        play(reader, found)
+        play(reader.header, reader, found)
         yield found
         assert found.cycles > 11_000
         assert found.left_out() > 100

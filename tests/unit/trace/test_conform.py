@@ -101,7 +101,7 @@ class Silent(Decoder):
 def test_a_byte_at_the_end_that_differs_is_found_though_no_packet_tells_of_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vbus.trace.silicon.conform.decoder_of", lambda *_: Silent())
+    monkeypatch.setattr("vbus.circuit.stream.decoder_of", lambda *_: Silent())
     capture = shot("lm628")
     begin, end = capture.pulses("/RD")[-1]
     capture.change(begin, end, flip=1 << capture.wiring.data[7])

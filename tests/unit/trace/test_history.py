@@ -9,7 +9,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
-from vbus.events.until import Holds
+from vbus.events.watch import Holds
 from vbus.kernel import MS
 from vbus.trace.journal.history import History
 from vbus.trace.journal.player import Player

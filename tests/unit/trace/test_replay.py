@@ -224,7 +224,7 @@ class OddBytes(Decoder):
 def test_a_packet_that_only_one_side_has_is_shown_there_with_its_clause(
     moved: bytes, monkeypatch: pytest.MonkeyPatch, odd: bool
 ) -> None:
-    monkeypatch.setattr("vbus.trace.journal.replay.decoder_of", lambda *_: OddBytes())
+    monkeypatch.setattr("vbus.circuit.stream.decoder_of", lambda *_: OddBytes())
     status = next(e for e in read(moved)[1] if e.op == "read" and e.reply & 1 != odd)
     found = difference(played(moved, changed={status.number: {"reply": status.reply ^ 1}}))
     shown = [f"{status.reply ^ 1:02X}H", f"{status.reply:02X}H"]
@@ -251,7 +251,7 @@ class LastWrite(Decoder):
 def test_a_packet_knows_where_and_what_was_written_before_it(
     moved: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.trace.journal.replay.decoder_of", lambda *_: LastWrite())
+    monkeypatch.setattr("vbus.circuit.stream.decoder_of", lambda *_: LastWrite())
     entries = read(moved)[1]
     rdrp = next(e for e in entries if e.op == "write" and e.args == (0, 0x0A))
     first = next(e for e in entries if e.number > rdrp.number and e.args == (1,))

@@ -37,7 +37,7 @@ def careless(port: HostBus) -> None:
 def report_of(*hosts: object, accepted: list[Suppression] | None = None) -> Report:
     header, entries = read(record(LM629, *hosts))  # type: ignore[arg-type]
     report = Report(header.board, header.families, all_rules(), accepted, header.file)
-    play(entries, report)
+    play(header, entries, report)
     return report
 
 

@@ -5,18 +5,19 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.probe import probe
 from tests.unit.trace.conftest import LM629, lm629_command, lm629_move, lm629_words, record
 from tests.unit.trace.test_replay import MC1241A
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
-from vbus.events.until import PacketWatch
+from vbus.events.watch import Watch
 from vbus.kernel import MS
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.runs.difference import Difference, Tolerance, differences
-from vbus.trace.runs.motion import Course, Motion, Move, moves_of
+from vbus.trace.runs.motion import AxisCourse, Motion, Move, moves_of
 from vbus.trace.runs.run import Run, other_board, recorded_run
 
 RDSTAT, RDRP = "x RDSTAT", "x RDRP"
@@ -50,8 +51,8 @@ def moved(**keywords: int) -> Run:
     return run_of(record(LM629, mover(**keywords)))
 
 
-def course(counts: list[int], peak_error: int = 0) -> Course:
-    return Course(tuple(moves_of(counts)), counts[-1], peak_error)
+def course(counts: list[int], peak_error: int = 0) -> AxisCourse:
+    return AxisCourse(tuple(moves_of(counts)), counts[-1], peak_error)
 
 
 def told(was: Run, now: Run, tolerance: Tolerance | None = None) -> list[tuple[object, ...]]:
@@ -250,7 +251,7 @@ def test_a_run_that_something_else_has_changed_is_not_compared() -> None:
         mover(pause=0)(port)
         port.board.run_for(50 * MS)  # as the journal does not know
         lm629_words(port, 0x0A, 2)
-        port.board.chips[0].axis.real += 1  # type: ignore[attr-defined]
+        probe(port.board.chips[0]).real_position += 1
 
     with pytest.raises(VbusError, match="its run is another one when it is played again: entry "):
         run_of(record(LM629, pushed))
@@ -281,7 +282,7 @@ def test_boards_are_the_same_if_the_same_stands_on_them(
 def test_an_axis_of_several_has_its_own_error() -> None:
     text = MC1241A.replace('["none"]', '["m"]') + '[plants.m]\nmodel = "ideal"\n'
     run = run_of(record(text, lambda port: port.delay(3 * MS)))
-    assert run.axes == {"x.1": Course((), 0, 0)}
+    assert run.axes == {"x.1": AxisCourse((), 0, 0)}
     assert run.models == {"x.1": "ideal 1"}
 
 
@@ -291,5 +292,5 @@ def test_who_looks_changes_nothing_that_hosts_are_promised() -> None:
     before = board.open_port("host").sync()
     Motion(board)
     assert board.open_port("other").sync() == before
-    PacketWatch("x.real > 40", board, met=lambda: None).begin()
+    Watch("x.real > 40", board, met=lambda: None).begin()
     assert board.open_port("third").sync() == before

@@ -12,7 +12,7 @@ from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import Packet
-from vbus.events.decode import BoardPackets
+from vbus.circuit.stream import PacketTaker
 from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
 from vbus.trace.findings.report import Report
@@ -280,7 +280,7 @@ def packets(data: bytes) -> list[str]:
         found.append(f"{packet.kind} {packet.text}")
 
     reader = JournalReader(io.BytesIO(data))
-    play(reader, BoardPackets(reader.header.families, take))
+    play(reader.header, reader, PacketTaker(take))
     return found
 
 
@@ -292,7 +292,7 @@ def test_a_journal_decodes_strobes_as_whole_cycles(family: str) -> None:
 def test_a_report_has_the_strobed_cycles_around_a_violation() -> None:
     reader = JournalReader(io.BytesIO(recorded("lm628", Strobing)))
     report = Report("bench", reader.header.families, all_rules())
-    play(reader, report)
+    play(reader.header, reader, report)
     finding = [f for f in report.findings if f.violation.rule == "lm628.busy-write"][-1]
     assert len(finding.before) == 20
     assert finding.before[-1].text == "h x w 0 01"

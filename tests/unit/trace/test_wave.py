@@ -9,7 +9,7 @@ from tests.unit.trace.conftest import LM629, lm629_command, lm629_move
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.chips.lm628.packets import Lm628Packets
+from vbus.chips.lm628.packets import Lm628Decoder
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
@@ -375,7 +375,7 @@ def test_of_single_bits_only_those_that_differ_are_written() -> None:
     board = load_board_text(LM629)
     bus = board.chip("x").bus_net
     other = board.chip("x").pins["/CS"].net
-    signals = [Signal(bus.name, "net", True, bus), Signal(other.name, "net", True, other)]
+    signals = [Signal(bus.name, "net", bus), Signal(other.name, "net", other)]
     text = io.StringIO()
     file = VcdFile(text, "sigrok")
     file.begin(signals, {signals[0]: 0x0F, signals[1]: 1}, 0)
@@ -391,7 +391,7 @@ def test_of_single_bits_only_those_that_differ_are_written() -> None:
 
 def test_a_value_that_the_head_has_is_not_written_again() -> None:
     board = load_board_text(LM629)
-    signal, word = Signal("x.real", "value"), Signal("x.packet", "command")
+    signal, word = Signal("x.real", "value"), Signal("x.packet", "text")
     text = io.StringIO()
     file = VcdFile(text, "full")
     file.begin([signal, word], {signal: None}, 500)  # type: ignore[dict-item]
@@ -424,7 +424,7 @@ def test_a_poll_is_not_decoded_again_and_shown_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     known = record()
-    monkeypatch.setattr(Lm628Packets, "APART", frozenset())
+    monkeypatch.setattr(Lm628Decoder, "APART", frozenset())
     assert record() == known
 
 

@@ -8,7 +8,7 @@ from vbus import state
 from vbus.bits import clamp, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
-from vbus.chips.lm628.profile import Profile
+from vbus.chips.lm628.profile import Trajectory
 from vbus.options import Settings
 from vbus.signals import nearest
 from vbus.state import Names
@@ -25,7 +25,7 @@ _VELOCITY_MIN: Final = -0x4000
 _VELOCITY_MAX: Final = 0x3FFF
 
 
-class Axis:
+class ServoAxis:
     """Registers and sample computation of one chip; knows nothing of time and pins.
 
     Args:
@@ -74,7 +74,7 @@ class Axis:
 
     def __init__(self, settings: Settings) -> None:
         self._settings: Settings = settings
-        self.profile: Profile = Profile()
+        self.profile: Trajectory = Trajectory()
         self.pid: Pid = Pid(settings["pid_overflow"] == "wrap", settings["integral_limit"] == "sum")
         self.stuck_part: bool = settings["reset_status"] == "C4"
         """Whether resets end with the breakpoint flag stuck (LM-RST-5)."""
@@ -138,7 +138,7 @@ class Axis:
 
     def reset(self) -> None:
         """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
-        fresh = Axis(self._settings)
+        fresh = ServoAxis(self._settings)
         fresh.count = self.count
         state.load(self, state.save(fresh))
 

@@ -6,14 +6,13 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.axis import Axis
+from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
-from vbus.chips.lm628.commands import UNKNOWN, Commands
-from vbus.chips.lm628.encoder import Encoder
-from vbus.chips.lm628.encoder_pins import EncoderPins
-from vbus.chips.lm628.host_port import HostPort
-from vbus.chips.lm628.interface import HostInterface
-from vbus.chips.lm628.output import Output, OutputPins
+from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
+from vbus.chips.lm628.encoder import EncoderCounts
+from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
+from vbus.chips.lm628.host_port import PortState
+from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins, strobes
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
@@ -34,7 +33,7 @@ _INSIDE: Final = (
 """Everything behind the front-end: what a cycle that is lost has changed."""
 
 
-class LM628(HostInterface):
+class LM628(FrontEndHost):
     """Motion controller with a trapezoidal profile, a PID filter and one quadrature encoder.
 
     One class for the LM628 (converter output) and the LM629 (sign and magnitude PWM), in both
@@ -79,12 +78,12 @@ class LM628(HostInterface):
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.read_low_ps = ds.READ_LOW
         self.cycle_ps = ds.CYCLE
-        self.axis: Axis = Axis(self.settings)
-        self.output: Output = Output(pwm, int(self.settings["pwm_frame_clk"]))
-        self.encoder: Encoder = Encoder(clock)
+        self.axis: ServoAxis = ServoAxis(self.settings)
+        self.output: ServoOutput = ServoOutput(pwm, int(self.settings["pwm_frame_clk"]))
+        self.encoder: EncoderCounts = EncoderCounts(clock)
         broke = self._host_broke  # one object for both
-        self.host: HostPort = HostPort(clock, self.settings, broke)
-        self.commands: Commands = Commands(self.host, self.axis, pwm, self._reset, broke)
+        self.host: PortState = PortState(clock, self.settings, broke)
+        self.commands: AxisCommands = AxisCommands(self.host, self.axis, pwm, self._reset, broke)
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
         self._fails_left: i64 = int(self.settings["reset_fail"])
@@ -95,7 +94,7 @@ class LM628(HostInterface):
         self._still: bool = False
         drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
         driven = tuple(self.pins[name] for name in drivers)
-        self._outputs: OutputPins = OutputPins(self.output, clock, driven)
+        self._outputs: ServoOutputPins = ServoOutputPins(self.output, clock, driven)
         self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
         self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self, self.host)

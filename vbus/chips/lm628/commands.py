@@ -5,8 +5,8 @@ from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.axis import Axis
-from vbus.chips.lm628.host_port import NO_COMMAND, HostPort
+from vbus.chips.lm628.axis import ServoAxis
+from vbus.chips.lm628.host_port import NO_COMMAND, PortState
 from vbus.chips.tables import Command
 from vbus.signals import Rule
 from vbus.state import Names
@@ -21,7 +21,7 @@ BUFFERED: Final = frozenset(
 """Commands that, up to the next sample, change no more than buffers, replies, mask and flags."""
 
 
-class Commands:
+class AxisCommands:
     """The command set, working on an axis.
 
     A hook is a method of the axis or of this class. It is called when busy falls, with the data
@@ -41,14 +41,14 @@ class Commands:
 
     def __init__(
         self,
-        host: HostPort,
-        axis: Axis,
+        host: PortState,
+        axis: ServoAxis,
         pwm: bool,
         restart: Callable[[], None],
         report: Callable[[Rule, str], None],
     ) -> None:
-        self._host: HostPort = host
-        self._axis: Axis = axis
+        self._host: PortState = host
+        self._axis: ServoAxis = axis
         self._pwm: bool = pwm
         self._restart: Callable[[], None] = restart
         self._report: Callable[[Rule, str], None] = report
@@ -72,7 +72,7 @@ class Commands:
         part, _, name = row.parameter.rpartition(".")
         holder = getattr(self._axis, part) if part else self._axis
         if row.hook:
-            owner = self if HOOKS[row.hook] is Commands else self._axis
+            owner = self if HOOKS[row.hook] is AxisCommands else self._axis
             getattr(owner, row.hook)(*self._given(row, step, word))
         elif row.read:
             self._host.reply(getattr(holder, name), row.read)
@@ -170,4 +170,4 @@ class Commands:
             self._report(ds.STOP_BITS, f"trajectory control word with stop bits {control:04X}H")
 
 
-HOOKS: Final = ds.COMMANDS.find_hooks(Commands, Axis)
+HOOKS: Final = ds.COMMANDS.find_hooks(AxisCommands, ServoAxis)

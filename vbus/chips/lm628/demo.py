@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.chips.lm628.datasheet import COMMAND_PORT, COMMANDS, STATUS
+from vbus.chips.lm628.datasheet import STATUS
 from vbus.client import Bus, Units
 from vbus.client.demo import Demo, Gauge, Step
 from vbus.client.lm628 import Lm628
@@ -17,15 +17,6 @@ plant = "motor"
 model = "dc_motor"
 encoder_lines = 500
 """
-
-
-def _explain(write: bool, address: int, data: int) -> str:
-    if address != COMMAND_PORT:
-        return f"data   {'<-' if write else '->'} {data:02X}h"
-    if not write:
-        return f"status -> {data:02X}h"
-    row = COMMANDS.by_code(data)
-    return f"{row.name}: {row.title}" if row is not None else f"undefined command {data:02X}h"
 
 
 def _host(bus: Bus) -> None:
@@ -86,7 +77,6 @@ DEMO: Final = Demo(
         Gauge("PWM (of full scale)", "output", 1.0, 3),
     ),
     flags={"status": STATUS},
-    explain=_explain,
     host=_host,
     rest=(0,),
 )

@@ -14,7 +14,7 @@ _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
 
 
-class Encoder:
+class EncoderCounts:
     """Counts and index of one axis.
 
     With a plant the whole course of a sample is known at its start, so the index has its exact

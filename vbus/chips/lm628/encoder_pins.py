@@ -2,13 +2,34 @@
 
 from typing import ClassVar
 
+from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.encoder import Encoder
-from vbus.chips.lm628.interface import HostInterface
+from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.motion import quadrature as q
 from vbus.chips.motion.input_limits import judge_inputs
 from vbus.signals import LOW, Watcher
 from vbus.state import Names
+
+
+class FrontEndHost(Chip):
+    """What the front-ends ask of their chip, beyond what every chip answers."""
+
+    @property
+    def powered(self) -> bool:
+        """Whether supply is up."""
+        raise NotImplementedError
+
+    def index_seen(self, count: int) -> None:
+        """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
+        raise NotImplementedError
+
+    def read_byte(self) -> int:
+        """Return what D0-D7 show in the read under way."""
+        raise NotImplementedError
+
+    def expect(self, when: int) -> None:
+        """The front-end has something to do at instant ``when``."""
+        raise NotImplementedError
 
 
 class EncoderPins:
@@ -22,9 +43,9 @@ class EncoderPins:
     STATE: ClassVar[Names] = ("_low_from", "_low: bool")
     WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_turn")
 
-    def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
-        self._chip: HostInterface = chip
-        self._encoder: Encoder = encoder
+    def __init__(self, chip: FrontEndHost, encoder: EncoderCounts) -> None:
+        self._chip: FrontEndHost = chip
+        self._encoder: EncoderCounts = encoder
         self._inputs: q.Quadrature = encoder.inputs
         self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
         self._turn: int = int(chip.settings["counts_per_turn"])

@@ -20,7 +20,7 @@ FAMILY: Final = Family(
     ),
     datasheet="datasheet",
     bus="bus:Lm628Watch",
-    packets="packets:Lm628Packets",
+    packets="packets:Lm628Decoder",
     coverage="coverage:Lm628Exercises",
     access="access:Lm628Packets",
     calls="generated.calls:Lm628Calls",

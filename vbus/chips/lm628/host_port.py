@@ -37,7 +37,7 @@ def _undefined(code: int, step: int, word: int) -> bool:
     return False
 
 
-class HostPort:
+class PortState:
     """State of the two ports.
 
     A byte that makes the chip busy has its effect when busy falls (LM-BUS-9): :meth:`finish` is

@@ -23,7 +23,7 @@ SIGN: Final = 0x02
 MAGNITUDE: Final = 0x01
 
 
-class Output:
+class ServoOutput:
     """Levels of the output pins, as a function of the clock since the last sample.
 
     A *word* holds the pins: bits 7..0 are DAC7..DAC0 (pins 18 to 25); on the LM629 bit 1 is the
@@ -135,7 +135,7 @@ class Output:
         return self._mode == DAC12
 
 
-class OutputPins:
+class ServoOutputPins:
     """The output on its pins: brought up to date when looked at, or edge by edge when heard.
 
     Args:
@@ -153,8 +153,8 @@ class OutputPins:
     WIRING: ClassVar[Names] = ("_clock", "_output", "_pins")
     DERIVED: ClassVar[Names] = ("_word", "due")
 
-    def __init__(self, output: Output, clock: Clock, pins: tuple[Pin, ...]) -> None:
-        self._output: Output = output
+    def __init__(self, output: ServoOutput, clock: Clock, pins: tuple[Pin, ...]) -> None:
+        self._output: ServoOutput = output
         self._clock: Clock = clock
         self._pins: tuple[Pin, ...] = pins
         self._word: i64 = -1

@@ -25,7 +25,7 @@ def _status(byte: int) -> str:
     return f"{byte:02X}H {flags(byte, ds.STATUS)}"
 
 
-class Lm628Packets(CommandPackets):
+class Lm628Decoder(CommandPackets):
     """Status reads, and commands with their words (LM-BUS-1, LM-BUS-6)."""
 
     FAMILY = ds.FAMILY

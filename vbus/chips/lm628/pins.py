@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.host_port import HostPort
-from vbus.chips.lm628.interface import HostInterface
+from vbus.chips.lm628.encoder_pins import FrontEndHost
+from vbus.chips.lm628.host_port import PortState
 from vbus.kernel import NEVER, Clock
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
 from vbus.state import Names, Saved, keep, take_back
@@ -67,9 +67,9 @@ class BusPins:
         "_read_undone", "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
-    def __init__(self, chip: HostInterface, host: HostPort) -> None:
-        self._chip: HostInterface = chip
-        self._host: HostPort = host
+    def __init__(self, chip: FrontEndHost, host: PortState) -> None:
+        self._chip: FrontEndHost = chip
+        self._host: PortState = host
         self._kernel = chip.kernel
         self._cs = chip.pins["/CS"]
         self._ps = chip.pins["/PS"]

@@ -64,7 +64,7 @@ def approach(way: i64, speed: i64, top: i64, accel: i64) -> i64:
     return 0
 
 
-class Profile:
+class Trajectory:
     """Desired position and velocity, sample by sample.
 
     Positions are in 1/65536 counts, wrapped to 31 bits of counts; velocities in 1/65536 counts per

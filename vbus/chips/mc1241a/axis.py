@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
+from vbus.chips.mc1241a.chipset import ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.datasheet import (
     AUTO_STOP,
     AUTO_UPDATE_OFF,
@@ -37,10 +38,9 @@ from vbus.chips.mc1241a.datasheet import (
     WITHOUT_CURRENT,
     WRAP,
 )
-from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import Registers, Shared
 from vbus.chips.mc1241a.profile import Profile
 from vbus.signals import Rule
 from vbus.state import Names
@@ -61,7 +61,7 @@ Report = Callable[[Rule, str], None]
 """Takes a rule the host has broken on an axis, and what happened."""
 
 
-class Axis:
+class StepperAxis:
     """Everything the chip set keeps for one axis.
 
     Args:
@@ -85,20 +85,20 @@ class Axis:
     def __init__(
         self,
         number: int,
-        shared: Shared,
-        encoder: Encoder,
+        shared: SharedParameters,
+        encoder: AxisInputs,
         stepper: Microstepper,
         report: Report,
     ) -> None:
         self.number: int = number
-        self._shared: Final[Shared] = shared
-        self.encoder: Final[Encoder] = encoder
+        self._shared: Final[SharedParameters] = shared
+        self.encoder: Final[AxisInputs] = encoder
         self.stepper: Final[Microstepper] = stepper
         self.profile: Final[Profile] = Profile()
         self.limits: Final[LimitDetector] = LimitDetector()
-        self.buffer: Final[Registers] = Registers()
-        self.active: Final[Registers] = Registers()
-        self._taken: Final[Registers] = Registers()
+        self.buffer: Final[ProfileRegisters] = ProfileRegisters()
+        self.active: Final[ProfileRegisters] = ProfileRegisters()
+        self._taken: Final[ProfileRegisters] = ProfileRegisters()
         self._report: Report = report
         self.reset()
 
@@ -125,9 +125,9 @@ class Axis:
         self.position_error: int = 0
         """Target minus actual position (counts), clamped to 16 bits."""
         self._error_offset: int = 0
-        self.buffer.copy(Registers())
-        self.active.copy(Registers())
-        self._taken.copy(Registers())
+        self.buffer.copy(ProfileRegisters())
+        self.active.copy(ProfileRegisters())
+        self._taken.copy(ProfileRegisters())
         self.profile.reset()
         self.limits.reset()
         self.encoder.reset()
@@ -298,7 +298,7 @@ class Axis:
         if profile.start(self.active, given):
             self.events |= MOTION_COMPLETE  # PMD-TRJ-12
 
-    def _copy(self, buffer: Registers) -> str:
+    def _copy(self, buffer: ProfileRegisters) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
         active, profile = self.active, self.profile
         refused = ""

@@ -5,10 +5,10 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.axis import Axis
-from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.axis import StepperAxis
+from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
-from vbus.chips.mc1241a.cycle import Cycles
+from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
     AC,
     CARD_DECODES,
@@ -24,13 +24,12 @@ from vbus.chips.mc1241a.datasheet import (
     STATUS_NO_INTERRUPT,
     STATUS_READY,
 )
-from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
-from vbus.chips.mc1241a.packet import HostPort
-from vbus.chips.mc1241a.parameters import Shared
-from vbus.chips.mc1241a.pins import HostPins
+from vbus.chips.mc1241a.packet import PacketPort
+from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
@@ -87,21 +86,21 @@ class MC1241A(ChipSet):
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
         b_leads = self.settings["phase_b"] == "leads"
-        self.shared: Final[Shared] = Shared()
-        self.axes: list[Axis] = [
-            Axis(number, self.shared, Encoder(self, number, self._encoder_source(number)),
+        self.shared: Final[SharedParameters] = SharedParameters()
+        self.axes: list[StepperAxis] = [
+            StepperAxis(number, self.shared, AxisInputs(self, number, self._encoder_source(number)),
                  Microstepper(b_leads), self.find)
             for number in range(self.axis_count)
         ]  # fmt: skip
-        self.cycles: Final[Cycles] = Cycles(self, self.axes, self.shared)
+        self.cycles: Final[SampleCycles] = SampleCycles(self, self.axes, self.shared)
         self.interrupts: Final[Interrupts] = Interrupts(self, self.axes)
         self.commands: Final[Commands] = Commands(self, self.axes, self.cycles, self.interrupts)
-        self.port: Final[HostPort] = HostPort(self, self.commands, self.cycles)
+        self.port: Final[PacketPort] = PacketPort(self, self.commands, self.cycles)
         self.output: Final[Output] = Output(self, self.cycles, self.axis_count)
         self._wake: i64 = 0
         self._hold_at: i64 = NEVER
         self._adapter_read: bool = False
-        self.host_pins: HostPins = HostPins(self, self.port)
+        self.host_pins: AdapterPins = AdapterPins(self, self.port)
         self.restart(self.kernel.now, 0)
         self._reckon()
         self.advance()

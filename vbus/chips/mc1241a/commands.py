@@ -3,9 +3,9 @@
 from typing import Any, ClassVar, Final
 
 from vbus.bits import sign_extend, wrap
-from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.cycle import Cycles
+from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import COMMANDS, NO_SUCH_AXIS, RANGE, UNUSED_BITS, VERSIONS
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.tables import Command
@@ -29,11 +29,11 @@ class Commands:
     WIRING: ClassVar[Names] = ("_axes", "_chip", "_cycles", "_interrupts", "_version")
 
     def __init__(
-        self, chip: ChipSet, axes: list[Axis], cycles: Cycles, interrupts: Interrupts
+        self, chip: ChipSet, axes: list[StepperAxis], cycles: SampleCycles, interrupts: Interrupts
     ) -> None:
         self._chip: ChipSet = chip
-        self._axes: list[Axis] = axes
-        self._cycles: Cycles = cycles
+        self._axes: list[StepperAxis] = axes
+        self._cycles: SampleCycles = cycles
         self._interrupts: Interrupts = interrupts
         self._version: int = int(chip.settings["version_word"]) or VERSIONS[chip.part]
         self.current: int = 0
@@ -58,7 +58,7 @@ class Commands:
         return (result or 0) & ((1 << 16 * row.read) - 1)
 
     @property
-    def _axis(self) -> Axis:
+    def _axis(self) -> StepperAxis:
         return self._axes[self.current]
 
     def _fit(self, row: Command, value: int) -> int:
@@ -182,4 +182,4 @@ class Commands:
         return self._version
 
 
-HOOKS: Final = COMMANDS.find_hooks(Commands, Axis)
+HOOKS: Final = COMMANDS.find_hooks(Commands, StepperAxis)

@@ -4,12 +4,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.axis import FOR_EVER, Axis
-from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.axis import FOR_EVER, StepperAxis
+from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
-from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import Registers, Shared
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 from vbus.state import Names
@@ -27,9 +26,9 @@ class Windings:
 
     DERIVED: ClassVar[Names] = ("*",)
 
-    def __init__(self, axis: Axis) -> None:
+    def __init__(self, axis: StepperAxis) -> None:
         self._stepper: Final[Microstepper] = axis.stepper
-        self._active: Final[Registers] = axis.active
+        self._active: Final[ProfileRegisters] = axis.active
         self.motor: Plant | None = None
         self.a: i64 = 0
         """Current in phase A that the motor runs with (-32767 to 32767)."""
@@ -68,7 +67,7 @@ class Windings:
         return -(a + b)
 
 
-class Cycles:
+class SampleCycles:
     """Cycles and slots at whole clock numbers, counted from the end of the last reset (NOTES 2).
 
     Args:
@@ -84,11 +83,11 @@ class Cycles:
     WIRING: ClassVar[Names] = ("_axes", "_chip", "_encoders", "skipping")
     DERIVED: ClassVar[Names] = ("_slotted", "_windings", "heard", "run_count")
 
-    def __init__(self, chip: ChipSet, axes: list[Axis], shared: Shared) -> None:
+    def __init__(self, chip: ChipSet, axes: list[StepperAxis], shared: SharedParameters) -> None:
         self._chip: Final[ChipSet] = chip
-        self._axes: Final[list[Axis]] = axes
-        self.shared: Final[Shared] = shared
-        self._encoders: Final[list[Encoder]] = [axis.encoder for axis in axes]
+        self._axes: Final[list[StepperAxis]] = axes
+        self.shared: Final[SharedParameters] = shared
+        self._encoders: Final[list[AxisInputs]] = [axis.encoder for axis in axes]
         self._windings: Final[list[Windings]] = [Windings(axis) for axis in axes]
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""

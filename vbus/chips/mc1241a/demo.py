@@ -30,16 +30,6 @@ _AMPLITUDE: Final = 24_000
 _RATIO: Final = _COUNTS * 256 // _TURN
 
 
-def _explain(write: bool, address: int, data: int) -> str:
-    if address == ds.DATA_PORT:
-        return f"data   {'<-' if write else '->'} {data:02X}h"
-    if not write:
-        ready = "ready" if data & ds.STATUS_READY else "busy"
-        return f"status -> {data:02X}h, {ready}"
-    row = ds.COMMANDS.by_code(data)
-    return f"{row.name}: {row.title}" if row is not None else f"command {data:02X}h"
-
-
 def _host(bus: Bus) -> None:
     chip = Mc1241a(bus, checked=True)
 
@@ -111,7 +101,6 @@ DEMO: Final = Demo(
         Gauge("error 2 (counts)", "error 2", 20),
     ),
     flags={"status 1": ds.STATUS_BITS},
-    explain=_explain,
     host=_host,
     rest=(0, 0),
 )

@@ -47,7 +47,7 @@ def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
     return False, 0
 
 
-class Encoder:
+class AxisInputs:
     """Position counter, capture register, home and limit inputs of one axis.
 
     Counts come from the plant, or from the A and B pins once somebody drives one of them

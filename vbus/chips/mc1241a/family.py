@@ -20,7 +20,7 @@ FAMILY: Final = Family(
     ),
     datasheet="datasheet",
     bus="bus:Mc1241aWatch",
-    packets="packets:Mc1241aPackets",
+    packets="packets:Mc1241aDecoder",
     coverage="coverage:Mc1241aExercises",
     access="access:Mc1241aPackets",
     calls="generated.calls:Mc1241aCalls",

@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin
@@ -24,9 +24,9 @@ class Interrupts:
     STATE: ClassVar[Names] = ("axis", "quiet_until")
     WIRING: ClassVar[Names] = ("_axes", "_chip", "_pin")
 
-    def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
+    def __init__(self, chip: ChipSet, axes: list[StepperAxis]) -> None:
         self._chip: Final[ChipSet] = chip
-        self._axes: list[Axis] = axes
+        self._axes: list[StepperAxis] = axes
         self._pin: Pin = chip.pins["~HostIntrpt"]
         self.axis: int = NOBODY
         """Number (0-based) of the interrupting axis, or :data:`NOBODY`."""

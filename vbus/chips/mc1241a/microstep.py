@@ -54,7 +54,7 @@ def pwm_magnitude(output: int) -> int:
     return abs(output) + 64 >> 7
 
 
-class Place:
+class PhasePlace:
     """What both phases put out at one place in the electrical cycle, of full scale."""
 
     __slots__ = ("a", "b")
@@ -65,9 +65,9 @@ class Place:
         self.b: i64 = b
 
 
-def _places(two_phase: bool, b_leads: bool) -> list[Place]:
+def _places(two_phase: bool, b_leads: bool) -> list[PhasePlace]:
     """Return one electrical cycle of both phases, in the machine words of a compiled core."""
-    return [Place(a, b) for a, b in zip(PHASE_A, PHASE_B[two_phase, b_leads], strict=True)]
+    return [PhasePlace(a, b) for a, b in zip(PHASE_A, PHASE_B[two_phase, b_leads], strict=True)]
 
 
 class Microstepper:
@@ -87,8 +87,8 @@ class Microstepper:
     )  # fmt: skip
 
     def __init__(self, b_leads: bool) -> None:
-        self._two: list[Place] = _places(True, b_leads)
-        self._three: list[Place] = _places(False, b_leads)
+        self._two: list[PhasePlace] = _places(True, b_leads)
+        self._three: list[PhasePlace] = _places(False, b_leads)
         # What was looked up last, and what came of it.
         self._angle: i64 = -1
         self._command: i64 = 0

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.cycle import Cycles
+from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.kernel import NEVER
@@ -48,9 +48,9 @@ class Output:
     STATE: ClassVar[Names] = ("_frame", "_sequence", "_queue: heap[(i64, i64, i64, i64)]")
     WIRING: ClassVar[Names] = ("_axes", "_chip", "_cycles", "_pins", "_positive_sign")
 
-    def __init__(self, chip: ChipSet, cycles: Cycles, axes: int) -> None:
+    def __init__(self, chip: ChipSet, cycles: SampleCycles, axes: int) -> None:
         self._chip: ChipSet = chip
-        self._cycles: Cycles = cycles
+        self._cycles: SampleCycles = cycles
         self._axes: int = axes
         self._positive_sign: int = HIGH if chip.settings["pwm_sign"] == "high" else LOW
         names = [f"PWM{kind}{phase}" for phase in PHASES for kind in ("Mag", "Sign")]

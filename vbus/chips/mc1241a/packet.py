@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
-from vbus.chips.mc1241a.cycle import Cycles
+from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
     ABORTED,
     BUSY_HALF_CLK,
@@ -35,7 +35,7 @@ WORD: Final = 3
 TAKEN: Final = 4
 
 
-class HostPort:
+class PacketPort:
     """Bytes in, bytes out; what they mean is decided at the end of the busy time (PMD-BUS-9).
 
     Args:
@@ -55,10 +55,10 @@ class HostPort:
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_row",)
 
-    def __init__(self, chip: ChipSet, commands: Commands, cycles: Cycles) -> None:
+    def __init__(self, chip: ChipSet, commands: Commands, cycles: SampleCycles) -> None:
         self._chip: ChipSet = chip
         self._commands: Commands = commands
-        self._cycles: Cycles = cycles
+        self._cycles: SampleCycles = cycles
         self._ready_pin: Pin = chip.pins["HostRdy"]
         self._slot_busy: bool = chip.settings["host_busy"] == "slot"
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"

@@ -25,7 +25,7 @@ _HEX: Final = {"SET_LMT_SENSE", "GET_LMT_SWTCH", "GET_HOME", "GET_PHASE_INFO", "
 _PARTS: Final = ("00", "01", "31", "41", "51", "5", "6", "7")
 
 
-class Mc1241aPackets(CommandPackets):
+class Mc1241aDecoder(CommandPackets):
     """Commands with their words, and checksums (PMD-PKT-1)."""
 
     FAMILY = ds.FAMILY

@@ -11,7 +11,7 @@ from vbus.chips.mc1241a.datasheet import (
     FLOATING_WRITE,
     READ_COMMAND,
 )
-from vbus.chips.mc1241a.packet import HostPort
+from vbus.chips.mc1241a.packet import PacketPort
 from vbus.signals import LOW, Net, Watcher
 from vbus.state import Names
 
@@ -19,7 +19,7 @@ LONG_AGO: Final = -1_000_000_000_000
 """An instant from which every interval is long enough."""
 
 
-class HostPins:
+class AdapterPins:
     """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-2 to PMD-BUS-4).
 
     A write is latched, and a read ends, at the trailing edge of select and strobe together, with
@@ -38,9 +38,9 @@ class HostPins:
     WIRING: ClassVar[Names] = ("_chip", "_command", "_port", "_read", "_select", "_write")
     DERIVED: ClassVar[Names] = ("_looked", "_seen")
 
-    def __init__(self, chip: ChipSet, port: HostPort) -> None:
+    def __init__(self, chip: ChipSet, port: PacketPort) -> None:
         self._chip: ChipSet = chip
-        self._port: HostPort = port
+        self._port: PacketPort = port
         self.find_nets()
         watcher = Watcher(chip.kernel, self._control_moved)
         for name in ("~HostSlct", "~HostWrite", "~HostRead", "HostCmd"):

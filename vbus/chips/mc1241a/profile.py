@@ -3,6 +3,7 @@
 from typing import ClassVar, Final
 
 from vbus.bits import wrap, wrap_word
+from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import (
     ACCELERATION_BITS,
     GEAR,
@@ -14,7 +15,6 @@ from vbus.chips.mc1241a.datasheet import (
     VELOCITY,
     WRAP,
 )
-from vbus.chips.mc1241a.parameters import Registers
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity
@@ -34,7 +34,7 @@ _FAR_INSIDE: Final = 1 << 61
 """Positions nearer to 0 are far from the ends of their range, and fit a machine word."""
 
 
-def _can_begin(active: Registers) -> bool:
+def _can_begin(active: ProfileRegisters) -> bool:
     """Whether a trapezoid with these registers ever leaves rest (NOTES 21)."""
     return active.velocity != 0 and active.acceleration & MAGNITUDE_MASK != 0
 
@@ -103,7 +103,7 @@ class Profile:
             return self.velocity != 0
         return self._state == RUNNING
 
-    def resting(self, active: Registers) -> bool:
+    def resting(self, active: ProfileRegisters) -> bool:
         """Whether further cycles with the same registers and a resting encoder change nothing.
 
         What moves is told by the microstepper, which is not still.
@@ -168,7 +168,7 @@ class Profile:
         self._state = DONE if rests else RUNNING
         return rests
 
-    def start(self, active: Registers, given: bool) -> bool:
+    def start(self, active: ProfileRegisters, given: bool) -> bool:
         """Go on after an update, toward the active destination.
 
         Args:
@@ -211,7 +211,7 @@ class Profile:
 
     # -- once a cycle -------------------------------------------------------------------------
 
-    def step(self, active: Registers, start_velocity: int, counts: int) -> int:
+    def step(self, active: ProfileRegisters, start_velocity: int, counts: int) -> int:
         """Run one cycle; return the status events it caused.
 
         Args:
@@ -236,7 +236,7 @@ class Profile:
         events = self._advance()
         return events | MOTION_COMPLETE if done else events
 
-    def _trapezoid(self, active: Registers, start_velocity: int) -> bool:
+    def _trapezoid(self, active: ProfileRegisters, start_velocity: int) -> bool:
         """PMD-TRJ-2, in 1/65536 usteps: finer fractions left by an S-curve are dropped."""
         acceleration = active.acceleration & MAGNITUDE_MASK
         if self._smooth:
@@ -255,7 +255,7 @@ class Profile:
             return True
         return False
 
-    def _contour(self, active: Registers, start_velocity: int) -> bool:
+    def _contour(self, active: ProfileRegisters, start_velocity: int) -> bool:
         """PMD-TRJ-6: toward +V or -V, as the acceleration's sign says."""
         acceleration: int = wrap_word(active.acceleration, _HALF_ACCELERATION)
         if self._smooth:

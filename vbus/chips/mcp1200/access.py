@@ -1,14 +1,14 @@
 """How a host moves register values to and from an MCP-1200, for asyncio."""
 
 from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
-from vbus.client.aio.bus import Cycles
-from vbus.client.aio.registers import Registers
+from vbus.client.aio.bus import ChipCycles
+from vbus.client.aio.registers import RegisterCycles
 
 FIRST_EXTENDED = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
 
 
-class Mcp1200Access(Registers):
+class Mcp1200Access(RegisterCycles):
     """One MCP-1200: values of one or more bytes.
 
     Args:
@@ -16,7 +16,7 @@ class Mcp1200Access(Registers):
             with one chip.
     """
 
-    def __init__(self, cycles: Cycles) -> None:
+    def __init__(self, cycles: ChipCycles) -> None:
         super().__init__(cycles)
         self._extended: bool = False
 

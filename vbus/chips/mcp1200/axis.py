@@ -17,14 +17,14 @@ from vbus.chips.mcp1200.blocks import (
 from vbus.chips.mcp1200.command import widest
 from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
-from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.state import Names
 
 
-class Axis(Blocks):
+class ClockedAxis(Blocks):
     """Everything inside that has its instant, as a clock cycle, worked off in order.
 
     At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
@@ -56,11 +56,11 @@ class Axis(Blocks):
         super().__init__(clock, settings, report)
         self.host: HostRegisters
         self.side: SidePins
-        self.encoder_pins: EncoderPins
+        self.encoder_pins: ChannelPins
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._target: i64 = 0
 
-    def attach(self, side: SidePins, encoder_pins: EncoderPins) -> None:
+    def attach(self, side: SidePins, encoder_pins: ChannelPins) -> None:
         """Take the inputs beside the host bus."""
         self.side = side
         self.encoder_pins = encoder_pins

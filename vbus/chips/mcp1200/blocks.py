@@ -1,7 +1,7 @@
 """The blocks inside, put together."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,16 +9,121 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.counter import Breakpoint, PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
-from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.chips.mcp1200.rest import Rest
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
-from vbus.chips.mcp1200.writes import Writes
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.signals import Rule
+from vbus.state import Names, save
+
+
+class SteadyState:
+    """Knows whether the next samples will be like the last one.
+
+    In control mode a sample is a function of registers, control loop, plant and inputs. If two
+    samples in a row have left all of that the same, so will every further one, until something
+    from outside disturbs it. Nothing is estimated: skipping and stepping give the same state.
+
+    Args:
+        loop: what a control sample computes.
+        drive: what the plant is driven with.
+        encoder: the plant's periods.
+    """
+
+    WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
+    DERIVED: ClassVar[Names] = ("_repeats", "_state")
+
+    def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: EncoderCourse) -> None:
+        self._loop: Final[ControlLoop] = loop
+        self._drive: Final[PlantDrive] = drive
+        self._encoder: Final[EncoderCourse] = encoder
+        self._state: tuple[object, ...] = ()
+        self._repeats: bool = False
+
+    def disturb(self) -> None:
+        """Something has happened that the last sample did not know of."""
+        self._state = ()
+        self._repeats = False
+
+    def note(self) -> None:
+        """A control sample with no change of command has shown its results: compare it."""
+        if not self._drive.at_rest():
+            self.disturb()
+            return
+        now = (self._loop.registers.image, save(self._loop))
+        self._repeats = now == self._state
+        self._state = now
+
+    def possible(self, cycle: i64, control: bool) -> bool:
+        """Tell whether the sample that starts at ``cycle`` would repeat the one before.
+
+        Args:
+            cycle: start of the sample that is due.
+            control: the loop is closed; in idle mode only the plant must rest.
+        """
+        if control and not self._repeats:
+            return False
+        return self._encoder.plant is None or (self._encoder.end == cycle and self._drive.at_rest())
+
+    def lasts(self, control: bool, sampling: bool) -> bool:
+        """Tell whether all further samples repeat the last one, and none need be computed.
+
+        Args:
+            control: the loop is closed.
+            sampling: the sample timer runs and goes on. The plant's periods are only passed over
+                from sample to sample.
+        """
+        if control:
+            return self._repeats and self._drive.at_rest()
+        return self._encoder.plant is None or (sampling and self._drive.at_rest())
+
+
+class Writes:
+    """Written bytes on their way in, in order (MCP-BUS-5).
+
+    Attributes:
+        due: cycle at which the first of them becomes visible, :data:`FAR` if there is none.
+    """
+
+    STATE: ClassVar[Names] = ("_waiting: list[(i64, i64, i64), ...]",)
+    DERIVED: ClassVar[Names] = ("due",)
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[int, int, int]] = []
+        self.due: i64 = FAR
+
+    def add(self, cycle: int, address: int, data: int) -> None:
+        """A byte has been written in ``cycle``."""
+        self._waiting.append((cycle + ds.WRITE_CLK, address, data))
+        self.after_load()
+
+    def take(self) -> tuple[int, int]:
+        """Return address and data of the first byte, which is visible now."""
+        _, address, data = self._waiting.pop(0)
+        self.after_load()
+        return address, data
+
+    def waits_for(self, registers: tuple[int, ...]) -> bool:
+        """Tell whether a byte is on its way to one of some registers."""
+        return any(address & 0x3F in registers for _, address, _ in self._waiting)
+
+    def lose(self) -> None:
+        """Forget the byte written last, if it is not yet visible."""
+        del self._waiting[-1:]
+        self.after_load()
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._waiting.clear()
+        self.after_load()
+
+    def after_load(self) -> None:
+        """Find out when the first of them becomes visible."""
+        self.due = self._waiting[0][0] if self._waiting else FAR
+
 
 Report = Callable[[Rule, int, int, str, int], bool]
 
@@ -57,7 +162,7 @@ class Blocks:
         self.registers: Final[RegisterFile] = registers
         self.loop: Final[ControlLoop] = ControlLoop(registers, settings["unipolar"] == "clip")
         self.timer: Final[SampleTimer] = SampleTimer(registers)
-        self.encoder: Final[Encoder] = Encoder(clock.hz)
+        self.encoder: Final[EncoderCourse] = EncoderCourse(clock.hz)
         self.stepper: Final[Stepper] = Stepper(registers)
         self.breakpoint: Final[Breakpoint] = Breakpoint(registers)
         self.counter: Final[PositionCounter] = PositionCounter(
@@ -72,7 +177,7 @@ class Blocks:
         self.drive: Final[PlantDrive] = PlantDrive(
             registers, self.encoder, self.stepper, self.loop.following, settings
         )
-        self.rest: Final[Rest] = Rest(self.loop, self.drive, self.encoder)
+        self.rest: Final[SteadyState] = SteadyState(self.loop, self.drive, self.encoder)
         self.state: i64 = HELD
         self.released: i64 = NOT_RELEASED
         self.writes: Final[Writes] = Writes()

@@ -6,11 +6,11 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.axis import Axis
+from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.blocks import STANDING
-from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
 from vbus.chips.mcp1200.outputs import OutputPins
-from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, HostPins
+from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, StrobePins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import MS, NEVER, Clock, Kernel
@@ -35,7 +35,7 @@ MODES: Final = {
 class MCP1200(HostInterface):
     """MCP-1200, a motion controller with the register map of the HCTL-1100, extended.
 
-    All of its own time is counted in clock cycles, by :class:`Axis`; this class is the
+    All of its own time is counted in clock cycles, by :class:`ClockedAxis`; this class is the
     way in: bus cycles, nets, the kernel's picoseconds.
 
     Not modelled: supply current, temperature, input thresholds, metastability of the
@@ -72,7 +72,7 @@ class MCP1200(HostInterface):
         self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
-        self.axis: Final[Axis] = Axis(clock, self.settings, self.report)
+        self.axis: Final[ClockedAxis] = ClockedAxis(clock, self.settings, self.report)
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
@@ -82,9 +82,9 @@ class MCP1200(HostInterface):
         self._own: dict[str, Watcher] = {}
         self.outputs: OutputPins = OutputPins(self, self.axis)
         self.side: SidePins = SidePins(self, self.axis)
-        self.encoder_pins: EncoderPins = EncoderPins(self, self.axis)
+        self.encoder_pins: ChannelPins = ChannelPins(self, self.axis)
         self.axis.attach(self.side, self.encoder_pins)
-        self.bus: HostPins = HostPins(self)
+        self.bus: StrobePins = StrobePins(self)
         self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
         self._judge_clock()
         self.axis.hold(self.cycle_now())

@@ -22,7 +22,7 @@ def widest(sampled: SampledRegisters) -> i64:
     return WIDEST
 
 
-class Command:
+class CommandedMotion:
     """Where the axis is told to be, and how fast; every generator moves this.
 
     Attributes:
@@ -80,7 +80,7 @@ class IntegralVelocity:
         self.begun: bool = False
         self._goal: i64 = 0
 
-    def step(self, command: Command, sampled: SampledRegisters, goal: i64) -> i64:
+    def step(self, command: CommandedMotion, sampled: SampledRegisters, goal: i64) -> i64:
         """Make one sample toward ``goal`` (1/256 count per sample).
 
         Returns:
@@ -145,7 +145,9 @@ class Segment:
 class PositionInterpolation(Segment):
     """Runs through a series of positions, one segment each (MCP-INT-1)."""
 
-    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, point: i64) -> bool:
+    def step(
+        self, command: CommandedMotion, sampled: SampledRegisters, fresh: bool, point: i64
+    ) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
 
         Args:
@@ -174,12 +176,14 @@ class PositionInterpolation(Segment):
 class VelocityInterpolation(Segment):
     """Runs through a series of velocities, one ramp each (MCP-INT-5)."""
 
-    def slow_down(self, command: Command, sampled: SampledRegisters) -> None:
+    def slow_down(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""
         if self.end != 0:
             self.begin(sampled, command.velocity, 0)
 
-    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, velocity: i64) -> bool:
+    def step(
+        self, command: CommandedMotion, sampled: SampledRegisters, fresh: bool, velocity: i64
+    ) -> bool:
         """Make one sample; tell whether the new ``velocity`` has been taken.
 
         The parameters are those of :meth:`PositionInterpolation.step`.

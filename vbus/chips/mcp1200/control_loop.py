@@ -7,12 +7,12 @@ from mypy_extensions import i64
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.command import (
-    Command,
+    CommandedMotion,
     IntegralVelocity,
     PositionInterpolation,
     VelocityInterpolation,
 )
-from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.faults import ExceptionSources
 from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.motor_command import dac_code, pwm_command
@@ -64,7 +64,7 @@ class ControlLoop:
     def __init__(self, registers: RegisterFile, clip: bool) -> None:
         self.registers: Final[RegisterFile] = registers
         self._clip: bool = clip
-        self.command: Command = Command()
+        self.command: CommandedMotion = CommandedMotion()
         self.trapezoid: Final[Trapezoid] = Trapezoid()
         self.scurve: Final[SCurveMove] = SCurveMove()
         self.velocity: Final[IntegralVelocity] = IntegralVelocity()
@@ -74,7 +74,7 @@ class ControlLoop:
         self.lead: LeadFilter = LeadFilter()
         self.pid: PidFilter = PidFilter()
         self.stall: Final[StallCheck] = StallCheck()
-        self.faults: Final[Faults] = Faults()
+        self.faults: Final[ExceptionSources] = ExceptionSources()
         self.mode: i64 = 0
         self.abrupt: bool = False
         self.steps: i64 = 0
@@ -122,7 +122,7 @@ class ControlLoop:
         self.soft_reset()
         self.registers.flag = 0
         self.registers.mode = 0
-        self.command = Command()
+        self.command = CommandedMotion()
         self.point = 0
         self.velocity_point = 0
 
@@ -242,7 +242,7 @@ class ControlLoop:
             self._drive(command, sampled, following.error)
         self._show(command, following)
 
-    def _profile(self, command: Command, sampled: SampledRegisters) -> i64:
+    def _profile(self, command: CommandedMotion, sampled: SampledRegisters) -> i64:
         """Move the command position; return the flags to clear."""
         mode = self.mode
         if (mode == 0 or self._entering) and command.position != sampled.command_position:
@@ -273,7 +273,7 @@ class ControlLoop:
         self.registers.command_position = command.position
         return cleared
 
-    def _hold_position(self, command: Command, sampled: SampledRegisters) -> None:
+    def _hold_position(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         command.rest()
         increment = sampled.command_increment
         if increment == 0:
@@ -284,7 +284,7 @@ class ControlLoop:
         if not self.increment_written:
             self.registers.command_increment = 0
 
-    def _point_to_point(self, command: Command, sampled: SampledRegisters) -> i64:
+    def _point_to_point(self, command: CommandedMotion, sampled: SampledRegisters) -> i64:
         command.left = 0
         if self._entering:
             self._stopping = False
@@ -314,13 +314,13 @@ class ControlLoop:
             return ds.F0
         return 0
 
-    def _begin_stop(self, command: Command, sampled: SampledRegisters) -> None:
+    def _begin_stop(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         self._stopping = True
         command.decel_position = command.position
         if sampled.feature & ds.S_CURVE:
             command.fraction = 0
 
-    def _interpolate_position(self, command: Command, sampled: SampledRegisters) -> None:
+    def _interpolate_position(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         if self._entering:
             self.interpolation.hold(sampled.final_position)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
@@ -328,7 +328,7 @@ class ControlLoop:
         if self.interpolation.step(command, sampled, busy or self._entering, point):
             self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _interpolate_velocity(self, command: Command, sampled: SampledRegisters) -> None:
+    def _interpolate_velocity(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         ramps = self.ramps
         if self._entering:
             ramps.hold(command.velocity)
@@ -344,7 +344,7 @@ class ControlLoop:
         if ramps.step(command, sampled, fresh, goal):
             self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _run_at_velocity(self, command: Command, sampled: SampledRegisters) -> None:
+    def _run_at_velocity(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         command.left = 0
         command.phase = 0
         if self._entering:
@@ -361,7 +361,7 @@ class ControlLoop:
                 self.registers.velocity_command = 0
         self.goal_step = self.velocity.step(command, sampled, goal)
 
-    def _drive(self, command: Command, sampled: SampledRegisters, error: i64) -> None:
+    def _drive(self, command: CommandedMotion, sampled: SampledRegisters, error: i64) -> None:
         """Steps 8 and 9: filter and outputs."""
         if sampled.feature & ds.PID:
             velocity = command.velocity
@@ -374,7 +374,7 @@ class ControlLoop:
         pwm = pwm_command(sampled, self.mc, error)
         self.registers.drive(code, pwm)
 
-    def _show(self, command: Command, following: Following) -> None:
+    def _show(self, command: CommandedMotion, following: Following) -> None:
         registers = self.registers
         registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE  # MCP-MOD-7
         registers.phase = command.phase

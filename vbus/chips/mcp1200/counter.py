@@ -7,8 +7,8 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.encoder import EncoderCourse
+from vbus.chips.mcp1200.faults import ExceptionSources
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR
@@ -128,17 +128,17 @@ class PositionCounter:
     def __init__(
         self,
         registers: RegisterFile,
-        encoder: Encoder,
+        encoder: EncoderCourse,
         stepper: Stepper,
         breakpoint: Breakpoint,
-        faults: Faults,
+        faults: ExceptionSources,
         index_high: bool,
     ) -> None:
         self._registers: Final[RegisterFile] = registers
-        self._encoder: Final[Encoder] = encoder
+        self._encoder: Final[EncoderCourse] = encoder
         self._stepper: Final[Stepper] = stepper
         self._breakpoint: Final[Breakpoint] = breakpoint
-        self._faults: Final[Faults] = faults
+        self._faults: Final[ExceptionSources] = faults
         self._index_high: bool = index_high
         self.at_match: i64 = FAR
         self.at_pins: i64 = FAR

@@ -24,12 +24,6 @@ _BREAKPOINTS: Final = 2500
 _FAR: Final = 12_000
 
 
-def _explain(write: bool, address: int, data: int) -> str:
-    row = ds.REGISTERS.at(address)
-    name = "reserved" if row is None else row.name
-    return f"R{address:02X} {name:<18} {'<-' if write else '->'} {data:02X}h"
-
-
 def _host(bus: Bus) -> None:
     chip = Mcp1200(bus)
 
@@ -92,7 +86,6 @@ DEMO: Final = Demo(
         Gauge("PWM (of full scale)", "drive", 1.0, 3),
     ),
     flags={"flags": ds.FLAG_BITS, "status": ds.STATUS_BITS},
-    explain=_explain,
     host=_host,
     rest=(0,),
 )

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
@@ -36,13 +36,13 @@ class PlantDrive:
     def __init__(
         self,
         registers: RegisterFile,
-        encoder: Encoder,
+        encoder: EncoderCourse,
         stepper: Stepper,
         following: Following,
         settings: dict[str, Value],
     ) -> None:
         self._registers: Final[RegisterFile] = registers
-        self._encoder: Final[Encoder] = encoder
+        self._encoder: Final[EncoderCourse] = encoder
         self._stepper: Final[Stepper] = stepper
         self._following: Final[Following] = following
         self._dac: bool = settings["drive"] == "dac"

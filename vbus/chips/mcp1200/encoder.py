@@ -10,7 +10,7 @@ from vbus.signals import Plant, Switch
 from vbus.state import Names
 
 
-class Encoder:
+class EncoderCourse:
     """What the encoder does between two changes of the motor's drive.
 
     A plant's course through a period is known from the period's start, so every edge in it has

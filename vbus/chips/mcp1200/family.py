@@ -19,7 +19,7 @@ FAMILY: Final = Family(
     ),
     datasheet="datasheet",
     bus="bus:Mcp1200Watch",
-    packets="packets:Mcp1200Packets",
+    packets="packets:Mcp1200Decoder",
     coverage="coverage:Mcp1200Exercises",
     access="access:Mcp1200Access",
     calls="generated.calls:Mcp1200Calls",

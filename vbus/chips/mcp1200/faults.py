@@ -9,7 +9,7 @@ from vbus.chips.mcp1200.generated.registers import Registers
 from vbus.state import Names
 
 
-class Faults:
+class ExceptionSources:
     """Exception sources noted since the last look; one action for all of them (MCP-EXC-1).
 
     The flags in the status register are set by whoever sees the cause, at once; this is only

@@ -7,7 +7,7 @@ from mypy_extensions import i64
 from vbus.bits import sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import Blocks
-from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.state import Names
 
@@ -31,10 +31,10 @@ class HostRegisters:
     STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
     WIRING: ClassVar[Names] = ("_blocks", "_encoder_pins", "_registers", "_side")
 
-    def __init__(self, blocks: Blocks, side: SidePins, encoder_pins: EncoderPins) -> None:
+    def __init__(self, blocks: Blocks, side: SidePins, encoder_pins: ChannelPins) -> None:
         self._blocks: Blocks = blocks
         self._side: SidePins = side
-        self._encoder_pins: EncoderPins = encoder_pins
+        self._encoder_pins: ChannelPins = encoder_pins
         self._registers: RegisterFile = blocks.registers
         self._held_msb: int = 0
         self._held_csb: int = 0

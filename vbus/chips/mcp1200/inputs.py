@@ -23,7 +23,7 @@ PULSES: Final = (("/RESET", "tIRST"), ("/SYNC", "tIRST"), ("/LIMIT", "tIP"), ("/
 """Inputs whose low pulses have a shortest length (MCP-TIM-4, 5)."""
 
 
-class EncoderPins:
+class ChannelPins:
     """CHA, CHB and INDEX while something drives them: three-stage filter and 4x decoder.
 
     Times are clock cycles. A plant does without: it hands over counts.

@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.axis import Axis
+from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.blocks import CONTROL, HELD, NOT_RELEASED, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
@@ -27,8 +27,8 @@ class OutputPins:
 
     DERIVED: ClassVar[Names] = ("*",)
 
-    def __init__(self, chip: Chip, axis: Axis) -> None:
-        self._axis: Axis = axis
+    def __init__(self, chip: Chip, axis: ClockedAxis) -> None:
+        self._axis: ClockedAxis = axis
         self._shown: int = NOTHING
         self._prof: Pin = chip.pins["PROF"]
         self._idle: Pin = chip.pins["IDLE"]

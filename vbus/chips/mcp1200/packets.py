@@ -9,7 +9,7 @@ from vbus.chips.tables import Register
 _COMPATIBLE: Final = 0x3F
 
 
-class Mcp1200Packets(RegisterPackets):
+class Mcp1200Decoder(RegisterPackets):
     """Registers, their bits by name.
 
     Whether addresses have six or seven bits is taken from the last write to the configuration

@@ -77,7 +77,7 @@ class HostInterface(Chip):
             self.report(self.ac.rules[symbol], measured, least)
 
 
-class HostPins:
+class StrobePins:
     """Sees strobes on the nets, makes bus cycles of them, and judges their times.
 
     The three bus orders differ in when /ALE is low: before /CS, across its fall, or inside it.

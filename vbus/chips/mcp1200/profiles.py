@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.bits import wrap, wrap_word
-from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.command import CommandedMotion
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
@@ -22,7 +22,7 @@ LAST_RISING: Final = 3
 FIRST_FALLING: Final = 5
 
 
-def stop(command: Command, accel: i64) -> bool:
+def stop(command: CommandedMotion, accel: i64) -> bool:
     """Make one sample of a deceleration to rest, the same for every profile.
 
     Returns:
@@ -50,7 +50,7 @@ class Trapezoid:
         self._final: i64 = 0
         self._origin: i64 = 0
 
-    def step(self, command: Command, sampled: SampledRegisters) -> i64:
+    def step(self, command: CommandedMotion, sampled: SampledRegisters) -> i64:
         """Make one sample of the move.
 
         Returns:
@@ -98,7 +98,9 @@ class Trapezoid:
             return 1
         return 0
 
-    def _show_phase(self, command: Command, speed: i64, old: i64, top: i64, here: i64) -> None:
+    def _show_phase(
+        self, command: CommandedMotion, speed: i64, old: i64, top: i64, here: i64
+    ) -> None:
         if command.phase == DECELERATING:
             return
         if speed > old:
@@ -117,7 +119,7 @@ class Trapezoid:
                 command.accel_delta = -way
 
 
-def _reachable(command: Command, final: i64, accel: i64) -> bool:
+def _reachable(command: CommandedMotion, final: i64, accel: i64) -> bool:
     """Whether ``final`` lies at least one stopping distance ahead (NOTES 30)."""
     velocity = command.velocity
     if velocity == 0:
@@ -146,7 +148,7 @@ class SCurveMove:
         self._origin: int = 0
         self._sign: int = 1
 
-    def step(self, command: Command, sampled: SampledRegisters) -> int:
+    def step(self, command: CommandedMotion, sampled: SampledRegisters) -> int:
         """Make one sample; the result is that of :meth:`Trapezoid.step`."""
         final: int = sampled.final_position
         plan = self._plan
@@ -186,7 +188,7 @@ class SCurveMove:
             return 1
         return 0
 
-    def _retarget(self, command: Command, final: int) -> bool:
+    def _retarget(self, command: CommandedMotion, final: int) -> bool:
         """Lengthen the move, or shorten it in phase 4, if the new end can be reached."""
         plan = self._plan
         way = self._sign * wrap(final - command.position, 24)

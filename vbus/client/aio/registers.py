@@ -1,9 +1,9 @@
 """How a host moves register values to and from a chip with a register map, for asyncio."""
 
-from vbus.client.aio.bus import Cycles
+from vbus.client.aio.bus import ChipCycles
 
 
-class Registers:
+class RegisterCycles:
     """Values of one or more bytes.
 
     Args:
@@ -11,8 +11,8 @@ class Registers:
             with one chip.
     """
 
-    def __init__(self, cycles: Cycles) -> None:
-        self.cycles: Cycles = cycles
+    def __init__(self, cycles: ChipCycles) -> None:
+        self.cycles: ChipCycles = cycles
 
     async def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
         """Read the register at ``addresses`` (most significant byte first) as a number.

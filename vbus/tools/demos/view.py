@@ -8,32 +8,34 @@ from rich.table import Table
 from rich.text import Text
 
 from vbus.board.board import Board
+from vbus.chips.packets import Packet
 from vbus.chips.tables import Bit
+from vbus.circuit.stream import PacketReader
 from vbus.client.demo import Demo, Gauge
-from vbus.signals import Observer
 from vbus.trace.latest_lines import LatestLines
 
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""
 LINES: Final = 4
-"""Bus cycles shown, and lines of the host: the whole fits a terminal of 80 by 24."""
+"""Packets shown, and lines of the host: the whole fits a terminal of 80 by 24."""
 
 
-class Traffic(Observer):
-    """The latest bus cycles in words; equal neighbours are counted, not repeated."""
+class LatestTraffic(PacketReader):
+    """The latest packets; equal neighbours are counted, not repeated."""
 
-    def __init__(self, demo: Demo) -> None:
-        self._demo: Demo = demo
+    def __init__(self) -> None:
         self._lines: LatestLines = LatestLines(maxlen=LINES)
         self.cycles: int = 0
-        self.polls: int = 0
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
-        """Take down one cycle."""
+        """Count a cycle."""
         self.cycles += 1
-        self.polls += self._lines.add(when, self._demo.explain(write, address, data))
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down a packet."""
+        self._lines.add(packet.end, packet.text)
 
     def lines(self) -> list[str]:
         """Return what there is to show, oldest first."""
@@ -50,7 +52,7 @@ def bar(value: float, full: float) -> Text:
 
 
 def screen(
-    demo: Demo, board: Board, traffic: Traffic, link: str, steps: list[str]
+    demo: Demo, board: Board, traffic: LatestTraffic, link: str, steps: list[str]
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
     seen = board.chip(demo.chip).telemetry()

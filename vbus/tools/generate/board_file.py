@@ -11,12 +11,10 @@ from vbus.board import sections
 from vbus.board.card_buses import BUSES, DATA
 from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.cards import decodes
-from vbus.board.glue_section import GlueSection
-from vbus.board.section import NAMES, rows
+from vbus.board.section import NAMES, GlueSection, rows
 from vbus.glue.table import PARTS
 from vbus.options import Option
-from vbus.tools.generate.layout import ROOT
-from vbus.tools.generate.markdown import filled, table
+from vbus.tools.generate.layout import ROOT, filled, table
 from vbus.values import units
 from vbus.values.settings import allowed, quoted
 

@@ -13,8 +13,7 @@ from vbus.chips.tables import AcLimit, Bit, Command, PinRow, Register
 from vbus.options import Option
 from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table
-from vbus.tools.generate.layout import folder_of, own_families
-from vbus.tools.generate.markdown import table
+from vbus.tools.generate.layout import folder_of, own_families, table
 from vbus.values import units
 
 _MADE: Final = "<!-- Made from {} by vbus.tools.generate; change {}. -->"

@@ -9,7 +9,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.cli import cli
-from vbus.tools.generate.markdown import table
+from vbus.tools.generate.layout import table
 
 _HEAD: Final = """\
 # The command line

@@ -4,10 +4,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, Layout, Request
+from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
-from vbus.tools.generate.layout import ROOT
-from vbus.tools.generate.markdown import fill, filled, table
+from vbus.tools.generate.layout import ROOT, fill, filled, table
 
 
 def byte_protocol() -> str:
@@ -79,7 +78,7 @@ def _code(row: Request) -> str:
     return f"`{row.code:02x}`" if row.span == 1 else f"`{row.code:02x}`+a (to `{last:02x}`)"
 
 
-def _fields(layout: Layout) -> Iterator[str]:
+def _fields(layout: PayloadLayout) -> Iterator[str]:
     for part in layout.fields:
         if part.counted:
             yield from (f"n:{part.fixed}", f"n bytes {part.name}")

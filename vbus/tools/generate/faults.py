@@ -6,7 +6,7 @@ from vbus.faults.messages import MESSAGES, OF_BYTES
 from vbus.faults.row import AXIS, COUNTED, LINK, NET, ONCE, WIRE, Fault
 from vbus.faults.table import faults as known_faults
 from vbus.tools.generate.board_file import option_table
-from vbus.tools.generate.markdown import filled, table
+from vbus.tools.generate.layout import filled, table
 
 _ENDS: Final = {ONCE: "over at once", COUNTED: "once, for a time, until cleared"}
 

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Final
@@ -60,3 +60,38 @@ def docstring(summary: str, paragraphs: Iterable[str] = (), indent: int = 8) -> 
     for paragraph in rest:
         lines += ["", *(f"{space}{line}" for line in paragraph.splitlines())]
     return [*lines, f'{space}"""']
+
+
+_BEGIN: Final = "<!-- begin {}: made by vbus.tools.generate -->"
+_END: Final = "<!-- end {} -->"
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """Return the lines of a table; none if it has no rows."""
+    head = tuple(head)
+    lines = [
+        "| " + " | ".join(cell.replace("|", "\\|") or "–" for cell in row) + " |" for row in rows
+    ]
+    return ["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *lines] if lines else []
+
+
+def filled(name: str, tables: Mapping[str, list[str]]) -> str:
+    """Return the page of this name in ``docs`` with these tables up to date."""
+    page = (ROOT / "docs" / f"{name}.md").read_text()
+    for title, rows in tables.items():
+        page = fill(page, title, rows)
+    return page
+
+
+def fill(page: str, name: str, rows: list[str]) -> str:
+    """Return ``page`` with the lines between the marks of table ``name`` replaced.
+
+    Raises:
+        ValueError: the page has no such marks.
+    """
+    begin, end = _BEGIN.format(name), _END.format(name)
+    head, found, rest = page.partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not found or not closed:
+        raise ValueError(f"the page has no table {name!r}: {begin} ... {end}")
+    return f"{head}{begin}\n{chr(10).join(rows)}\n{end}{tail}"

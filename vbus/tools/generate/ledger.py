@@ -7,8 +7,7 @@ from typing import Any, Final
 
 from vbus.chips.clauses import KINDS, clauses_of, proofs_of
 from vbus.chips.family import Family
-from vbus.tools.generate.layout import ROOT, folder_of
-from vbus.tools.generate.markdown import table
+from vbus.tools.generate.layout import ROOT, folder_of, table
 
 _MUTATION: Final = ROOT / "tests" / "mutation"
 

@@ -1,6 +1,7 @@
 """What is generated, and from what."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -9,7 +10,6 @@ from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
-    c_interface,
     calls,
     chip_pages,
     command_line,
@@ -19,8 +19,73 @@ from vbus.tools.generate import (
     registers,
     sigrok,
 )
-from vbus.tools.generate.blocking import blocking
-from vbus.tools.generate.layout import ROOT, folder_of, own_families
+from vbus.tools.generate.layout import ROOT, folder_of, formatted, own_families
+
+_CHANGES: Final = (
+    (r"\basync (def|with|for)\b", r"\1"),
+    (r"\bawait ", ""),
+    (r"\b__a(enter|exit)__\b", r"__\1__"),
+    (r"\basynccontextmanager\b", "contextmanager"),
+    (r"\bAsyncIterator\b", "Iterator"),
+    (r"\bAsyncGenerator\b", "Generator"),
+    (r"\bvbus\.client\.aio\b", "vbus.client"),
+    (r"\.generated\.aio_calls\b", ".generated.calls"),
+    (r"^(from [\w.]+)\.(access|host) import", r"\1.generated.\2 import"),
+    (r", for asyncio\b", ", blocking"),
+)
+
+
+def blocking(source: str, name: str, origin: str = "") -> str:
+    """Return what is blocking of asyncio source ``source``, as file ``name``.
+
+    Its first line names ``origin``, the source; the file of the same name below ``aio`` if "".
+
+    The source awaits every call and imports nothing of asyncio itself: what differs between the
+    two worlds stands in ``ready.py``, which each has of its own.
+    """
+    for pattern, replacement in _CHANGES:
+        source = re.sub(pattern, replacement, source, flags=re.MULTILINE)
+    summary, line, rest = source.partition("\n")
+    origin = origin or f"aio/{name.rpartition('/')[2]}"
+    head = f"# Made from {origin} by vbus.tools.generate; change that file.\n"
+    return formatted(head + summary + line + rest, name)
+
+
+HEADER: Final = "vbus/native/vbus.h"
+
+_HEAD: Final = """\
+# The C client
+
+<!-- Made from vbus/native/vbus.h by vbus.tools.generate; change that. -->
+
+[`vbus.h`](../vbus/native/vbus.h) and [`vbus.c`](../vbus/native/vbus.c) come with the package:
+`vbus cflags` prints the compiler's options for them. See also
+[Bring your driver](bring-your-driver.md).
+"""
+_SECTION: Final = re.compile(r"^/\* --- (.+?) -+ \*/$", re.MULTILINE)
+_CODE: Final = re.compile(r"^ {4,}", re.MULTILINE)
+
+
+def c_interface() -> str:
+    """Return the page: what stands in the header, section by section."""
+    text = (ROOT / HEADER).read_text()
+    first, *rest = _SECTION.split(text)
+    opening = first[: first.index("*/")].removeprefix("/* ")
+    lines = [_HEAD, *_opening(opening)]
+    for title, body in zip(rest[::2], rest[1::2], strict=True):
+        body = body.partition("#ifdef __cplusplus")[0].strip()
+        lines += [f"## {title[:1].upper()}{title[1:]}", "", "```c", body, "```", ""]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _opening(comment: str) -> Iterator[str]:
+    """Give the header's first comment as Markdown; what is indented is code."""
+    for paragraph in re.sub(r"(?m)^ \* ?", "", comment).strip().split("\n\n"):
+        if _CODE.match(paragraph):
+            yield from ("```c", _CODE.sub("", paragraph), "```", "")
+        else:
+            yield from (paragraph.replace("*", "\\*"), "")
+
 
 Target = tuple[str, Callable[[], str]]
 """A file's path in the source tree, and what makes its text."""
@@ -32,7 +97,7 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/add-a-chip.md", documents.add_a_chip),
     *board_file.targets(),
     ("docs/byte-protocol.md", documents.byte_protocol),
-    ("docs/c-client.md", c_interface.c_interface),
+    ("docs/c-client.md", c_interface),
     ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
     ("docs/index.md", documents.landing),
@@ -129,7 +194,6 @@ GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
     "clients": (own_clients, blocking_sources),
     "documents": (lambda: DOCUMENTS, chip_pages.targets),
     "proofs": (proofs.targets,),
-    "sigrok": (sigrok.targets,),
 }
 """Groups by name; what stands later may be made from what stands earlier."""
 

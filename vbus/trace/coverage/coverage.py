@@ -1,6 +1,6 @@
 """Which parts of a datasheet a host has exercised, in one run or in many."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -8,8 +8,8 @@ import msgspec
 
 from vbus.chips.base import CONNECTOR_FAMILY
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketReader
 from vbus.errors import VbusError
-from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Violation
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
 from vbus.values.settings import suggestion
@@ -142,7 +142,7 @@ def _by_group(found: dict[str, set[Key]]) -> dict[str, dict[str, list[str]]]:
     return families
 
 
-class _Family(msgspec.Struct):
+class _FamilyCounts(msgspec.Struct):
     groups: dict[str, dict[str, int]]
 
 
@@ -150,7 +150,7 @@ class _Document(msgspec.Struct):
     format: str
     version: int
     runs: list[str]
-    families: dict[str, _Family]
+    families: dict[str, _FamilyCounts]
     tests: dict[str, dict[str, dict[str, list[str]]]] = {}
 
 
@@ -194,22 +194,15 @@ def from_json(text: bytes, name: str) -> Coverage:
     return coverage
 
 
-class CoverageObserver(BoardPackets):
+class CoverageObserver(PacketReader):
     """Fills a :class:`Coverage` while it sees a board run, or a journal afterwards.
 
     Args:
         families: chip families by name of chip.
         run: what to call the run.
-        settings: what decides how the buses of the chips are read, by name of chip.
     """
 
-    def __init__(
-        self,
-        families: dict[str, str],
-        run: str,
-        settings: Mapping[str, Settings] = NO_SETTINGS,
-    ) -> None:
-        super().__init__(families, self._packet, settings)
+    def __init__(self, families: dict[str, str], run: str) -> None:
         chips = [family for family in families.values() if family != CONNECTOR_FAMILY]
         self.coverage: Coverage = Coverage([run], {family: {} for family in chips})
         self._families: dict[str, str] = families
@@ -220,14 +213,14 @@ class CoverageObserver(BoardPackets):
             if item.group not in COUNTED
         }
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Count what a packet exercises."""
         family = self._families[chip]
         for key in exercised(family, packet):
             self.coverage.add(family, key)
 
     def violation(self, violation: Violation) -> None:
         """Count a broken rule."""
-        super().violation(violation)
         family = self._families.get(violation.chip)
         key = self._rules.get(violation.rule)
         if family is not None and key is not None:

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from vbus.chips.family import Family
+from vbus.circuit.stream import PacketReader
 from vbus.errors import ConfigError
-from vbus.signals import Observer, Rule, Violation
+from vbus.signals import Rule, Violation
 from vbus.trace.findings.report import Report
 
 
@@ -20,13 +21,13 @@ class Uses:
         raise NotImplementedError
 
 
-class Compatibility(Observer):
+class Compatibility(PacketReader):
     """Files a note for each use of a chip that another part takes differently.
 
     Args:
         other: the other part, such as ``"hctl-1100"``.
         families: the families of the chips, by name of chip.
-        report: takes the notes; it sees the bus through this observer.
+        report: takes the notes; it reads each bus cycle before.
 
     Raises:
         ConfigError: no chip is compatible with such a part; says with what they are.
@@ -49,7 +50,6 @@ class Compatibility(Observer):
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Look at a bus cycle."""
-        self._report.bus_cycle(when, host, chip, write, address, data)
         uses = self._uses.get(chip)
         if uses is None:
             return
@@ -57,11 +57,3 @@ class Compatibility(Observer):
             self._report.violation(
                 Violation(when, chip, rule.name, rule.clause, rule.severity, 0, 0, detail)
             )
-
-    def violation(self, violation: Violation) -> None:
-        """Pass it on."""
-        self._report.violation(violation)
-
-    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
-        """Pass it on."""
-        self._report.fault(when, name, target, what, text)

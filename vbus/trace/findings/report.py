@@ -1,13 +1,12 @@
 """The violations of a run, each with the bus cycles around it."""
 
 from collections import deque
-from collections.abc import Mapping
 from typing import Final
 
 from msgspec import Struct, field
 
 from vbus.chips.packets import Packet
-from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
+from vbus.circuit.stream import PacketReader
 from vbus.signals import Rule, Violation
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.findings.suppress import Suppression
@@ -18,7 +17,7 @@ DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
 
 
-class Line(Struct):
+class CycleLine(Struct):
     """One bus cycle of a transcript.
 
     Attributes:
@@ -43,12 +42,12 @@ class Finding(Struct):
     """
 
     violation: Violation
-    before: list[Line]
-    after: list[Line]
+    before: list[CycleLine]
+    after: list[CycleLine]
     reason: str = ""
 
 
-class Report(BoardPackets):
+class Report(PacketReader):
     """Collects violations; let it see a board while it runs, or a journal afterwards.
 
     Args:
@@ -66,9 +65,7 @@ class Report(BoardPackets):
         rules: list[Rule],
         suppressions: list[Suppression] | None = None,
         file: str = "",
-        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
-        super().__init__(families, self._packet, settings)
         self.board: str = board
         self.file: str = file
         self.families: dict[str, str] = families
@@ -81,11 +78,12 @@ class Report(BoardPackets):
         self.no_effect: NoEffect = NoEffect()
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
-        self._ring: deque[Line] = deque(maxlen=CONTEXT)
+        self._ring: deque[CycleLine] = deque(maxlen=CONTEXT)
         self._open: list[Finding] = []
         self._ended: list[str] = []
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down what a cycle has said, which comes next."""
         self.no_effect.add(packet)
         clause = f"  [{packet.clause}]" if packet.clause else ""
         self._ended.append(f"{chip} {packet.text}{clause}")
@@ -95,8 +93,7 @@ class Report(BoardPackets):
     ) -> None:
         """Take down a bus cycle."""
         self.cycles += 1
-        super().bus_cycle(when, host, chip, write, address, data)
-        line = Line(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
+        line = CycleLine(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
         if self._ended:
             line.packets = self._ended
             self._ended = []
@@ -109,7 +106,6 @@ class Report(BoardPackets):
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation, with what came before it."""
-        super().violation(violation)
         key = (violation.chip, violation.rule)
         self.counts[key] = self.counts.get(key, 0) + 1
         reason = ""

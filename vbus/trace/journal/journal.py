@@ -10,8 +10,8 @@ from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
+from vbus.circuit.stream import settings_for_decoders
 from vbus.errors import VbusError
-from vbus.events.decode import settings_for_decoders
 from vbus.signals import Observer, Violation
 from vbus.trace.journal.format import CODE, Header, header_block, rows_block
 from vbus.trace.journal.recorded_bus import RecordedBus

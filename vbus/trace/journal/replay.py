@@ -7,8 +7,8 @@ from itertools import chain, zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.chips.packets import PATIENCE, Cycle, Decoder
-from vbus.events.decode import decoder_of, settings_for_decoders
+from vbus.chips.packets import PATIENCE, Cycle
+from vbus.circuit.stream import PacketStream, settings_for_decoders
 from vbus.trace.journal.again import Made, Stretch, StretchReplayer
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
 from vbus.trace.journal.format import Entry, JournalReader
@@ -54,7 +54,6 @@ class Replay(Player):
 
     def __init__(self, board: Board, entries: Iterable[Entry], families: dict[str, str]) -> None:
         super().__init__(board)
-        settings = settings_for_decoders(board.chips)
         self._reader: JournalReader | None = entries if isinstance(entries, JournalReader) else None
         self._stretches: Iterator[Stretch] = (
             iter(self._reader.stretches()) if self._reader else map(_alone, entries)
@@ -63,9 +62,7 @@ class Replay(Player):
         """What follows of the stretch that is played."""
         self._past: deque[Made] = deque(maxlen=LOOKBACK)
         """Bus cycles nobody has decoded yet."""
-        self._decoders: dict[str, Decoder] = {
-            name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
-        }
+        self._stream: PacketStream = PacketStream(families, settings_for_decoders(board.chips))
         self._sessions: Sessions = Sessions()
         self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
@@ -256,16 +253,13 @@ class Replay(Player):
 
     def _side(self, chips: str, cycle: Cycle, shown: str) -> "Side":
         """Return one side of a difference in a cycle; its packet is that of the first chip."""
-        return Side(self._decoders.get(chips.partition("+")[0]), cycle, shown)
+        return Side(self._stream.decoders.get(chips.partition("+")[0]), cycle, shown)
 
     def _decode_past(self) -> None:
         """Somebody wants to know what the cycles say: the packet of the next one may be open."""
         for chips, write, address, data, after, span, times in self._past:
-            decoders = [self._decoders[one] for one in chips.split("+") if one in self._decoders]
             for turn in range(max(0, times - ENOUGH), times):
-                cycle = Cycle(after + turn * span, write, address, data)
-                for decoder in decoders:
-                    decoder.feed(cycle)
+                self._stream.bus_cycle(after + turn * span, "", chips, write, address, data)
         self._past.clear()
 
     def _where(self, entry: Entry) -> str:

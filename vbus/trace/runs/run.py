@@ -2,7 +2,6 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -11,13 +10,13 @@ from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.board.sections import BoardFile
 from vbus.chips.packets import STATUS, WHOLE, Packet
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import VbusError
-from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Violation
 from vbus.trace.journal.format import Header, JournalReader
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import shown
-from vbus.trace.runs.motion import Course, Motion
+from vbus.trace.runs.motion import AxisCourse, Motion
 from vbus.version import __version__
 
 _OUTSIDE: Final = ("hosts", "record", "waves", "metrics", "zenoh")
@@ -58,7 +57,7 @@ class Run:
     """
 
     host: list[Said] = field(default_factory=list)
-    axes: dict[str, Course] = field(default_factory=dict)
+    axes: dict[str, AxisCourse] = field(default_factory=dict)
     cycles: int = 0
     duration: int = 0
     violations: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -66,18 +65,16 @@ class Run:
     vbus: str = __version__
 
 
-class _Host(BoardPackets):
+class _Host(PacketReader):
     """Takes down what hosts do."""
 
-    def __init__(
-        self, run: Run, families: Mapping[str, str], settings: Mapping[str, Settings] = NO_SETTINGS
-    ) -> None:
-        super().__init__(families, self._packet, settings)
+    def __init__(self, run: Run) -> None:
         self._run = run
         self._polled: dict[str, Said] = {}
         """What has been read since the host wrote."""
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take a packet down."""
         answered = packet.kind in (WHOLE, STATUS) and not packet.cycles[-1].write
         text = f"{chip} {packet.text}"
         asked = f"{chip} {packet.name}" if answered else text
@@ -97,11 +94,9 @@ class _Host(BoardPackets):
     ) -> None:
         """Count a cycle."""
         self._run.cycles += 1
-        super().bus_cycle(when, host, chip, write, address, data)
 
     def violation(self, violation: Violation) -> None:
         """Count a violation."""
-        super().violation(violation)
         self._run.violations[violation.chip, violation.rule] += 1
 
 
@@ -121,9 +116,10 @@ def recorded_run(reader: JournalReader) -> Run:
     file, source = read_board_text(header.text, header.file)
     board = build(file, source)
     run = Run(models=models_of(file))
-    host = _Host(run, header.families, header.settings)
+    host = _Host(run)
+    stream = PacketStream(header.families, header.settings, (host,))
     motion = Motion(board)
-    outcome = Replay(board, shown(reader, host), header.families).run()
+    outcome = Replay(board, shown(reader, stream), header.families).run()
     axes = motion.stop()
     found = outcome.divergence
     if found is not None:
@@ -134,7 +130,7 @@ def recorded_run(reader: JournalReader) -> Run:
         )
     if not outcome.ended:
         raise VbusError(f"it was not closed ({reader.damage or 'its end is missing'})")
-    host.finish()
+    stream.finish()
     run.axes = axes
     run.duration = board.now
     return run

@@ -8,9 +8,9 @@ from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch
-from vbus.chips.packets import Cycle, Decoder, Packet
+from vbus.chips.packets import Cycle, Packet
+from vbus.circuit.stream import PacketStream
 from vbus.errors import CaptureError
-from vbus.events.decode import decoder_of
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
 from vbus.state import load, save
@@ -19,7 +19,7 @@ from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.channel_map import Wiring
 from vbus.trace.silicon.outputs import UNKNOWN, Difference, OutputWatch
 from vbus.trace.silicon.start import Start, watch_of
-from vbus.trace.silicon.verdict import Candidate, Mismatch, Tolerance, Verdict
+from vbus.trace.silicon.verdict import Candidate, CaptureTolerance, Mismatch, Verdict
 
 CONTEXT: Final = 20
 """Bus cycles answers on either side of a difference."""
@@ -27,7 +27,7 @@ KEPT: Final = 1000
 """Violations kept; more are counted."""
 
 
-class _Bus(Observer):
+class _DataBus(Observer):
     """The values a data bus has had lately."""
 
     def __init__(self, value: int) -> None:
@@ -64,7 +64,7 @@ class Conform(Observer):
         board: Board,
         chip: Chip,
         wiring: Wiring,
-        tolerance: Tolerance,
+        tolerance: CaptureTolerance,
         judged: bool = False,
         progress: Callable[[], None] | None = None,
     ) -> None:
@@ -72,19 +72,17 @@ class Conform(Observer):
         self._board: Board = board
         self._chip: Chip = chip
         self._wiring: Wiring = wiring
-        self._tolerance: Tolerance = tolerance
+        self._tolerance: CaptureTolerance = tolerance
         self._judged: bool = judged
         self._progress: Callable[[], None] | None = progress
         self._watch: BusWatch = watch_of(chip, wiring)
-        self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
-        self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
+        self._silicon: PacketStream = PacketStream.of([chip])
+        self._model: PacketStream = PacketStream.of([chip])
         self._recent: deque[Packet] = deque(maxlen=CONTEXT)
         self._candidates: deque[Candidate] = deque()
         self._open: list[list[str]] = []
         self._ring: deque[str] = deque(maxlen=CONTEXT)
         self._polls: deque[tuple[int, int, int]] = deque()
-        self._rules: dict[int, list[str]] = {}
-        """Rules broken at the instant of the latest violation."""
         board.listen(self)
         self._inputs: list[tuple[str, Pin]] = []
         """Inputs of the chip; those of the bus come first. One whose level is not known yet is not
@@ -92,7 +90,7 @@ class Conform(Observer):
         self._outputs: list[OutputWatch] = []
         self._attach()
         self._data: Pin = chip.bus_net.solder("capture")
-        self._bus: _Bus = _Bus(chip.bus_net.value)
+        self._bus: _DataBus = _DataBus(chip.bus_net.value)
         chip.bus_net.observe(self._bus)
         self._reading: int = 0
         """Since when the chip has been driving the data bus."""
@@ -120,8 +118,8 @@ class Conform(Observer):
         self.verdict.broken += 1
         if len(self.verdict.violations) < KEPT:
             self.verdict.violations.append(violation)
-        rules = self._rules.get(violation.when, [])
-        self._rules = {violation.when: [*rules, violation.rule]}
+        self._silicon.violation(violation)
+        self._model.violation(violation)
 
     # -- from sample to sample ----------------------------------------------------------------
 
@@ -281,10 +279,8 @@ class Conform(Observer):
             self.verdict.reads += not cycle.write
         if self.verdict.mismatch is None:
             self.verdict.cycles += 1
-        rules = self._rules.get(cycle.when, [])
-        lost = next((rule for rule in rules if rule in self._silicon.LOST), "")
-        packets = self._silicon.feed(silicon, lost)
-        self._recent.extend(self._model.feed(model, lost))
+        packets = [packet for _, packet in self._silicon.decoded(self._chip.name, silicon)]
+        self._recent.extend(packet for _, packet in self._model.decoded(self._chip.name, model))
         text += "".join(f"\n    {packet.text}" for packet in packets)
         self._ring.append(text)
         for after in self._open:
@@ -385,8 +381,8 @@ class Conform(Observer):
     def _finish(self, when: int) -> None:
         for output in self._outputs:
             self._edge(output, output.finish(when))
-        packets = self._silicon.finish()
-        self._recent.extend(self._model.finish())
+        packets = self._silicon.decoders[self._chip.name].finish()
+        self._recent.extend(self._model.decoders[self._chip.name].finish())
         for packet in packets:
             self._resolve(packet)
         for candidate in self._candidates:

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from mypy_extensions import i64
 
+from vbus.circuit.stream import PacketStream
 from vbus.kernel import Kernel
 from vbus.signals import Observer, Violation
 from vbus.state import Names
@@ -22,7 +23,6 @@ class Changes(Observer):
         kernel: the board's time.
         signals: what is taken down, by name of the net.
         decoding: is told what the board tells, but for bus cycles like those of :meth:`say`.
-        lost: not empty while the chips do not take the bus cycles that are about to come.
 
     Attributes:
         pending: instant (ps), signal and value of each change.
@@ -35,15 +35,14 @@ class Changes(Observer):
         self,
         kernel: Kernel,
         signals: dict[str, Any],
-        decoding: Observer,
-        lost: dict[str, tuple[int, str]],
+        decoding: PacketStream,
     ) -> None:
         self.pending: list[Any] = []
         self.drained: i64 = 0
         self._kernel: Kernel = kernel
         self._signals: dict[str, Any] = signals
-        self._decoding: Observer = decoding
-        self._lost: dict[str, tuple[int, str]] = lost
+        self._decoding: PacketStream = decoding
+        self._lost: dict[str, tuple[int, str]] = decoding.lost
         self._said: dict[str, dict[int, tuple[Any, str]]] = {}
         """Signal and text, by name of the chip and what the cycle is."""
         self._in_order: bool = True

@@ -1,14 +1,14 @@
 """What a waveform can show of a board: nets, values of the chips, commands, violations."""
 
 import fnmatch
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from msgspec import Struct
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.events.names import Level, Value, net_names
+from vbus.events.names import Value, net_names
 from vbus.signals import Net
 
 FULL: Final = "full"
@@ -21,40 +21,28 @@ class Signal(Struct, eq=False):
 
     Attributes:
         name: ``"x./CS"``, ``"x.real"``, ``"x.packet"``.
-        kind: ``"net"``, ``"value"``, ``"command"`` or ``"violation"``.
-        shown: whether it is in the file; a trigger may look at any.
+        kind: ``"net"``, ``"value"`` or ``"text"``.
         net: the net, if it is one.
     """
 
     name: str
     kind: str
-    shown: bool = True
     net: Net | None = None
 
 
-def signals_of(
-    board: Board, patterns: Sequence[str], watched: Iterable[Level] = ()
-) -> list[Signal]:
-    """Return everything that is looked at, nets first.
+def signals_of(board: Board, patterns: Sequence[str]) -> list[Signal]:
+    """Return everything that is shown, nets first.
 
     Args:
         board: the board.
         patterns: what is shown; see :func:`nets_of`.
-        watched: what a trigger looks at, shown or not.
 
     Raises:
         VbusError: a pattern matches nothing; says what there is.
     """
-    nets = nets_of(board, patterns)
-    signals = [Signal(net.name, "net", True, net) for net in nets]
-    signals += [
-        Signal(one.key, "net", False, one.net) for one in watched if one.net not in (None, *nets)
-    ]
-    signals += [Signal(one.key, "value", False) for one in watched if one.register is not None]
-    signals += [Signal(name, "value", _chosen(name, patterns)) for name in values_of(board)]
-    for name in texts_of(board):
-        kind = "command" if name.endswith(".packet") else "violation"
-        signals.append(Signal(name, kind, _chosen(name, patterns)))
+    signals = [Signal(net.name, "net", net) for net in nets_of(board, patterns)]
+    signals += [Signal(name, "value") for name in values_of(board) if _chosen(name, patterns)]
+    signals += [Signal(name, "text") for name in texts_of(board) if _chosen(name, patterns)]
     return signals
 
 

@@ -88,7 +88,7 @@ class VcdFile:
             init_timestamp=first // TICK,
         )
         for signal in signals:
-            if signal.shown and (self._full or signal.net is not None):
+            if self._full or signal.net is not None:
                 value = values.get(signal)
                 real = signal.kind == "value" and not isinstance(value, str)
                 variables = self._declared(signal, value)

@@ -8,10 +8,10 @@ from typing import Final, TextIO
 
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import PluginError, VbusError
-from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
-from vbus.events.decode import BoardPackets, settings_for_decoders
 from vbus.events.names import Value
+from vbus.events.watch import Watch
 from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.wave.changes import Changes
@@ -26,7 +26,7 @@ RECORDING: Final = "recording"
 DONE: Final = "done"
 
 
-class Wave(BoardPackets):
+class Wave(PacketReader):
     """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
 
     A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
@@ -67,8 +67,6 @@ class Wave(BoardPackets):
             import vcd  # noqa: F401
         except ImportError:
             raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
-        families = {chip.name: chip.FAMILY for chip in board.chips}
-        super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
         self.state: str = "new"
         self.error: str = ""
@@ -81,23 +79,20 @@ class Wave(BoardPackets):
         self._duration: int = duration
         self._end: int = -1
         self._sample: int = max(1, sample)
-        self._trigger: Condition | None = None
+        self._trigger: Watch | None = None
         if trigger:
-            self._trigger = Condition(trigger, board, "trigger")
-        self._course: Course = Course(broken=dict(board.counters))
-        self._held: bool = False
-        """Whether the trigger's condition has held when it was looked at last."""
-        watched = list(self._trigger.levels.values()) if self._trigger is not None else []
-        self._registers = {one.key: one for one in watched if one.register is not None}
-        self.signals: list[Signal] = signals_of(board, list(signals), watched)
+            self._trigger = Watch(trigger, board, "trigger", self._triggered, anew=True)
+        self.signals: list[Signal] = signals_of(board, list(signals))
         nets = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
-        self._words = {name: self._others[f"{name}.packet"] for name in families}
+        told = [one for one in board.chips if profile == FULL and self._word(one.name) is not None]
+        self._stream: PacketStream = PacketStream.of(told, (self,))
+        """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
         self._values: dict[Signal, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
         """What the chips have told of themselves."""
-        self._changes: Changes = Changes(board.kernel, nets, self, self._lost)
+        self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
 
@@ -110,7 +105,8 @@ class Wave(BoardPackets):
         now = self.board.now
         nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
         self._values = {signal: net.value for signal, net in nets}
-        self._values |= {self._others[name]: v for name, v in self._told().items()}
+        told = values_of(self.board)
+        self._values |= {self._others[name]: told[name] for name in told if name in self._others}
         self._latest = dict(self._values)
         for _, net in nets:
             net.observe(self._changes)
@@ -119,15 +115,15 @@ class Wave(BoardPackets):
         self.state = WAITING
         if self._trigger is None:
             self._begin(now, now)
-            return
-        for signal, value in self._values.items():
-            self._course.change(signal.name, value)
-        self._held = self._trigger.holds(self._course, now)
+        else:
+            self._trigger.begin()
 
     def stop(self) -> None:
         """End the recording and close the text; the file stays open. May be called again."""
         if self.state in (WAITING, RECORDING):
             self.board.catch_up()
+            if self._trigger is not None:
+                self._trigger.flush()
             self._drain(self.board.now + 1)
             self._finish(self.board.now)
 
@@ -136,6 +132,8 @@ class Wave(BoardPackets):
             recording = self.state == RECORDING
             self.state = DONE
             self._timer.cancel()
+            if self._trigger is not None:
+                self._trigger.end()
             self.board.unobserve(self._changes)
             for signal in self.signals:
                 if signal.net is not None:
@@ -158,17 +156,20 @@ class Wave(BoardPackets):
 
     # -- what happens -------------------------------------------------------------------------
 
-    def _packet(self, chip: str, packet: Packet) -> None:
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down what bus cycles say."""
         # A packet that was cut short is known to have ended only now.
-        signal, text = self._words[chip], packet.text
-        self._changes.note(self.latest, signal, text)
-        if packet.kind in self._decoders[chip].APART:
+        signal, text = self._word(chip), packet.text
+        self._changes.note(self._stream.latest, signal, text)
+        if packet.kind in self._stream.decoders[chip].APART:
             _, write, address, data = packet.cycles[0]
             self._changes.say(chip, write, address, data, signal, text)
 
+    def _word(self, chip: str) -> Signal | None:
+        return self._others.get(f"{chip}.packet")
+
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
         if signal is not None:
             self._changes.note(violation.when, signal, violation.rule)
@@ -180,7 +181,7 @@ class Wave(BoardPackets):
     def _look(self) -> None:
         """Look at what the chips tell of themselves; they are up to date after that."""
         now = self.board.now
-        for name, value in self._told().items():
+        for name, value in values_of(self.board).items():
             signal = self._others.get(name)
             if signal is not None and self._latest.get(signal) != value:
                 self._latest[signal] = value
@@ -188,13 +189,6 @@ class Wave(BoardPackets):
         self._drain(now)
         if self.state in (WAITING, RECORDING):
             self._timer.at(now + self._sample)
-
-    def _told(self) -> dict[str, Value]:
-        """Return what the chips tell of themselves, and the registers that the trigger is about."""
-        told = values_of(self.board)
-        for key, level in self._registers.items():
-            told[key] = level.value({})
-        return told
 
     # -- from changes to the file -------------------------------------------------------------
 
@@ -210,16 +204,10 @@ class Wave(BoardPackets):
             if change[0] >= now:
                 break
             done += 1
-            if self.state == WAITING:
-                self._await(self._course.due, change[0])
             self._take(change)
-            if self.state == WAITING and (done == len(pending) or pending[done][0] > change[0]):
-                self._await(change[0], change[0] + 1)
             if self.state not in (WAITING, RECORDING):
                 break
         del pending[:done]
-        if self.state == WAITING:
-            self._await(self._course.due, now)
         if self.state == RECORDING:
             if 0 <= self._end < now:
                 self._finish(self._end)
@@ -236,17 +224,13 @@ class Wave(BoardPackets):
             self._guarded(self._file.flush)
 
     def _take(self, change: Change) -> None:
-        when, signal, value = change
+        when = change[0]
         if self.state == RECORDING:
             if 0 <= self._end < when:
                 self._finish(self._end)
             else:
                 self._write([change])
             return
-        if signal.kind in (COMMAND, VIOLATION):
-            self._course.happen(signal.kind, signal.name.rpartition(".")[0], str(value))
-        else:
-            self._course.change(signal.name, value)
         self._ring.append(change)
         self._forget(when)
 
@@ -257,15 +241,13 @@ class Wave(BoardPackets):
             _, old, kept = ring.popleft()
             self._values[old] = kept
 
-    def _await(self, when: int, until: int) -> None:
-        """Look at the trigger at instant ``when``, of which all is known, and before ``until``."""
-        while self._trigger is not None and when < until:
-            held, self._held = self._held, self._trigger.holds(self._course, when)
-            if self._held and not held:
-                self._forget(when)
-                self._begin(max(0, when - self._before), when)
-                return
-            when = self._course.due
+    def _triggered(self) -> None:
+        """The trigger's condition has come to hold."""
+        now = self.board.now
+        self._drain(now)
+        self._forget(now)
+        if self.state == WAITING:
+            self._begin(max(0, now - self._before), now)
 
     def _begin(self, first: int, trigger: int) -> None:
         """Write the head, and what was kept from before the trigger."""

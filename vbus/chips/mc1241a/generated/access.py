@@ -4,7 +4,7 @@
 from typing import Final
 
 from vbus.chips.mc1241a.datasheet import COMMAND_PORT, COMMANDS, DATA_PORT, STATUS_READY
-from vbus.client.bus import Cycles
+from vbus.client.bus import ChipCycles
 from vbus.client.packets import Packets
 from vbus.errors import ChecksumError
 
@@ -31,7 +31,7 @@ class Mc1241aPackets(Packets):
     READY_LEVEL = STATUS_READY
 
     def __init__(
-        self, cycles: Cycles, *, ready: str = "poll", polls: int = READY_POLLS,
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
         checked: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(cycles, ready=ready, polls=polls)

@@ -2,14 +2,14 @@
 """How a host moves register values to and from an MCP-1200, blocking."""
 
 from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
-from vbus.client.bus import Cycles
-from vbus.client.registers import Registers
+from vbus.client.bus import ChipCycles
+from vbus.client.registers import RegisterCycles
 
 FIRST_EXTENDED = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
 
 
-class Mcp1200Access(Registers):
+class Mcp1200Access(RegisterCycles):
     """One MCP-1200: values of one or more bytes.
 
     Args:
@@ -17,7 +17,7 @@ class Mcp1200Access(Registers):
             with one chip.
     """
 
-    def __init__(self, cycles: Cycles) -> None:
+    def __init__(self, cycles: ChipCycles) -> None:
         super().__init__(cycles)
         self._extended: bool = False
 

@@ -1,8 +1,9 @@
-"""Decoders by chip family, and the packets of a whole board while it runs."""
+"""The stream of what happens on a board: its bus cycles become packets here, once for all."""
 
-from collections.abc import Callable, Iterable, Mapping
+import copy
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from vbus import plugins
 from vbus.chips.base import CONNECTOR_FAMILY, Chip
@@ -85,64 +86,123 @@ def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
     return found
 
 
-class BoardPackets(Observer):
-    """Packets of every chip of a board, as they are completed.
+class PacketReader(Observer):
+    """An observer that reads packets too.
+
+    The packets that a bus cycle completes come before the cycle itself, and a violation for which
+    the chip does not take a cycle before both.
+    """
+
+    def reads(self) -> bool:
+        """Tell whether packets are wanted: else no cycle is decoded for this observer."""
+        return True
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Read what bus cycles of ``chip`` have said."""
+
+
+class PacketTaker(PacketReader):
+    """Hands each packet, with the name of its chip, to a function."""
+
+    def __init__(self, take: Callable[[str, Packet], object]) -> None:
+        self._take: Callable[[str, Packet], object] = take
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Hand it on."""
+        self._take(chip, packet)
+
+
+class PacketStream(Observer):
+    """Makes packets of the bus cycles of a board, or of a journal, and passes on all it is told.
 
     Chips written together (``"x+y"``) have a decoder each.
 
     Args:
         families: chip families by name of chip.
-        take: is given the chip's name and each packet.
         settings: what :func:`settings_for_decoders` gave for these chips.
+        readers: who reads; a board adds and removes them while it runs.
     """
 
     def __init__(
         self,
         families: Mapping[str, str],
-        take: Callable[[str, Packet], None],
         settings: Mapping[str, Settings] = NO_SETTINGS,
+        readers: tuple[PacketReader, ...] = (),
     ) -> None:
-        self._decoders: dict[str, Decoder] = {
+        self.readers: tuple[PacketReader, ...] = readers
+        self.decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, NO_SETTINGS))
             for name, family in families.items()
         }
-        self._give: Callable[[str, Packet], None] = take
-        self._lost: dict[str, tuple[int, str]] = {}
+        self.lost: dict[str, tuple[int, str]] = {}
         """Of cycles that are about to come: instant (ps) and rule, by name of chip."""
         self.latest: int = 0
         """Instant of the latest bus cycle (ps)."""
 
+    @classmethod
+    def of(cls, chips: Iterable[Chip], readers: tuple[PacketReader, ...] = ()) -> Self:
+        """Return the stream of these chips, from now on."""
+        chips = tuple(chips)
+        families = {chip.name: chip.FAMILY for chip in chips}
+        return cls(families, settings_for_decoders(chips), readers)
+
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
-        """Decode one more cycle."""
-        self.latest = when
-        cycle = Cycle(when, write, address, data)
+        """Decode one more cycle, and pass it on."""
+        for name, packet in self.decoded(chip, Cycle(when, write, address, data)):
+            for reader in self.readers:
+                reader.packet(name, packet)
+        for reader in self.readers:
+            reader.bus_cycle(when, host, chip, write, address, data)
+
+    def decoded(self, chip: str, cycle: Cycle) -> Iterator[tuple[str, Packet]]:
+        """Give the packets that a cycle completes, each with the name of its chip."""
+        when = self.latest = cycle.when
         for name in chip.split("+") if "+" in chip else (chip,):
-            decoder = self._decoders.get(name)
+            decoder = self.decoders.get(name)
             if decoder is None:
                 continue
-            instant, rule = self._lost.pop(name, (-1, "")) if self._lost else (-1, "")
+            instant, rule = self.lost.pop(name, (-1, "")) if self.lost else (-1, "")
             for packet in decoder.feed(cycle, rule) if instant == when else decoder.take(cycle):
-                self._give(name, packet)
+                yield name, packet
 
     def violation(self, violation: Violation) -> None:
-        """Remember a breach for which the cycle at this instant is lost: it comes right after."""
+        """Pass a breach on; the cycle that is lost for it, if one is, comes next."""
         if self.loses(violation):
-            self._lost[violation.chip] = (violation.when, violation.rule)
+            self.lost[violation.chip] = (violation.when, violation.rule)
+        for reader in self.readers:
+            reader.violation(violation)
 
     def loses(self, violation: Violation) -> bool:
         """Tell whether the cycle of a breach is lost, which its packet will say."""
-        decoder = self._decoders.get(violation.chip)
+        decoder = self.decoders.get(violation.chip)
         return decoder is not None and violation.rule in decoder.LOST
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Pass it on."""
+        for reader in self.readers:
+            reader.fault(when, name, target, what, text)
+
+    def outside(self, order: str, values: list[object]) -> None:
+        """Pass it on."""
+        for reader in self.readers:
+            reader.outside(order, values)
+
+    def settled(self, now: int) -> None:
+        """Pass it on."""
+        for reader in self.readers:
+            reader.settled(now)
 
     def unfinished(self) -> int | None:
         """Return the instant of the last cycle of the oldest packet still open (ps), if any is."""
-        ends = [decoder.unfinished() for decoder in self._decoders.values()]
+        ends = [decoder.unfinished() for decoder in self.decoders.values()]
         return min((end for end in ends if end is not None), default=None)
 
-    def finish(self) -> None:
-        """Give what is still open."""
-        for name, decoder in self._decoders.items():
+    def finish(self, leaves: PacketReader | None = None) -> None:
+        """Give what is still open; for a reader that ``leaves``, it stays open for the others."""
+        decoders = self.decoders if leaves is None else copy.deepcopy(self.decoders)
+        for name, decoder in decoders.items():
             for packet in decoder.finish():
-                self._give(name, packet)
+                for reader in self.readers if leaves is None else (leaves,):
+                    reader.packet(name, packet)
