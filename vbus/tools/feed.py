@@ -13,6 +13,8 @@ from typing import Any, Final
 from vbus.errors import TransportError, VbusError
 from vbus.tools.output import complain
 
+MOST_WAITING: Final = 1024
+"""Requests that may wait for a board that does not read; more are refused."""
 NODES_SECONDS: Final = 2.0
 """How long nodes of a machine may take to begin after the first of them."""
 
@@ -39,6 +41,7 @@ class Feed:
             self._socket.close()
             reason = error.strerror or str(error)
             raise TransportError(not_there(board, "can be watched", reason)) from error
+        self._unsent: SimpleQueue[bytes] | None = None
         self._lines: io.BufferedReader = self._socket.makefile("rb")
         self.hello: dict[str, Any] = json.loads(next(self._lines, b"{}"))
         """What ``vbus ls --json`` tells of the board."""
@@ -62,8 +65,29 @@ class Feed:
                 yield data
 
     def send(self, data: bytes) -> None:
-        """Ask for something else."""
-        self._socket.sendall(data)
+        """Ask for something else; a board that does not read now reads it later.
+
+        Raises:
+            OSError: the board has gone, or does not read for long.
+        """
+        if self._unsent is None:
+            sent = 0
+            with suppress(BlockingIOError):
+                sent = self._socket.send(data, socket.MSG_DONTWAIT)
+            if sent == len(data):
+                return
+            data = data[sent:]
+            self._unsent = SimpleQueue()
+            Thread(target=self._send_later, args=(self._unsent,), daemon=True).start()
+        elif self._unsent.qsize() >= MOST_WAITING:
+            raise BlockingIOError(f"the board does not read: {MOST_WAITING} requests wait")
+        self._unsent.put(data)
+
+    def _send_later(self, unsent: SimpleQueue[bytes]) -> None:
+        """Send what the board has not taken at once, and all that comes after it."""
+        with suppress(OSError):  # it has gone, or is watched no more
+            while data := unsent.get():
+                self._socket.sendall(data)
 
     def until(self, condition: str) -> None:
         """Have it told when a condition holds; "waiting" or "refused" comes first."""
@@ -72,6 +96,8 @@ class Feed:
     def close(self) -> None:
         """Watch no more."""
         self._socket.close()
+        if self._unsent is not None:
+            self._unsent.put(b"")
 
 
 class Together:

@@ -226,7 +226,7 @@ def test_a_contended_read_is_no_data_read_at_all():
     assert bench.probe.flags == 0x04, "no command error"
 
 
-@pytest.mark.spec("LM-BUS-5", "LM-T-15")
+@pytest.mark.spec("LM-BUS-12", "LM-BUS-5", "LM-T-15")
 def test_a_status_read_between_two_bytes_of_a_word_disturbs_nothing(bench):
     bench.probe.real_position = 0x12345678
     bench.command("RDRP")
@@ -484,7 +484,7 @@ def test_writing_while_a_word_is_to_be_read_is_a_command_error_and_nothing_else(
     assert bench.read(1) == 0x22
 
 
-@pytest.mark.spec("LM-BUS-12", "LM-AMB-12")
+@pytest.mark.spec("LM-BUS-3", "LM-BUS-12", "LM-AMB-12")
 def test_data_nobody_expects_is_a_command_error(bench):
     assert bench.report("RDSIGS") == 0x8184
     assert bench.read(1) == 0x84, "the last byte"

@@ -137,7 +137,7 @@ def test_position_is_zero_where_the_motor_is_when_the_reset_ends(make):
     assert bench.probe.real_position == 110
 
 
-@pytest.mark.spec("LM-RST-3")
+@pytest.mark.spec("LM-RST-1", "LM-RST-3")
 def test_reset_zeroes_a_12_bit_converter_and_then_an_8_bit_one():
     bench = Bench("strobe")
     bench.run(100 * US)

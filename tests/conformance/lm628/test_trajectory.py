@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 
 from tests.conformance.lm628.bench import Bench, Course, Follower
+from vbus.chips.lm628.profile import approach
 
 ONE = 1 << 16
 """One count per sample, or per sample squared."""
@@ -483,6 +484,15 @@ def test_an_acceleration_above_the_velocity_is_not_refused(bench):
     assert desired(bench, 5) == [3, 6, 9, 10, 10]
     assert bench.rules() == []
     assert bench.probe.on_target
+
+
+@pytest.mark.spec("LM-TRJ-12")
+@pytest.mark.parametrize("slower", [0, 1, 2])
+def test_what_is_one_acceleration_too_fast_to_stop_is_slowed_by_one_acceleration(
+    slower: int,
+) -> None:
+    """From the smallest velocity on: what is left after it is the coming sample's, and no stop."""
+    assert approach(5, 10 + slower, ONE, 10) == (slower if slower else 5)
 
 
 @pytest.mark.spec("LM-TRJ-12", "LM-T-5")

@@ -391,7 +391,7 @@ def test_without_auto_stop_only_the_bit_is_set(chip: Bench) -> None:
     assert chip.seen("status") == 0x0710
 
 
-@spec("PMD-STL-2", "PMD-MTR-1")
+@spec("PMD-CMD-53", "PMD-STL-2", "PMD-MTR-1")
 @pytest.mark.parametrize("command", ["MTR_ON", "SET_ACTL_POS", "SYNCH_PRFL", "SET_STEP_RATIO"])
 def test_four_commands_make_the_error_0(chip: Bench, command: str) -> None:
     chip.send("SET_STEP_RATIO", 256)

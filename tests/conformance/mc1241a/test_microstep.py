@@ -13,7 +13,7 @@ from vbus.chips.mc1241a.microstep import (
     pwm_magnitude,
     scaled,
 )
-from vbus.kernel import NEVER, NS, US
+from vbus.kernel import MS, NEVER, NS, US
 from vbus.signals import Observer, Plant
 
 spec = pytest.mark.spec
@@ -263,6 +263,26 @@ def test_phase_b_may_lag_instead() -> None:
     assert at_angle(powered(two_phase=False, phase_b="lags"), 0) == (0, -28377)
 
 
+@spec("PMD-TIM-5", "PMD-RST-1")
+def test_what_the_chip_did_before_a_reset_has_happened_though_nobody_looked() -> None:
+    driven = []
+    for looks in (True, False):
+        bench = powered()
+        plant = Noted()
+        bench.chip.connect(0, plant)
+        bench.move(pos=1 << 20, vel=16 << 16, acc=16 << 16)
+        bench.kernel.run_for(20 * CYCLE)
+        if looks:
+            bench.chip.advance()
+        bench.drive("~Reset", 0)
+        bench.kernel.run_for(10 * US)
+        bench.drive("~Reset", 1)
+        bench.run_for(5 * MS)
+        driven.append(plant.currents)
+    assert len(driven[0]) > 20
+    assert driven[0] == driven[1]
+
+
 # -- PWM pins ---------------------------------------------------------------------------------
 
 FRAME = 256 * CLK
@@ -287,6 +307,21 @@ def test_pwm_frames_carry_magnitude_and_sign() -> None:
     assert edges.of("PWMSign1A") == [(start, 1)]
     assert b < 0
     assert edges.of("PWMSign1B") == [(start, 1)]
+
+
+@spec("PMD-RST-1", "PMD-USTP-6")
+def test_frames_are_counted_anew_after_a_reset() -> None:
+    bench = powered(16384)
+    for _ in range(2):
+        at_angle(bench, 160)
+        bench.run_for(1)
+        edges = Edges(bench, "PWMMag1A")
+        bench.run_for(20 * FRAME)
+        assert len(edges.of("PWMMag1A")) >= 39
+        bench.run_for(20 * MS)  # longer than what follows the reset
+        bench.send("RESET")
+        bench.run_for(5 * MS)
+        bench.load(buf_mtr_cmd=16384, mtr_cmd=16384)
 
 
 @spec("PMD-USTP-6", "PMD-USTP-5")

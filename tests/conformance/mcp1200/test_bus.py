@@ -354,14 +354,20 @@ def test_an_unlisted_address_reads_zero_and_is_reported_once(bench: Bench) -> No
 
 
 @pytest.mark.spec("MCP-BUS-11", "MCP-AMB-16")
+@pytest.mark.parametrize("write", [False, True])
 @pytest.mark.parametrize(("stall", "late"), [(0, 0), (1, 3), (4, 12)])
-def test_an_access_stalls_the_core_only_if_the_board_says_so(stall: int, late: int) -> None:
+def test_an_access_stalls_the_core_only_if_the_board_says_so(
+    stall: int, late: int, write: bool
+) -> None:
     bench = Bench(io_stall_clk=stall)
     bench.control()
     start = bench.sample_start()
     bench.until(start + 10)
     for _ in range(3):
-        bench.read(PLAIN)
+        if write:
+            bench.write(PLAIN, 0x77)
+        else:
+            bench.read(PLAIN)
     bench.until(start + 1000 + late - 1)
     assert bench.pin("BUSY") == 1
     bench.until(start + 1000 + late)

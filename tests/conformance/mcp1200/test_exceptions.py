@@ -346,7 +346,7 @@ def test_report_action_sets_the_flag_and_nothing_else(begin: Callable[[Bench], N
     assert bench.seen("STATUS") & 0xC0 == 0
 
 
-@pytest.mark.spec("MCP-EXC-1", "MCP-REG-5", "MCP-AMB-7", "MCP-AMB-34")
+@pytest.mark.spec("MCP-EXC-5", "MCP-EXC-1", "MCP-REG-5", "MCP-AMB-7", "MCP-AMB-34")
 @pytest.mark.parametrize(
     ("source", "shift"), [("limit", 0), ("stop", 2), ("breakpoint", 4), ("error", 6)]
 )

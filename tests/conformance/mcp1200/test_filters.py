@@ -237,6 +237,19 @@ def test_idle_clears_the_history(pid: bool) -> None:
     assert respond(bench, [3, 5, 7]) == first
 
 
+@pytest.mark.spec("MCP-RST-4", "MCP-FLT-5")
+@pytest.mark.parametrize("pid", [False, True])
+def test_a_soft_reset_clears_the_history(pid: bool) -> None:
+    bench = servo(pid=pid, KI=200, KA=9, KV=9, FEED_FORWARD=0x0300)
+    first = respond(bench, [3, 5, 7])
+    bench.write(0x05, 0x00)
+    bench.until(bench.sample_start())  # where it begins
+    bench.wait(320)
+    bench.extended()
+    bench.control()
+    assert respond(bench, [3, 5, 7]) == first
+
+
 @pytest.mark.spec("MCP-FLT-6")
 def test_switching_the_filter_in_motion_keeps_both_histories() -> None:
     bench = servo()

@@ -333,7 +333,7 @@ def test_a_reset_forgets_the_backlash_taken_up(bench: Bench) -> None:
     assert bench.seen("POSITION_ERROR") == 3
 
 
-@pytest.mark.spec("MCP-MOD-2")
+@pytest.mark.spec("MCP-MOD-1", "MCP-MOD-2")
 def test_writing_idle_in_idle_takes_the_motor_command_away(bench: Bench) -> None:
     bench.write(0x08, 0xC0)
     bench.write(0x09, 0x20)
@@ -545,7 +545,7 @@ def test_a_code_written_after_control_in_idle_wins(bench: Bench) -> None:
     assert (bench.seen("MODE"), bench.pin("IDLE")) == (1, 1)
 
 
-@pytest.mark.spec("MCP-MOD-8", "MCP-AMB-27")
+@pytest.mark.spec("MCP-MOD-6", "MCP-MOD-8", "MCP-AMB-27")
 def test_the_first_of_the_mode_flags_wins(bench: Bench) -> None:
     """F0, then F4, then F3, then F5: seen by who moves the command position, and how fast."""
     bench.put("FINAL_POSITION", 1000)

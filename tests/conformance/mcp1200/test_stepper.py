@@ -398,7 +398,7 @@ def test_a_slow_motor_is_judged_over_as_many_samples_as_it_needs() -> None:
     assert not bench.seen("STATUS") & 0x10
 
 
-@pytest.mark.spec("MCP-STP-4")
+@pytest.mark.spec("MCP-MOD-2", "MCP-STP-4")
 def test_idle_begins_a_new_window() -> None:
     plant = Slipping()
     plant.per_step = 0.0

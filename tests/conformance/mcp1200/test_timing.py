@@ -8,7 +8,7 @@ import pytest
 from tests.conformance.mcp1200.conftest import Bench, low_pulse
 from vbus.chips.mcp1200.datasheet import DATA
 from vbus.kernel import NS, US
-from vbus.signals import STRICT, Policy, Z
+from vbus.signals import HIGH, LOW, STRICT, Policy, Z
 
 HZ = 10_000_000
 SUPPLIES = ("5 V", "3.3 V")
@@ -200,7 +200,7 @@ def test_from_ale_fall_to_ale_fall_of_writes(hz: int, supply: str, limit: int) -
         assert found == ([limit] if broken else [])
 
 
-@pytest.mark.spec("MCP-TIM-26", "MCP-T-23")
+@pytest.mark.spec("MCP-BUS-2", "MCP-TIM-26", "MCP-T-23")
 @pytest.mark.parametrize(
     ("hz", "supply", "limit"),
     [(8_000_000, "5 V", 252_100), (10_000_000, "5 V", 202_100), (10_000_000, "3.3 V", 203_100)],
@@ -246,6 +246,23 @@ def test_data_stays_on_the_bus_for_its_hold_time(supply: str, hold: int) -> None
     assert bench.chip.data_pin.level == 0xE5
     bench.until_ps(rose + hold)
     assert bench.chip.data_pin.level == Z
+
+
+@pytest.mark.spec("MCP-TIM-25", "MCP-TIM-16")
+def test_the_bus_that_the_chip_lets_go_of_is_no_data_that_the_host_has_moved() -> None:
+    bench = Bench(hz=HZ)
+    play(bench, oe(40 * NS))
+    rose = bench.kernel.now
+    # Early, but held for long: the next address, which is on the bus when the chip has let go.
+    bench.until_ps(rose + 1_000)
+    bench.drive("DB0-DB7", 0x12)
+    bench.drive("/ALE", LOW)
+    bench.until_ps(rose + 1_500)
+    bench.drive("/ALE", HIGH)
+    before = bench.rules()
+    bench.until_ps(rose + 10_000)
+    assert bench.chip.data_pin.level == Z
+    assert bench.rules() == before
 
 
 @pytest.mark.spec("MCP-TIM-1", "MCP-CFG-1")

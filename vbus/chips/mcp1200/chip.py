@@ -131,7 +131,7 @@ class MCP1200(HostInterface):
         self.advance()
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
             self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)
-            self._stall()
+            self._stall()  # MCP-BUS-11
         self.touched()
 
     def _too_soon(self, clocks: int) -> bool:
