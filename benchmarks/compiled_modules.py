@@ -296,7 +296,7 @@ def hashed() -> Callable[[], None]:
 
 
 def turning_round() -> Callable[[], None]:
-    """A solved motor whose command turns round every other period."""
+    """A motor whose command turns round every other period."""
     return lambda: consume(core.motor_period([0.5, -0.5], 200))
 
 
@@ -312,21 +312,15 @@ def ideal() -> Board:
 
 IN_PROCESS: dict[str, Callable[[], Callable[[], None]]] = {
     "LM629 samples": lambda: sampled(in_process.moving_lm629, 256_000_000),
-    "LM629 samples, motor solved": lambda: sampled(
-        partial(in_process.moving_lm629, 0), 256_000_000
-    ),
     "MCP-1200 samples": lambda: sampled(in_process.moving_mcp1200, 520_000_000),
     "MC1241A samples": lambda: sampled(in_process.moving_mc1241a, 542_720_000),
-    "MC1241A samples, motor integrated": lambda: sampled(
-        partial(in_process.moving_mc1241a, 0), 542_720_000
-    ),
     "LM629 samples, trapezoid": lambda: sampled(partial(far, "LM629", False), 256_000_000),
     "LM629 samples, ideal axis": lambda: sampled(ideal, 256_000_000),
     "MCP-1200 samples, trapezoid": lambda: sampled(partial(far, "MCP-1200", False), 520_000_000),
     "MCP-1200 samples, S-curve": lambda: sampled(partial(far, "MCP-1200", True), 520_000_000),
     "MC1241A samples, trapezoid": lambda: sampled(partial(far, "MC1241A", False), 542_720_000),
     "MC1241A samples, S-curve": lambda: sampled(partial(far, "MC1241A", True), 542_720_000),
-    "motor that turns round, solved": turning_round,
+    "motor that turns round": turning_round,
     "LM629 commands": lambda: commanded("LM629"),
     "MCP-1200 commands": lambda: commanded("MCP-1200"),
     "MC1241A commands": lambda: commanded("MC1241A"),
@@ -434,7 +428,7 @@ def served(name: str, pure: bool, profile: str = "") -> float:
     every = os.sched_getaffinity(0)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        (folder / "b.toml").write_text(text(1, "realtime", substeps=0) + hosts(1))
+        (folder / "b.toml").write_text(text(1, "realtime") + hosts(1))
         environment = {**os.environ, "VBUS_RUNTIME": place, "VBUS_PURE": str(int(pure)),
                        "PYTHONPATH": os.pathsep.join(sys.path)}  # fmt: skip
         start = ["-c", PROFILED.format(profile)] if profile else ["-m", "vbus"]

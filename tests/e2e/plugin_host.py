@@ -7,7 +7,7 @@ from pathlib import Path
 from vbus.board.board import Board
 from vbus.board.build import load_board
 from vbus.board.host_bus import HostBus
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -15,7 +15,7 @@ from vbus.trace.journal.view import play
 from vbus.trace.wave.wave import Wave
 
 
-class Seen(Reader):
+class Seen(PacketReader):
     def __init__(self) -> None:
         self.cycles: list[list[int]] = []
 

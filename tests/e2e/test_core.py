@@ -103,13 +103,13 @@ def test_each_file_that_is_compiled_is_in_one_unit_at_most(hook: ModuleType) -> 
     assert len(listed) > 50
     for pattern in hook.COMPILED:
         assert list((ROOT / "vbus").glob(pattern)), pattern
-    found = [
-        str(path.relative_to(ROOT))
-        for unit in hook.UNITS
-        for path in {path for pattern in unit for path in (ROOT / "vbus").glob(pattern)}
-    ]
-    in_units = [name for name in found if name in listed]
-    assert len(in_units) == len(set(in_units)) > 20
+    units = hook.units(ROOT)
+    for name in hook.SAMPLED:
+        assert list((ROOT / "vbus").glob(f"chips/*/{name}")), name
+    in_units = [name for unit in units for name in unit]
+    assert set(in_units) <= set(listed)
+    assert len(in_units) == len(set(in_units)) > 50
+    assert all(len(unit) > 3 for unit in units)
 
 
 def test_all_pages_and_messages_have_one_figure_for_the_interpreted_core(hook: ModuleType) -> None:

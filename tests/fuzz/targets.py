@@ -19,7 +19,7 @@ from vbus.board.checks import all_rules
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import MAGIC as SNAPSHOT
 from vbus.board.snapshot import read as read_snapshot
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.cluster.ordering import read_request, take_order
 from vbus.errors import VbusError
 from vbus.events.watch import Watch
@@ -136,7 +136,7 @@ def journal(data: bytes) -> None:
     else:
         file = data
     reader = JournalReader(io.BytesIO(file))
-    play(reader.header, reader, Reader())
+    play(reader.header, reader, PacketReader())
 
 
 def snapshot(data: bytes) -> None:

@@ -22,7 +22,7 @@ from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import Hosts
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.errors import SnapshotError, VbusError
 from vbus.kernel import END, MS, NS, US
 from vbus.protocols.byte import ByteProtocol
@@ -213,7 +213,7 @@ def test_a_damaged_journal_is_played_or_refused_in_words(chip: str, plant: str, 
             data = MAGIC + b"".join(map(block, found))
             try:
                 reader = JournalReader(io.BytesIO(data))
-                play(reader.header, reader, Reader())
+                play(reader.header, reader, PacketReader())
                 reader = JournalReader(io.BytesIO(data))
                 twin = load_board_text(reader.header.text, "b.toml")
                 Replay(twin, reader, reader.header.families).run()

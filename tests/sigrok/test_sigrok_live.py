@@ -12,7 +12,7 @@ import pytest
 
 from tests.e2e.command import running, start, vbus
 from tests.e2e.test_scope import folder
-from tests.sigrok.test_sigrok import ROOT, sigrok
+from tests.sigrok.test_sigrok import sigrok
 from tests.waiting import until
 from vbus import connect
 from vbus.chips.packets import STATUS, Packet
@@ -45,7 +45,9 @@ def served(count: int, *options: str) -> Iterator[tuple[str, list[str]]]:
 
 
 @pytest.mark.slow
-def test_sigrok_cli_decodes_a_running_board_as_its_journal_says(sigrok: str, folder: Path) -> None:
+def test_sigrok_cli_decodes_a_running_board_as_its_journal_says(
+    sigrok: str, sigrok_decoders: Path, folder: Path
+) -> None:
     log = folder / "log"
     count = len(CHANNELS)
     with running(folder / "bench.toml"), served(count) as (driver, channels), log.open("w") as told:
@@ -57,7 +59,7 @@ def test_sigrok_cli_decodes_a_running_board_as_its_journal_says(sigrok: str, fol
         client = subprocess.Popen(
             [sigrok, "-l", "3", "-d", driver, "-c", "samplerate=20m", "--samples", "2000000",
              "-P", ":".join(["vbus_lm628", *wiring]), "-A", "vbus_lm628=packets"],
-            env={**os.environ, "SIGROKDECODE_DIR": str(ROOT / "contrib" / "sigrok")},
+            env={**os.environ, "SIGROKDECODE_DIR": str(sigrok_decoders)},
             stdout=subprocess.PIPE, stderr=told, text=True,
         )  # fmt: skip
         with client, connect(f"unix:{folder}/run/x") as bus:

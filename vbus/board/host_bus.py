@@ -286,8 +286,7 @@ class HostBus(HostPort):
 
     def _tell(self, when: int, write: bool, address: int, data: int) -> None:
         board, names = self.board, self.selection.names
-        for observer in board.observers:
-            observer.bus_cycle(when, self.label, names, write, address, data)
+        board.tell_cycle(when, self.label, names, write, address, data)
         if (board.reads + board.writes) % SETTLE_EVERY == 0:
             board.catch_up()
 

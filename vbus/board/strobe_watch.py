@@ -105,8 +105,7 @@ class StrobeWatch(CycleTeller):
         """Tell of a cycle: the journal, then the observers."""
         if self.found is not None:
             self.found.bus_cycle(when, self._label, chip, write, address, data)
-        for observer in self._board.observers:
-            observer.bus_cycle(when, self._label, chip, write, address, data)
+        self._board.tell_cycle(when, self._label, chip, write, address, data)
         self._cycles += 1
         if self._cycles % SETTLE_EVERY == 0:
             self._board.catch_up()

@@ -10,7 +10,7 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.circuit.glue_cycles import GlueCycles
 from vbus.circuit.interrupt_check import check_interrupts
-from vbus.circuit.stream import PacketStream, Reader
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.circuit.strobe_player import StrobePlayer
 from vbus.glue.part import Glue, GluePart, Input
 from vbus.glue.table import Block
@@ -412,7 +412,7 @@ class Circuit:
 
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` see bus cycles and violations from now on, and packets if it reads."""
-        if not isinstance(observer, Reader) or not observer.reads():
+        if not isinstance(observer, PacketReader) or not observer.reads():
             self.observers.append(observer)
             return
         if self.stream is None:
@@ -430,6 +430,13 @@ class Circuit:
         if not stream.readers:
             self.observers.remove(stream)
             self.stream = None
+
+    def tell_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """A whole bus cycle has been made: tell the observers."""
+        for observer in self.observers:
+            observer.bus_cycle(when, host, chip, write, address, data)
 
     def listen(self, observer: Observer) -> None:
         """Let ``observer`` see violations, and no bus cycles, from now on."""

@@ -153,9 +153,6 @@ class BusLines:
         """By levels, once somebody has asked."""
         self._ends: dict[int, list[Ended]] = {}
         """By what was on the data bus and levels before and after."""
-        self._latest: i64 = -1
-        self._latest_ends: list[Ended] = []
-        """The same of the cycle before: a driver that polls makes it again."""
 
     @property
     def nets(self) -> list[Net]:
@@ -189,8 +186,6 @@ class BusLines:
         width: i64 = len(self.nets)
         byte: i64 = data
         key: i64 = (byte << width | before) << width | self.levels
-        if key == self._latest:
-            return self._latest_ends
         ends = self._ends.get(key)
         if ends is None:
             moved = self._tuple(before), self._tuple(self.levels)
@@ -200,7 +195,6 @@ class BusLines:
             if self.remembers:
                 return ends
             self._ends[key] = ends  # the levels alone decide
-        self._latest, self._latest_ends = key, ends
         return ends
 
     def _tuple(self, levels: i64) -> tuple[int, ...]:

@@ -86,7 +86,7 @@ def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
     return found
 
 
-class Reader(Observer):
+class PacketReader(Observer):
     """An observer that reads packets too.
 
     The packets that a bus cycle completes come before the cycle itself, and a violation for which
@@ -101,7 +101,7 @@ class Reader(Observer):
         """Read what bus cycles of ``chip`` have said."""
 
 
-class PacketTaker(Reader):
+class PacketTaker(PacketReader):
     """Hands each packet, with the name of its chip, to a function."""
 
     def __init__(self, take: Callable[[str, Packet], object]) -> None:
@@ -127,9 +127,9 @@ class PacketStream(Observer):
         self,
         families: Mapping[str, str],
         settings: Mapping[str, Settings] = NO_SETTINGS,
-        readers: tuple[Reader, ...] = (),
+        readers: tuple[PacketReader, ...] = (),
     ) -> None:
-        self.readers: tuple[Reader, ...] = readers
+        self.readers: tuple[PacketReader, ...] = readers
         self.decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, NO_SETTINGS))
             for name, family in families.items()
@@ -140,7 +140,7 @@ class PacketStream(Observer):
         """Instant of the latest bus cycle (ps)."""
 
     @classmethod
-    def of(cls, chips: Iterable[Chip], readers: tuple[Reader, ...] = ()) -> Self:
+    def of(cls, chips: Iterable[Chip], readers: tuple[PacketReader, ...] = ()) -> Self:
         """Return the stream of these chips, from now on."""
         chips = tuple(chips)
         families = {chip.name: chip.FAMILY for chip in chips}
@@ -199,7 +199,7 @@ class PacketStream(Observer):
         ends = [decoder.unfinished() for decoder in self.decoders.values()]
         return min((end for end in ends if end is not None), default=None)
 
-    def finish(self, leaves: Reader | None = None) -> None:
+    def finish(self, leaves: PacketReader | None = None) -> None:
         """Give what is still open; for a reader that ``leaves``, it stays open for the others."""
         decoders = self.decoders if leaves is None else copy.deepcopy(self.decoders)
         for name, decoder in decoders.items():

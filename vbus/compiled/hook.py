@@ -28,28 +28,30 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-UNITS: Final = (
-    (
-        "bits.py", "kernel/*.py", "plant/*.py", "chips/motion/*.py",
-        "chips/*/axis.py", "chips/*/blocks.py", "chips/*/chip.py", "chips/*/command.py",
-        "chips/*/control_loop.py", "chips/*/counter.py", "chips/*/cycle.py", "chips/*/drive.py",
-        "chips/*/encoder.py", "chips/*/faults.py", "chips/*/filters.py", "chips/*/following.py",
-        "chips/*/limits.py", "chips/*/microstep.py", "chips/*/motor_command.py",
-        "chips/*/output.py", "chips/*/pid.py", "chips/*/profile.py", "chips/*/profiles.py",
-        "chips/*/registers.py", "chips/*/stepper.py", "chips/*/timer.py",
-    ),
-    ("board/host_bus.py", "board/host_clock.py", "protocols/byte.py"),
+SAMPLED: Final = (
+    "axis.py", "blocks.py", "chip.py", "command.py", "control_loop.py", "counter.py", "cycle.py",
+    "drive.py", "encoder.py", "faults.py", "filters.py", "following.py", "interrupts.py",
+    "limits.py", "microstep.py", "motor_command.py", "output.py", "pid.py", "profile.py",
+    "profiles.py", "registers.py", "stepper.py", "timer.py",
 )  # fmt: skip
-"""What works in each sample, and in each bus cycle. Files of a unit are compiled as one, for speed:
-calls between them need no link-time optimization, whose link takes longer than all the rest."""
+"""What works in each sample, of any chip's folder."""
+
+SHARED: Final = ("bits.py", "kernel/*.py", "plant/*.py", "chips/motion/*.py")
+"""What works in each sample, whatever the chip."""
+
+CYCLES: Final = (
+    "board/card_bus.py", "board/card_path.py", "board/host_bus.py", "board/host_clock.py",
+    "chips/base.py", "circuit/circuit.py", "circuit/host_pins.py", "protocols/base.py",
+    "protocols/byte.py", "protocols/port.py", "signals/net.py", "signals/wire.py",
+)  # fmt: skip
+"""What works in each bus cycle."""
 
 COMPILED: Final = (
-    *(pattern for unit in UNITS for pattern in unit),
+    *SHARED, *CYCLES,
     "signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
-    "protocols/base.py", "protocols/codes.py", "protocols/frames.py", "protocols/port.py",
-    "protocols/text.py", "board/board.py", "circuit/circuit.py",
-    "board/host_*.py", "board/strobe_*.py", "circuit/host_pins.py", "circuit/strobe_player.py",
-    "board/card_bus.py", "board/card_path.py", "board/card_cycle.py", "circuit/glue_cycles.py",
+    "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
+    "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
+    "board/card_cycle.py", "circuit/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
     "server/session.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/journal/rows.py",
@@ -84,7 +86,7 @@ WHOLE: Final = ("-O3", "-flto")
 those inside one are. An MCP-1200's sample takes a tenth less, an LM629's a twentieth; the link
 takes a minute or two."""
 
-FAST: Final = "-O2"
+FAST: Final = "-O3"
 SOON: Final = "-Og"
 """Of units and of the rest, but in a release: the rest is compiled in half the time of ``-O2``."""
 
@@ -185,6 +187,25 @@ def core_files(root: Path) -> list[str]:
         if not any(path.match(end) for end in COLD)
     }
     return sorted(str(path.relative_to(root)) for path in files)
+
+
+def units(root: Path) -> list[tuple[str, ...]]:
+    """Return which files are compiled as one each, for speed: relative to ``root``.
+
+    What is shared, with mypyc's own library; each chip's folder; bus cycles. Calls between files of
+    a unit need no link-time optimization, whose link takes longer than all the rest, and a sample
+    takes no longer than with it.
+    """
+    chips = sorted(path.parent.name for path in (root / "vbus/chips").glob("*/chip.py"))
+    patterns = [SHARED, *(tuple(f"chips/{chip}/{file}" for file in SAMPLED) for chip in chips)]
+    compiled = core_files(root)
+    return [
+        tuple(
+            file for file in compiled
+            if any(Path(file).match(f"vbus/{pattern}") for pattern in unit)
+        )
+        for unit in (*patterns, CYCLES)
+    ]  # fmt: skip
 
 
 class Compiler:
@@ -307,8 +328,8 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         options = [o for o in extension.extra_compile_args if o != "-Werror" and o[:2] != "-O"]
         options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
         if not compiler.whole:
-            for number, patterns in enumerate(UNITS):
-                unit, sources = _unit(root, sources, patterns, scratch / "c" / f"unit{number}.c")
+            for number, files in enumerate(units(root)):
+                unit, sources = _unit(sources, files, scratch / "c" / f"unit{number}.c")
                 jobs.append((unit, [*options, FAST]))
         options += compiler.whole or (SOON,)
         options += _header(compiler, scratch / "header", options)
@@ -330,16 +351,13 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
     return built
 
 
-def _unit(
-    root: Path, sources: list[Path], patterns: tuple[str, ...], unit: Path
-) -> tuple[Path, list[Path]]:
+def _unit(sources: list[Path], files: tuple[str, ...], unit: Path) -> tuple[Path, list[Path]]:
     """Write a C file that stands for those of some modules; return it, and the others."""
-    mine = {
-        "___".join(("__native_vbus", *path.relative_to(root / "vbus").with_suffix("").parts))
-        for pattern in patterns
-        for path in (root / "vbus").glob(pattern)
-    }
-    taken = [source for source in sources if source.stem in mine]
+    stems = {"___".join(("__native_vbus", *Path(f).with_suffix("").parts[1:])) for f in files}
+    taken = [source for source in sources if source.stem in stems]
+    if "vbus/bits.py" in files:
+        # What mypyc brings: conversions and divisions of each sample are among it.
+        taken += [source for source in sources if not source.stem.startswith("__native")]
     unit.write_text("".join(f'#include "{source.name}"\n' for source in taken))
     return unit, [source for source in sources if source not in taken]
 

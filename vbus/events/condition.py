@@ -9,10 +9,10 @@ from msgspec import Struct, field
 from vbus.circuit.circuit import Circuit
 from vbus.events.grammar import (
     Compare,
-    Event,
+    EventForm,
+    Form,
     Function,
     Name,
-    Node,
     Not,
     Number,
     Several,
@@ -148,17 +148,17 @@ class Condition:
 
     # -- from trees to functions ----------------------------------------------------------------
 
-    def _error(self, node: Node, problem: str, more: str = "") -> ConditionError:
+    def _error(self, node: Form, problem: str, more: str = "") -> ConditionError:
         return ConditionError(self._what, self.text, node.at, problem, more)
 
     def _truth(self, bound: _Bound, at: int) -> Callable[[Course], bool]:
         if bound.kind in (_TRUTH, _AMOUNT):
             return bound.give
         raise self._error(
-            Node(at=at), f"{bound.kind} does not hold or not: a comparison is missing"
+            Form(at=at), f"{bound.kind} does not hold or not: a comparison is missing"
         )
 
-    def _bind(self, node: Node) -> _Bound:
+    def _bind(self, node: Form) -> _Bound:
         match node:
             case Several(word, parts):
                 # All of them, always: each may have something to remember.
@@ -171,7 +171,7 @@ class Condition:
                 return _Bound(lambda course: not give(course), _TRUTH)
             case Stable(of, span):
                 return self._stable(self._truth(self._bind(of), of.at), span)
-            case Event():
+            case EventForm():
                 return self._event(node)
             case Compare():
                 return self._compare(node)
@@ -205,7 +205,7 @@ class Condition:
 
         return _Bound(stable, _TRUTH)
 
-    def _event(self, node: Event) -> _Bound:
+    def _event(self, node: EventForm) -> _Bound:
         wanted = node.text
         if node.kind == VIOLATION:
             known = rule_names(self._names.rules)
@@ -219,7 +219,7 @@ class Condition:
             )
         return self._command(node, wanted, "")
 
-    def _command(self, node: Node, wanted: str, chip: str) -> _Bound:
+    def _command(self, node: Form, wanted: str, chip: str) -> _Bound:
         known = self._names.mnemonics(chip)
         if known and wanted.replace("_", "").isalnum() and wanted.isupper() and wanted not in known:
             hint = suggestion(wanted, known)
@@ -263,7 +263,7 @@ class Condition:
             return _Bound(in_time, _TRUTH)
         return _Bound(lambda course: compare(one(course), other(course)), _TRUTH)
 
-    def _command_of(self, name: Node, word: Node) -> _Bound | None:
+    def _command_of(self, name: Form, word: Form) -> _Bound | None:
         """Return what ``x.command == STT`` means."""
         if not isinstance(name, Name) or not isinstance(word, Name) or not is_word(word):
             return None
@@ -272,7 +272,7 @@ class Condition:
         chip, wanted = name.parts[0], word.text
         return self._command(word, wanted, chip) if self._names.has_chip(chip) else None
 
-    def _side(self, node: Node, other: Node) -> _Bound:
+    def _side(self, node: Form, other: Form) -> _Bound:
         """Return one side of a comparison; beside a text a word is a text."""
         if isinstance(node, Name) and is_word(node) and isinstance(other, Name):
             level = self._names.find(other.parts)
@@ -288,7 +288,7 @@ class Condition:
         chip = level.chip
         return chip is not None and isinstance(chip.telemetry().get(level.told), str)
 
-    def _in_unit_of(self, bound: _Bound, node: Number, other: Node) -> _Bound:
+    def _in_unit_of(self, bound: _Bound, node: Number, other: Form) -> _Bound:
         """Return a number with a unit as the other side of its comparison counts it."""
         unit, level = self._unit_of(other)
         factor = 1.0
@@ -303,7 +303,7 @@ class Condition:
         value = bound.constant * factor
         return _Bound(lambda _: value, _AMOUNT, constant=value)
 
-    def _unit_of(self, node: Node) -> tuple[str, Level | None]:
+    def _unit_of(self, node: Form) -> tuple[str, Level | None]:
         """Return the unit of a side of a comparison, and a level of it."""
         match node:
             case Name(parts):
@@ -315,7 +315,7 @@ class Condition:
                 return self._unit_of(terms[0][1])
         return "", None
 
-    def _sum(self, terms: tuple[tuple[bool, Node], ...]) -> _Bound:
+    def _sum(self, terms: tuple[tuple[bool, Form], ...]) -> _Bound:
         gives = []
         for minus, term in terms:
             bound = self._bind(term)

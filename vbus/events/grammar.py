@@ -51,7 +51,7 @@ _COMMAND: Final = re.compile(
 )
 
 
-class Node(Struct, frozen=True, eq=False, kw_only=True):
+class Form(Struct, frozen=True, eq=False, kw_only=True):
     """A piece of a condition.
 
     Attributes:
@@ -62,7 +62,7 @@ class Node(Struct, frozen=True, eq=False, kw_only=True):
 
     def __eq__(self, other: object) -> bool:
         """Whether both say the same, wherever that stands."""
-        return isinstance(other, Node) and self._said() == other._said()
+        return isinstance(other, Form) and self._said() == other._said()
 
     def __hash__(self) -> int:
         return hash(self._said())
@@ -71,7 +71,7 @@ class Node(Struct, frozen=True, eq=False, kw_only=True):
         return type(self), *astuple(self)[:-1]  # ``at`` comes last, as all that has a name only
 
 
-class Number(Node, frozen=True, eq=False):
+class Number(Form, frozen=True, eq=False):
     """A number, perhaps with its unit.
 
     Attributes:
@@ -83,7 +83,7 @@ class Number(Node, frozen=True, eq=False):
     unit: str = ""
 
 
-class Name(Node, frozen=True, eq=False):
+class Name(Form, frozen=True, eq=False):
     """The name of a pin, a net, a value, a register, a flag or a rule.
 
     Attributes:
@@ -98,55 +98,55 @@ class Name(Node, frozen=True, eq=False):
         return ".".join(self.parts)
 
 
-class Function(Node, frozen=True, eq=False):
+class Function(Form, frozen=True, eq=False):
     """One of :data:`FUNCTIONS` of a value."""
 
     name: str
-    of: Node
+    of: Form
 
 
-class Sum(Node, frozen=True, eq=False):
+class Sum(Form, frozen=True, eq=False):
     """Values that are added, or taken away where the first of a pair says so."""
 
-    terms: tuple[tuple[bool, Node], ...]
+    terms: tuple[tuple[bool, Form], ...]
 
 
-class Compare(Node, frozen=True, eq=False):
+class Compare(Form, frozen=True, eq=False):
     """Two values and one of :data:`SIGNS`."""
 
     sign: str
-    left: Node
-    right: Node
+    left: Form
+    right: Form
 
 
-class Not(Node, frozen=True, eq=False):
+class Not(Form, frozen=True, eq=False):
     """What holds where ``of`` does not."""
 
-    of: Node
+    of: Form
 
 
-class Several(Node, frozen=True, eq=False):
+class Several(Form, frozen=True, eq=False):
     """Conditions joined by ``word``, ``"and"`` or ``"or"``."""
 
     word: str
-    parts: tuple[Node, ...]
+    parts: tuple[Form, ...]
 
 
-class Stable(Node, frozen=True, eq=False):
+class Stable(Form, frozen=True, eq=False):
     """What has held for ``span`` ps."""
 
-    of: Node
+    of: Form
     span: int
 
 
-class Event(Node, frozen=True, eq=False):
+class EventForm(Form, frozen=True, eq=False):
     """Something that happens: ``kind`` is ``"violation"`` or ``"command"``, ``text`` which one."""
 
     kind: str
     text: str
 
 
-def read(text: str, what: str = "condition") -> Node:
+def read(text: str, what: str = "condition") -> Form:
     """Return the tree of a condition.
 
     Args:
@@ -156,21 +156,21 @@ def read(text: str, what: str = "condition") -> Node:
     Raises:
         ConditionError: it is none.
     """
-    return _Reader(text, what).whole()
+    return _ConditionReader(text, what).whole()
 
 
-def is_word(node: Node) -> bool:
+def is_word(node: Form) -> bool:
     """Whether a name may be a text or a mnemonic: it has no dot."""
     return isinstance(node, Name) and len(node.parts) == 1
 
 
-class _Reader(Words):
+class _ConditionReader(Words):
     """Reads one text, from left to right."""
 
     def __init__(self, text: str, what: str) -> None:
         super().__init__(text, what, _WORDS)
 
-    def whole(self) -> Node:
+    def whole(self) -> Form:
         """Return the tree of the whole text."""
         node = self._condition()
         if self._here.kind != END:
@@ -179,10 +179,10 @@ class _Reader(Words):
 
     # -- the grammar ----------------------------------------------------------------------------
 
-    def _condition(self) -> Node:
+    def _condition(self) -> Form:
         return self._joined("or", lambda: self._joined("and", self._lasting))
 
-    def _joined(self, word: str, part: Callable[[], Node]) -> Node:
+    def _joined(self, word: str, part: Callable[[], Form]) -> Form:
         at = self._here.at
         parts = [part()]
         while self._is(word):
@@ -190,7 +190,7 @@ class _Reader(Words):
             parts.append(part())
         return parts[0] if len(parts) == 1 else Several(word, tuple(parts), at=at)
 
-    def _lasting(self) -> Node:
+    def _lasting(self) -> Form:
         at = self._here.at
         node = self._negation()
         if self._is("stable"):
@@ -209,7 +209,7 @@ class _Reader(Words):
         except UnitError as error:
             raise self._error(token.at, "there is no time", str(error)) from None
 
-    def _negation(self) -> Node:
+    def _negation(self) -> Form:
         if not self._is("not"):
             return self._comparison()
         at = self._take().at
@@ -218,14 +218,14 @@ class _Reader(Words):
         self._depth -= 1
         return node
 
-    def _comparison(self) -> Node:
+    def _comparison(self) -> Form:
         token = self._here
         if token.text == "violation":
             self._take()
             name = ""
             if self._here.kind == NAME and self._here.text not in KEYWORDS:
                 name = _name(self._take()).text
-            return Event("violation", name, at=token.at)
+            return EventForm("violation", name, at=token.at)
         if token.text == "command":
             return self._command()
         node = self._sum()
@@ -237,7 +237,7 @@ class _Reader(Words):
             return Compare("==" if sign == "=" else sign, node, self._sum(), at=token.at)
         return node
 
-    def _command(self) -> Node:
+    def _command(self) -> Form:
         at = self._here.at
         begin = at + len("command")
         match = _COMMAND.match(self._text, begin)
@@ -245,9 +245,9 @@ class _Reader(Words):
         if match is None or not words:
             raise self._error(begin, 'the name of a command is expected, as in "command STT",')
         self._step(match.end())
-        return Event("command", words, at=at)
+        return EventForm("command", words, at=at)
 
-    def _sum(self) -> Node:
+    def _sum(self) -> Form:
         at = self._here.at
         terms = [(False, self._operand())]
         while self._is("+", "-"):
@@ -255,7 +255,7 @@ class _Reader(Words):
             terms.append((minus, self._operand()))
         return terms[0][1] if len(terms) == 1 else Sum(tuple(terms), at=at)
 
-    def _operand(self) -> Node:
+    def _operand(self) -> Form:
         token = self._here
         if token.kind == NUMBER:
             return self._number()
@@ -311,12 +311,12 @@ def _name(token: Token) -> Name:
 _RANKS: Final = {"or": 0, "and": 1}
 
 
-def text_of(node: Node) -> str:
+def text_of(node: Form) -> str:
     """Return a text that reads as this tree."""
     return _text(node, 0)
 
 
-def _text(node: Node, rank: int) -> str:
+def _text(node: Form, rank: int) -> str:
     """Return the text of a part; ``rank`` 0 is a condition, 5 an operand."""
     match node:
         case Number(value, unit):
@@ -329,7 +329,7 @@ def _text(node: Node, rank: int) -> str:
             own, text = 4, "".join(_terms(terms))
         case Compare(sign, left, right):
             own, text = 3, f"{_text(left, 4)} {sign} {_text(right, 4)}"
-        case Event(kind, words):
+        case EventForm(kind, words):
             own, text = 3, f"{kind} {_named((words,))}" if words else kind
         case Not(of):
             own, text = 3, f"not {_text(of, 3)}"
@@ -343,7 +343,7 @@ def _text(node: Node, rank: int) -> str:
     return text if own >= rank else f"({text})"
 
 
-def _terms(terms: tuple[tuple[bool, Node], ...]) -> Iterator[str]:
+def _terms(terms: tuple[tuple[bool, Form], ...]) -> Iterator[str]:
     for place, (minus, term) in enumerate(terms):
         yield ("" if place == 0 else " - " if minus else " + ") + _text(term, 5)
 

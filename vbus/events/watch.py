@@ -5,7 +5,7 @@ from typing import Final
 
 from vbus.chips.packets import Packet
 from vbus.circuit.circuit import Circuit
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.errors import VbusError
 from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
 from vbus.kernel import MS, NEVER, Timer
@@ -16,7 +16,7 @@ LOOK: Final = MS
 """How often at least a chip is looked into that somebody outside may wake at any time."""
 
 
-class Watch(Reader):
+class Watch(PacketReader):
     """Looks at a board for a condition.
 
     Edges, violations and bus cycles are taken down as they happen; values are looked at by

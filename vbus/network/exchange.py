@@ -68,6 +68,11 @@ class Exchange:
             self._arrived[number] = message
             self._run()
 
+    @property
+    def unacknowledged(self) -> int:
+        """Bytes of replies that the host has not acknowledged."""
+        return self._stored_bytes
+
     def missing(self, end: int) -> str:
         """Say which messages before number ``end`` have not come, "message 3 has"; else nothing."""
         numbers = range(self.following, min(end, self.following + WINDOW))

@@ -157,6 +157,10 @@ def _settings(
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": False,
     }
+    if mode == "router":  # whoever takes nothing for a lease would hold all others up
+        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = (
+            lease_ms * 1000
+        )
     if security is not None:
         settings.update(security.settings(listens=bool(listen)))
     return settings

@@ -249,8 +249,7 @@ class Orders:
             self.results[number] = data
         name = "+".join(order.chips) or "-"
         self.made([int(board.kernel.now), self.label, name, write, order.address, data])
-        for observer in board.observers:
-            observer.bus_cycle(board.kernel.now, self.label, name, write, order.address, data)
+        board.tell_cycle(board.kernel.now, self.label, name, write, order.address, data)
 
     # -- end and state ------------------------------------------------------------------------
 

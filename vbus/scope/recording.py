@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
-from vbus.circuit.stream import Reader, decoder_of
+from vbus.circuit.stream import PacketReader, decoder_of
 from vbus.scope.frames import (
     ALL,
     CHIPS,
@@ -45,7 +45,7 @@ MOST_ROWS: Final = 8192
 Columns = Callable[[Sequence[float]], Column]
 
 
-class Recorder(Reader):
+class Recorder(PacketReader):
     """Records every lane of a board from :meth:`start` to :meth:`stop`.
 
     Args:

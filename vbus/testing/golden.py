@@ -18,7 +18,7 @@ from vbus.trace.runs.difference import (
     cost_differences,
     motor_differences,
 )
-from vbus.trace.runs.motion import Course, Move
+from vbus.trace.runs.motion import AxisCourse, Move
 from vbus.trace.runs.run import Run, Said, recorded_run
 
 FORMAT: Final = 1
@@ -102,7 +102,7 @@ def read_golden(path: Path) -> Run:
         if table["format"] != FORMAT:
             raise ValueError(f"it is of format {table['format']}; this vbus reads {FORMAT}")
         axes = {
-            axis: Course(
+            axis: AxisCourse(
                 tuple(
                     Move(parse_duration(move["begin"]), tuple(map(int, move["path"])))
                     for move in told.get("moves", [])

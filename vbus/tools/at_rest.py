@@ -15,7 +15,7 @@ from vbus.kernel import SECOND
 from vbus.server.host_limits import POLLING, HostWatch
 from vbus.tools.proc import (
     RUNS,
-    Call,
+    SystemCall,
     call_of,
     memory,
     read,
@@ -277,7 +277,7 @@ def _shared(pid: int, address: int) -> bool:
     return True
 
 
-def _polls(pid: int, call: Call, pids: list[int]) -> bool:
+def _polls(pid: int, call: SystemCall, pids: list[int]) -> bool:
     """Tell whether a poll waits for these processes alone."""
     count = call.arguments[1]
     if count > 1024:

@@ -4,6 +4,7 @@ import errno
 import importlib
 import os
 import sys
+from itertools import zip_longest
 from typing import Any, Final
 
 import click
@@ -21,36 +22,46 @@ from vbus.tools import exit_codes
 from vbus.tools.version_line import version_line
 from vbus.version import __version__
 
-_COMMANDS: Final = {
-    "attach": "Make a board on another computer appear as a PTY or Unix socket here.",
-    "cflags": "Print the compiler options of the C client.",
-    "check": "Check board files; list the rules hosts are held to.",
-    "conform": "Compare a logic analyser's capture of a real chip with the model.",
-    "coverage": "Show which commands and registers a driver has used, and which never.",
-    "demo": "Watch a chip move a motor under a host in another process.",
-    "diff": "Compare two recorded runs: what hosts did, what motors did.",
-    "doctor": "Look for what is missing or broken on this machine.",
-    "exec": "Run a program or AVR firmware on a board of its own.",
-    "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
-    "fault": "Break a running board on schedule; show what came of it.",
-    "logs": "Show what a board has said that runs in the background.",
-    "ls": "List the boards that run on this machine.",
-    "monitor": "Watch the buses of a running board in the manual's words.",
-    "order": "Order bus cycles on several nodes for one coming instant.",
-    "plot": "Draw the motion of a recorded run: SVG, PNG or PDF.",
-    "replay": "Play a recorded run again; stop at the first difference.",
-    "report": "Show the violations of a recorded run, with the cycles around them.",
-    "router": "Let boards and hosts of several computers meet (Zenoh).",
-    "run": "Run a board and serve its links until Ctrl-C.",
-    "scope": "See a running board or a recorded run in a browser.",
-    "schema": "Print the JSON Schema of board files, for editors.",
-    "snap": "Take snapshots of running boards, load them again.",
-    "stop": "End running boards in order.",
-    "trace": "Merge the traces of nodes; print the hash of what happened.",
-    "up": "Start a machine of nodes.",
-    "wait": "Wait until boards are ready.",
-    "wave": "Write a waveform of a running board or of a recorded run.",
+_GROUPS: Final = {
+    "Run": {
+        "run": "Run a board until Ctrl-C.",
+        "exec": "Run a program on a board.",
+        "demo": "Watch a chip move a motor.",
+        "snap": "Take and load snapshots.",
+        "check": "Check board files.",
+        "schema": "JSON Schema of board files.",
+        "ls": "List boards that run.",
+        "wait": "Wait until they are ready.",
+        "logs": "Show what a board has said.",
+        "stop": "End running boards.",
+        "doctor": "Find what is missing here.",
+        "cflags": "Options of the C client.",
+    },
+    "Look": {
+        "monitor": "Buses in the manual's words.",
+        "scope": "A board or run in a browser.",
+        "explain": "Explain bytes, rules, runs.",
+        "wave": "Write a waveform.",
+        "plot": "Draw the motion of a run.",
+        "report": "Show violations of a run.",
+    },
+    "Test": {
+        "replay": "Play a recorded run again.",
+        "diff": "Compare two recorded runs.",
+        "coverage": "Show what a driver has used.",
+        "conform": "Compare a capture of a chip.",
+        "fault": "Break a board on schedule.",
+    },
+    "Network": {
+        "attach": "A board elsewhere as a PTY.",
+        "router": "Let computers meet (Zenoh).",
+        "up": "Start a machine of nodes.",
+        "order": "Bus cycles on several nodes.",
+        "trace": "Merge the traces of nodes.",
+    },
 }
+_COMMANDS: Final = {name: text for group in _GROUPS.values() for name, text in group.items()}
+_USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
 
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What a full or broken disk behind standard output says."""
@@ -61,11 +72,10 @@ _LONGEST: Final = 100
 _COMPLETING: Final = "_VBUS_COMPLETE"
 """Is set in the environment while a shell asks what could follow."""
 
-_EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
-    f"  {code:<4}{meaning}" for code, meaning in exit_codes.MEANINGS.items()
+_EXITS: Final = (
+    "Exit codes: 0 it worked, 1 it did not; wrong: 2 command line, 3 board file,",
+    "4 link, 5 plug-in, 6 capture; 7 chip time is over; 126, 127 of exec; 130 Ctrl-C.",
 )
-
-
 _CODES: Final = {
     ConfigError: exit_codes.BAD_BOARD,
     TransportError: exit_codes.NO_LINK,
@@ -92,9 +102,15 @@ class _Lazy(click.Group):
             return prepared(command, cmd_name)
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(_COMMANDS.items()))
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a page that fits a terminal of 24 lines and 80 columns."""
+        lines = [f"Usage: {_USAGE}", self.help or ""]
+        for title, commands in _GROUPS.items():
+            cells = [f"  {name:<9}{text}" for name, text in commands.items()]
+            half = (len(cells) + 1) // 2
+            rows = zip_longest(cells[:half], cells[half:], fillvalue="")
+            lines += [f"{title}:", *(f"{left:<40}{right}".rstrip() for left, right in rows)]
+        formatter.write("\n".join([*lines, *_EXITS, ""]))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -111,9 +127,8 @@ class _Lazy(click.Group):
 
 @click.group(
     cls=_Lazy,
-    epilog=_EPILOG,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="A virtual hardware bus server: motion-control chips, bit for bit, for real drivers.",
+    help="A virtual bus of motion-control chips, bit for bit, for real drivers.",
 )
 @click.version_option(__version__, "-V", "--version", message=version_line())
 def cli() -> None:

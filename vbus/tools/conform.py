@@ -67,7 +67,7 @@ def command(
     from vbus.trace.silicon.channel_map import wiring_of
     from vbus.trace.silicon.conform import Conform
     from vbus.trace.silicon.start import find_start, watch_of
-    from vbus.trace.silicon.verdict import Tolerance
+    from vbus.trace.silicon.verdict import CaptureTolerance
 
     made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)
@@ -87,7 +87,7 @@ def command(
         _opened(capture, hertz) as (read, file, size),
         bar("comparing", size, file.tell, no_progress or as_json) as move,
     ):
-        run = Conform(made, part, wiring, Tolerance(slack, names, masks), violations, move)
+        run = Conform(made, part, wiring, CaptureTolerance(slack, names, masks), violations, move)
         verdict = run.run(read.samples, found)
     value = _value_of(verdict, found.why, slack, violations)
     show(as_json, value, _lines(capture, verdict, found, violations), 2)

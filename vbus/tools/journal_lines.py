@@ -11,7 +11,7 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.chips.base import CONNECTOR_FAMILY
 from vbus.chips.packets import STATUS, CommandPackets, Cycle, Packet
-from vbus.circuit.stream import PacketStream, PacketTaker, Reader
+from vbus.circuit.stream import PacketReader, PacketStream, PacketTaker
 from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
@@ -142,7 +142,7 @@ class _Held:
         return last
 
 
-class _Lines(Reader):
+class _Lines(PacketReader):
     """Packets and violations as lines, in the order in which they ended.
 
     A packet that is cut short is known to be one only when another begins, so lines wait for what

@@ -9,7 +9,7 @@ import click
 
 from vbus import plugins
 from vbus.chips.packets import STATUS, Packet
-from vbus.circuit.stream import PacketStream, Reader
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.tools import exit_codes
@@ -69,7 +69,7 @@ def command(
     return exit_codes.OK
 
 
-class View(Reader):
+class View(PacketReader):
     """The latest packets as lines; equal neighbours are counted.
 
     Args:

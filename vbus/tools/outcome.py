@@ -18,7 +18,7 @@ _IDLE: Final = 10
 
 
 @dataclass(slots=True)
-class _Course:
+class _AxisPath:
     """Where an axis has been.
 
     Attributes:
@@ -99,7 +99,7 @@ class AxisOutcomes(Observer):
 
     def __init__(self, board: Board) -> None:
         self._board = board
-        self._courses: dict[str, _Course] = {}
+        self._courses: dict[str, _AxisPath] = {}
         self._next = 0
 
     def bus_cycle(
@@ -124,7 +124,9 @@ class AxisOutcomes(Observer):
                 drive = next((one for one in drives if isinstance(one, int | float)), None)
                 # The target of a chip with several axes is where its profile is.
                 desired = values.get(f"desired{suffix}", values.get(f"target{suffix}"))
-                course = self._courses.setdefault(axis, _Course(value, value, value, value, value))
+                course = self._courses.setdefault(
+                    axis, _AxisPath(value, value, value, value, value)
+                )
                 undriven = chip.undriven(int(number) - 1 if number else 0)
                 course.look(
                     value, desired if isinstance(desired, int | float) else None, drive, undriven

@@ -42,7 +42,7 @@ _MACHINES: Final = {3: "i386", 62: "x86_64", 183: "aarch64"}
 """By the number in a program's ELF header."""
 
 
-class Call(NamedTuple):
+class SystemCall(NamedTuple):
     """A system call that a thread is in.
 
     Attributes:
@@ -113,7 +113,7 @@ def memory(pid: int, address: int, size: int) -> bytes:
     return b""
 
 
-def call_of(pid: int, task: int) -> Call | None:
+def call_of(pid: int, task: int) -> SystemCall | None:
     """Return the system call that a thread waits in; None if it is in none, or it is hidden."""
     return _call(pid, _syscall(pid, task))
 
@@ -123,7 +123,7 @@ def _syscall(pid: int, task: int) -> str:
     return read(f"/proc/{pid}/task/{task}/syscall")
 
 
-def _call(pid: int, text: str) -> Call | None:
+def _call(pid: int, text: str) -> SystemCall | None:
     number, *numbers = (text or "running").split()
     if len(numbers) != 8:
         return None
@@ -134,7 +134,7 @@ def _call(pid: int, text: str) -> Call | None:
         return None
     names = _CALLS.get(_MACHINES.get(struct.unpack_from("<H", head, 18)[0], ""), {})
     values = tuple(int(value, 16) for value in numbers)
-    return Call(names.get(int(number), number), values[:6], values[6], head[4] == 2)
+    return SystemCall(names.get(int(number), number), values[:6], values[6], head[4] == 2)
 
 
 def does(pid: int, task: int) -> str:

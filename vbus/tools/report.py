@@ -11,7 +11,7 @@ from vbus.tools.journal_lines import opened, progress
 from vbus.tools.output import no_progress
 
 if TYPE_CHECKING:
-    from vbus.circuit.stream import Reader
+    from vbus.circuit.stream import PacketReader
     from vbus.trace.findings.report import Report
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
@@ -66,7 +66,7 @@ def command(
     return exit_codes.FAILURE if failed else exit_codes.OK
 
 
-def _other_part(report: "Report", part: str | None) -> "Iterator[Reader]":
+def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":
     """Give what reads the journal beside the report, and knows of another part, if asked for."""
     if part is None:
         return

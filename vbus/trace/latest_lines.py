@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class Line:
+class CountedLine:
     """A line, and how often it came in a row.
 
     Attributes:
@@ -23,7 +23,7 @@ class Line:
         return f"{self.text}{gap}x{self.times}" if self.times > 1 else self.text
 
 
-class LatestLines(deque[Line]):
+class LatestLines(deque[CountedLine]):
     """The latest lines, oldest first; ``maxlen`` says how many."""
 
     def add(self, when: int, text: str) -> bool:
@@ -32,5 +32,5 @@ class LatestLines(deque[Line]):
         if again:
             self[-1].times += 1
         else:
-            self.append(Line(when, text))
+            self.append(CountedLine(when, text))
         return again

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any, Final
 
 import zenoh
@@ -13,6 +15,11 @@ from vbus.transports.base import MessageLink
 from vbus.transports.traffic import EVENT, REPLY, Traffic
 
 PLAIN: Final = "text/plain"
+DIRECT: Final = 1 << 16
+"""Bytes of replies that a host has not acknowledged, up to which the next one is sent at once: the
+system takes as many for a host that reads nothing. More are sent by a thread of that host's own:
+the reply to a query blocks where the host has asked for that, and Zenoh does not tell whether it
+has."""
 
 
 class ZenohLink(MessageLink):
@@ -55,6 +62,7 @@ class ZenohLink(MessageLink):
         self._posts: bytes | None = envelope.POSTS if posts else None
         self._events: zenoh.Query | None = None
         self._open: bool = True
+        self._later: SimpleQueue[Callable[[], None] | None] | None = None
 
     def take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
         """Take a message."""
@@ -62,10 +70,20 @@ class ZenohLink(MessageLink):
         self.exchange.take(header.number, header.acknowledged, data, answer, refuse)
 
     def _answer(self, query: zenoh.Query, data: bytes) -> None:
+        send = partial(send_reply, query, data, attachment=self._posts)
         self._traffic.pass_on(
-            REPLY, self.session,
-            lambda times: send_reply(query, data, attachment=self._posts, times=times),
-        )  # fmt: skip
+            REPLY, self.session, lambda times: self._send(partial(send, times=times))
+        )
+
+    def _send(self, send: Callable[[], None]) -> None:
+        """Send a reply; a host that does not read its replies holds nobody else up."""
+        if self.exchange.unacknowledged <= DIRECT:
+            send()
+            return
+        if self._later is None:
+            self._later = SimpleQueue()
+            Thread(target=_send_all, args=(self._later,), daemon=True).start()
+        self._later.put(send)
 
     def refuse(self, query: zenoh.Query, code: str, reason: str) -> None:
         """Refuse a message, with a reason for people behind a code for programs."""
@@ -89,14 +107,18 @@ class ZenohLink(MessageLink):
         )
 
     def _publish(self, number: int, code: str, data: bytes, times: int) -> None:
-        """Publish it as often as it is to arrive; a host that has gone is nobody's loss."""
+        """Publish it as often as it is to arrive; a host that has gone is nobody's loss.
+
+        One that does not read loses it: it is stored until the host acknowledges it, and sent again
+        when the host repeats its message.
+        """
         if not times:
             return
         with suppress(zenoh.ZError):
             if self._replies is None:
                 self._replies = self._network.declare_publisher(
                     keys.replies(self.token),
-                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    congestion_control=zenoh.CongestionControl.DROP,
                     reliability=zenoh.Reliability.RELIABLE,
                     express=True,
                 )
@@ -140,10 +162,18 @@ class ZenohLink(MessageLink):
             self._open = False
             self.exchange.end(envelope.GONE, f"the session is over: {self.reason}")
             self.hear(None)
+            if self._later is not None:
+                self._later.put(None)
             if self._replies is not None:
                 with suppress(zenoh.ZError):
                     self._replies.undeclare()
             self._ended(self)
+
+
+def _send_all(replies: SimpleQueue[Callable[[], None] | None]) -> None:
+    """Send replies until the session is over; in a thread of a host."""
+    while (send := replies.get()) is not None:
+        send()
 
 
 @contextmanager

@@ -80,7 +80,7 @@ class _Telemetry(Topic):
         return _packed([self.served.board.now, dict(self._chip.telemetry())])
 
 
-class _Rows(Topic, Observer):
+class _RowsTopic(Topic, Observer):
     """Rows that wait for the next message."""
 
     def __init__(self, key: str, served: Served) -> None:
@@ -101,7 +101,7 @@ class _Rows(Topic, Observer):
         return _packed([lost, rows]) if rows else None
 
 
-class _Cycles(_Rows):
+class _Cycles(_RowsTopic):
     """The bus cycles of one chip."""
 
     answers = False
@@ -123,7 +123,7 @@ class _Cycles(_Rows):
         self.served.board.unobserve(self)
 
 
-class _Edges(_Rows):
+class _Edges(_RowsTopic):
     """The edges of one pin."""
 
     def __init__(self, served: Served, chip: Chip, pin: str) -> None:

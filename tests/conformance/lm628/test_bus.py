@@ -1,8 +1,11 @@
 """Bus cycles, busy, and hosts that do not keep to the protocol (manual: Reading and Writing)."""
 
+from collections import Counter
+
 import pytest
 
 from tests.conformance.lm628.bench import BUSY, Bench
+from tests.probe import probe
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS, US
 from vbus.signals import HIGH, LOW, Z
@@ -332,6 +335,20 @@ def test_jitter_spreads_busy_around_its_time_and_repeats_with_its_seed(make):
     assert min(first) >= 80 * 125 * NS
     assert max(first) <= 160 * 125 * NS
     assert len(set(first)) > 20
+
+
+@pytest.mark.spec("LM-BUS-8")
+@pytest.mark.parametrize("seed", [1, 2])
+def test_jitter_is_drawn_evenly(make, seed: int) -> None:
+    """Of 1980 draws among 33 lengths each is met 60 times, give or take four deviations."""
+    bench = make(busy_jitter_clk=16, seed=seed)
+    seen: Counter[int] = Counter()
+    for _ in range(1980):
+        bench.write(0, 0x03)
+        seen[(probe(bench.chip).busy_end - bench.edge) // (125 * NS)] += 1
+        bench.ready()
+    assert sorted(seen) == list(range(104, 137))
+    assert all(30 <= count <= 90 for count in seen.values()), seen
 
 
 @pytest.mark.spec("LM-BUS-9")

@@ -402,6 +402,8 @@ def test_four_commands_make_the_error_0(chip: Bench, command: str) -> None:
     chip.next_cycle()
     assert chip.seen("error") == 20
     chip.send(command, 256 if command == "SET_STEP_RATIO" else 500)
+    if command != "SYNCH_PRFL":  # which acts at the next update
+        assert chip.seen("error") == 0
     if command == "SYNCH_PRFL":
         chip.move()
     chip.send("STOP")

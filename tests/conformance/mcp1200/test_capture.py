@@ -266,6 +266,20 @@ def test_enabling_while_equal_triggers() -> None:
     assert (bench.pin("TRIG"), bench.seen("STATUS") & 0x20) == (0, 0)
 
 
+@pytest.mark.spec("MCP-BRK-4")
+def test_a_counter_loaded_within_a_sample_matches_in_the_clock_in_which_it_gets_there() -> None:
+    bench, _ = moving()
+    arm(bench, 0x050000)
+    bench.until(bench.sample_start())
+    bench.write(0x15, 0x04, 0xFF, 0xE0)
+    following = bench.sample_start()
+    while bench.position != 0x050000:
+        assert bench.pin("TRIG") == 1
+        bench.until(bench.cycle + 1)
+    assert bench.cycle < following
+    assert bench.pin("TRIG") == 0
+
+
 @pytest.mark.spec("MCP-BRK-5", "MCP-REG-3")
 def test_without_the_feature_nothing_is_compared_and_the_pin_is_released() -> None:
     bench, _ = moving()

@@ -291,6 +291,16 @@ def test_velocity_interpolation_ramps_down_over_a_segment_and_stays() -> None:
     assert bench.seen("COMMAND_POSITION") > here + 15
 
 
+@pytest.mark.spec("MCP-EXC-2")
+def test_velocity_interpolation_ramps_down_from_the_middle_of_a_segment() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    here = moving(bench, velocity_interpolation, 2)
+    bench.drive("/STOP", LOW)
+    # Of the four samples up to 10 two are made, to 7.5; from 5 in four more: 3.75, 2.5, 1.25, 0.
+    assert bench.trace("COMMAND_POSITION", 5) == [here + way for way in (4, 6, 8, 8, 8)]
+
+
 @pytest.mark.spec("MCP-EXC-2", "MCP-EXC-5", "MCP-INT-2")
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_velocity_written_while_the_pin_is_low_is_lost(whole: bool) -> None:

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from vbus.events.grammar import (
     FUNCTIONS,
     Compare,
-    Event,
+    EventForm,
+    Form,
     Function,
     Name,
-    Node,
     Not,
     Number,
     Several,
@@ -39,7 +39,7 @@ OPERANDS = st.one_of(
 )
 
 
-def larger(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
+def larger(inner: st.SearchStrategy[Form]) -> st.SearchStrategy[Form]:
     terms = st.lists(st.tuples(st.booleans(), inner), min_size=2, max_size=3)
     return st.one_of(
         st.builds(Function, st.sampled_from(FUNCTIONS), inner),
@@ -52,8 +52,10 @@ def larger(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
             st.sampled_from(["and", "or"]),
             st.lists(inner, min_size=2, max_size=3).map(tuple),
         ),
-        st.builds(Event, st.just("command"), st.sampled_from(["STT", "write KP", "LPES and 5"])),
-        st.builds(Event, st.just("violation"), st.sampled_from(["", "lm628", "lm628.T5"])),
+        st.builds(
+            EventForm, st.just("command"), st.sampled_from(["STT", "write KP", "LPES and 5"])
+        ),
+        st.builds(EventForm, st.just("violation"), st.sampled_from(["", "lm628", "lm628.T5"])),
     )
 
 
@@ -61,7 +63,7 @@ TREES = st.recursive(OPERANDS, larger, max_leaves=8)
 
 
 @given(TREES)
-def test_a_tree_has_a_text_that_reads_as_this_tree(tree: Node) -> None:
+def test_a_tree_has_a_text_that_reads_as_this_tree(tree: Form) -> None:
     assert read(text_of(tree)) == tree
 
 

@@ -242,6 +242,19 @@ def test_two_periods_are_one_of_twice_the_length() -> None:
             assert fine.count + fine._part == pytest.approx(coarse.count + coarse._part, abs=1e-9)
 
 
+def test_two_lengths_by_turns_are_those_of_a_motor_that_knows_neither() -> None:
+    """A motor keeps what the length before this one comes to: the fast way of ``prepare``."""
+    plant, other = motor(), motor()
+    for turn, command in enumerate((1.0, 0.4, -1.0, -0.02, 0.02, 0.0) * 20):
+        period = PERIOD * (1.0, 1.7)[turn % 2]
+        plant.prepare(period)
+        other.prepare(3 * PERIOD)
+        other.prepare(5 * PERIOD)
+        other.prepare(period)
+        assert plant.drive(command, 0) == other.drive(command, 0)
+        assert save(plant) == save(other)
+
+
 # -- what is kept -----------------------------------------------------------------------------
 
 

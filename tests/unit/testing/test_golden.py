@@ -11,14 +11,14 @@ from vbus.plant.dc_motor import DcMotor
 from vbus.testing.golden import complaints, read_golden, text_of
 from vbus.testing.tolerance import NEAR, tolerance_of
 from vbus.trace.runs.difference import Tolerance
-from vbus.trace.runs.motion import Course, Move
+from vbus.trace.runs.motion import AxisCourse, Move
 from vbus.trace.runs.run import Run, Said
 
 pytest_plugins = "pytester"
 
 RUN = Run(
     [Said(0, text, text) for text in ("x RDSTAT", 'x "quoted"', "x STT")],
-    {"x.1": Course((Move(2_500_000_000, tuple(range(0, 90, 3))),), 88, 4)},
+    {"x.1": AxisCourse((Move(2_500_000_000, tuple(range(0, 90, 3))),), 88, 4)},
     225,
     300_256_000_001,
     models={"x.1": "dc_motor 1"},

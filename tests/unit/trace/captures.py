@@ -13,7 +13,7 @@ from vbus.trace.silicon.capture_vcd import read_vcd
 from vbus.trace.silicon.channel_map import Wiring, wiring_of
 from vbus.trace.silicon.conform import Conform
 from vbus.trace.silicon.start import find_start, watch_of
-from vbus.trace.silicon.verdict import Tolerance, Verdict
+from vbus.trace.silicon.verdict import CaptureTolerance, Verdict
 from vbus.trace.wave.wave import Wave
 
 BOARDS = {
@@ -160,7 +160,7 @@ class Shot:
     ) -> Verdict:  # fmt: skip
         board = board_of(self.family, more)
         start = find_start(self.samples, self.wiring, board.chips[0], wish)
-        tolerance = Tolerance(slack, frozenset(names), masks or {})
+        tolerance = CaptureTolerance(slack, frozenset(names), masks or {})
         run = Conform(board, board.chips[0], self.wiring, tolerance, judged)
         return run.run(self.samples, start)
 

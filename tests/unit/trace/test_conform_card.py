@@ -13,7 +13,7 @@ from vbus.trace.silicon.card_watch import CardWatch, tie_others
 from vbus.trace.silicon.channel_map import Wiring, wiring_of
 from vbus.trace.silicon.conform import Conform
 from vbus.trace.silicon.start import find_start, watch_of
-from vbus.trace.silicon.verdict import Tolerance, Verdict
+from vbus.trace.silicon.verdict import CaptureTolerance, Verdict
 
 LOW = [f"A{number}" for number in range(4)]
 CHANNELS = [*LOW, "A9", "/IOR", "/IOW", *(f"D{bit}" for bit in range(8))]
@@ -72,7 +72,7 @@ def compared(samples: list[Sample], text: str = WIRED) -> Verdict:
     board = load_board_text(text)
     _, wiring = wired(text, CHANNELS)
     bus = board.chip("slot")
-    run = Conform(board, bus, wiring, Tolerance(200_000), judged=True)
+    run = Conform(board, bus, wiring, CaptureTolerance(200_000), judged=True)
     return run.run(samples, find_start(samples, wiring, bus, "start"))
 
 

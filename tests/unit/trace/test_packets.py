@@ -4,10 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.unit.trace.conftest import LM629
+from vbus.board.build import load_board_text
 from vbus.chips.lm628 import datasheet as lm628
 from vbus.chips.mc1241a import datasheet as mc1241a
 from vbus.chips.packets import Cycle, Packet
 from vbus.circuit.stream import PacketStream, PacketTaker, decoder_of
+from vbus.events.watch import Watch
+from vbus.kernel import MS
 from vbus.signals import Violation
 
 
@@ -264,3 +268,54 @@ def test_a_word_by_name_is_explained_and_a_wrong_name_lists_the_known() -> None:
         decoder.word("mode", 0)
     with pytest.raises(ValueError, match="184H does not fit into the 8 bits of status"):
         decoder.word("status", 0x184)
+
+
+def test_a_board_decodes_a_cycle_once_for_all_who_read() -> None:
+    board = load_board_text(LM629)
+    seen: list[list[Packet]] = [[], []]
+    readers = [PacketTaker(lambda _, packet, into=into: into.append(packet)) for into in seen]
+    port = board.open_port("h")
+    port.read(0)
+    for reader in readers:
+        board.observe(reader)
+    assert board.observers == [board.stream]
+    port.write(0, 0x02)
+    assert [one.text for one in seen[0]] == ["DFH"]
+    assert seen[0][0] is seen[1][0]
+    for reader in readers:
+        board.unobserve(reader)
+    assert board.stream is None
+    assert not board.observers
+    port.write(0, 0x02)
+    assert [len(packets) for packets in seen] == [1, 1]
+
+
+def test_what_is_open_is_given_to_who_leaves_and_stays_open_for_the_others() -> None:
+    board = load_board_text(LM629)
+    seen: list[list[str]] = [[], []]
+    leaving, staying = (
+        PacketTaker(lambda _, packet, into=into: into.append(packet.text)) for into in seen
+    )
+    port = board.open_port("h")
+    for reader in (leaving, staying):
+        board.observe(reader)
+    port.write(0, 0x1D)
+    port.delay(MS)
+    assert board.stream is not None
+    board.stream.finish(leaving)
+    board.unobserve(leaving)
+    port.write(1, 0)
+    port.write(1, 0)
+    assert seen[0] == ["RSTI cut after 0 of 1 words"]
+    assert [text.partition(" ")[0] for text in seen[1]] == ["RSTI"]
+    assert "cut" not in seen[1][0]
+
+
+@pytest.mark.parametrize(("condition", "decodes"), [("x.HI == 1", False), ("command STT", True)])
+def test_a_watch_has_cycles_decoded_only_for_commands(condition: str, decodes: bool) -> None:
+    board = load_board_text(LM629)
+    watch = Watch(condition, board)
+    watch.begin()
+    assert (board.stream is not None) is decodes
+    watch.end()
+    assert board.stream is None

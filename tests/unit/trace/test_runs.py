@@ -17,7 +17,7 @@ from vbus.kernel import MS
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.runs.difference import Difference, Tolerance, differences
-from vbus.trace.runs.motion import Course, Motion, Move, moves_of
+from vbus.trace.runs.motion import AxisCourse, Motion, Move, moves_of
 from vbus.trace.runs.run import Run, other_board, recorded_run
 
 RDSTAT, RDRP = "x RDSTAT", "x RDRP"
@@ -51,8 +51,8 @@ def moved(**keywords: int) -> Run:
     return run_of(record(LM629, mover(**keywords)))
 
 
-def course(counts: list[int], peak_error: int = 0) -> Course:
-    return Course(tuple(moves_of(counts)), counts[-1], peak_error)
+def course(counts: list[int], peak_error: int = 0) -> AxisCourse:
+    return AxisCourse(tuple(moves_of(counts)), counts[-1], peak_error)
 
 
 def told(was: Run, now: Run, tolerance: Tolerance | None = None) -> list[tuple[object, ...]]:
@@ -282,7 +282,7 @@ def test_boards_are_the_same_if_the_same_stands_on_them(
 def test_an_axis_of_several_has_its_own_error() -> None:
     text = MC1241A.replace('["none"]', '["m"]') + '[plants.m]\nmodel = "ideal"\n'
     run = run_of(record(text, lambda port: port.delay(3 * MS)))
-    assert run.axes == {"x.1": Course((), 0, 0)}
+    assert run.axes == {"x.1": AxisCourse((), 0, 0)}
     assert run.models == {"x.1": "ideal 1"}
 
 

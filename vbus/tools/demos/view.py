@@ -10,7 +10,7 @@ from rich.text import Text
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
 from vbus.chips.tables import Bit
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.client.demo import Demo, Gauge
 from vbus.trace.latest_lines import LatestLines
 
@@ -20,7 +20,7 @@ LINES: Final = 4
 """Packets shown, and lines of the host: the whole fits a terminal of 80 by 24."""
 
 
-class LatestTraffic(Reader):
+class LatestTraffic(PacketReader):
     """The latest packets; equal neighbours are counted, not repeated."""
 
     def __init__(self) -> None:

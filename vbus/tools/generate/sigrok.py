@@ -11,7 +11,6 @@ from vbus.chips.bus_watch import BusWatch
 from vbus.chips.family import Family
 from vbus.chips.packets import Decoder
 from vbus.chips.tables import CommandTable, RegisterMap
-from vbus.tools.generate.layout import own_families
 
 _HEAD: Final = (
     "# SPDX-License-Identifier: GPL-3.0-or-later\n"
@@ -179,11 +178,4 @@ def decoder_targets(family: Family, folder: str) -> list[tuple[str, Callable[[],
         ),
         (f"{folder}/watch.py", partial(_copy, watch.__module__)),
         (f"{folder}/decoder.py", partial(_copy, packets.__module__)),
-    ]
-
-
-def targets() -> list[tuple[str, Callable[[], str]]]:
-    """Return the files of all decoders of this source tree."""
-    return [
-        target for family in own_families() for target in decoder_targets(family, "contrib/sigrok")
     ]

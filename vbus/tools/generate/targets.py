@@ -194,7 +194,6 @@ GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
     "clients": (own_clients, blocking_sources),
     "documents": (lambda: DOCUMENTS, chip_pages.targets),
     "proofs": (proofs.targets,),
-    "sigrok": (sigrok.targets,),
 }
 """Groups by name; what stands later may be made from what stands earlier."""
 

@@ -8,7 +8,7 @@ import msgspec
 
 from vbus.chips.base import CONNECTOR_FAMILY
 from vbus.chips.packets import Packet
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
@@ -142,7 +142,7 @@ def _by_group(found: dict[str, set[Key]]) -> dict[str, dict[str, list[str]]]:
     return families
 
 
-class _Family(msgspec.Struct):
+class _FamilyCounts(msgspec.Struct):
     groups: dict[str, dict[str, int]]
 
 
@@ -150,7 +150,7 @@ class _Document(msgspec.Struct):
     format: str
     version: int
     runs: list[str]
-    families: dict[str, _Family]
+    families: dict[str, _FamilyCounts]
     tests: dict[str, dict[str, dict[str, list[str]]]] = {}
 
 
@@ -194,7 +194,7 @@ def from_json(text: bytes, name: str) -> Coverage:
     return coverage
 
 
-class CoverageObserver(Reader):
+class CoverageObserver(PacketReader):
     """Fills a :class:`Coverage` while it sees a board run, or a journal afterwards.
 
     Args:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from vbus.chips.family import Family
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.errors import ConfigError
 from vbus.signals import Rule, Violation
 from vbus.trace.findings.report import Report
@@ -21,7 +21,7 @@ class Uses:
         raise NotImplementedError
 
 
-class Compatibility(Reader):
+class Compatibility(PacketReader):
     """Files a note for each use of a chip that another part takes differently.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any, Final
 from xml.etree import ElementTree
 
 from vbus.protocols.quantities import format_instant
-from vbus.trace.findings.report import Finding, Line, Report
+from vbus.trace.findings.report import CycleLine, Finding, Report
 from vbus.trace.tables import ac_rules
 from vbus.version import __version__
 
@@ -38,7 +38,7 @@ def _transcript(finding: Finding) -> Iterator[str]:
         yield from _line(">" if place == 0 else " ", line)
 
 
-def _line(mark: str, line: Line) -> Iterator[str]:
+def _line(mark: str, line: CycleLine) -> Iterator[str]:
     yield f"  {mark} {format_instant(line.when)} {line.text}"
     for packet in line.packets:
         yield f"  {mark}     {packet}"
@@ -72,7 +72,7 @@ def text(report: Report) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cycles(lines: list[Line]) -> list[dict[str, Any]]:
+def _cycles(lines: list[CycleLine]) -> list[dict[str, Any]]:
     return [{"when_ps": l.when, "cycle": l.text, "packets": l.packets} for l in lines]  # noqa: E741
 
 

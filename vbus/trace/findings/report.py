@@ -6,7 +6,7 @@ from typing import Final
 from msgspec import Struct, field
 
 from vbus.chips.packets import Packet
-from vbus.circuit.stream import Reader
+from vbus.circuit.stream import PacketReader
 from vbus.signals import Rule, Violation
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.findings.suppress import Suppression
@@ -17,7 +17,7 @@ DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
 
 
-class Line(Struct):
+class CycleLine(Struct):
     """One bus cycle of a transcript.
 
     Attributes:
@@ -42,12 +42,12 @@ class Finding(Struct):
     """
 
     violation: Violation
-    before: list[Line]
-    after: list[Line]
+    before: list[CycleLine]
+    after: list[CycleLine]
     reason: str = ""
 
 
-class Report(Reader):
+class Report(PacketReader):
     """Collects violations; let it see a board while it runs, or a journal afterwards.
 
     Args:
@@ -78,7 +78,7 @@ class Report(Reader):
         self.no_effect: NoEffect = NoEffect()
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
-        self._ring: deque[Line] = deque(maxlen=CONTEXT)
+        self._ring: deque[CycleLine] = deque(maxlen=CONTEXT)
         self._open: list[Finding] = []
         self._ended: list[str] = []
 
@@ -93,7 +93,7 @@ class Report(Reader):
     ) -> None:
         """Take down a bus cycle."""
         self.cycles += 1
-        line = Line(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
+        line = CycleLine(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
         if self._ended:
             line.packets = self._ended
             self._ended = []

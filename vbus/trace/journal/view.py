@@ -4,12 +4,12 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from vbus.circuit.stream import PacketStream, Reader
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.signals import Observer, Violation
 from vbus.trace.journal.format import Entry, Header
 
 
-class Session(Struct):
+class RecordedSession(Struct):
     """One host of a journal: its name, what it may select, and what it has selected."""
 
     label: str
@@ -31,13 +31,13 @@ class Sessions:
     """The sessions of a journal, as far as its entries have been followed."""
 
     def __init__(self) -> None:
-        self.by_port: dict[int, Session] = {}
+        self.by_port: dict[int, RecordedSession] = {}
 
     def follow(self, entry: Entry) -> None:
         """Take an entry into account."""
         if entry.op == "open":
             label, chips, _ = entry.args
-            self.by_port[entry.port] = session = Session(label, list(chips))
+            self.by_port[entry.port] = session = RecordedSession(label, list(chips))
             session.select(1)
         elif entry.op == "select" and not entry.error and entry.port in self.by_port:
             self.by_port[entry.port].select(entry.args[0])
@@ -86,7 +86,7 @@ def shown(entries: Iterable[Entry], observer: Observer) -> Iterator[Entry]:
         yield entry
 
 
-def play(header: Header, entries: Iterable[Entry], *readers: Reader) -> int:
+def play(header: Header, entries: Iterable[Entry], *readers: PacketReader) -> int:
     """Show readers what a journal holds, its packets included; return the number of entries."""
     stream = PacketStream(header.families, header.settings, readers)
     count = last = 0

@@ -7,7 +7,7 @@ from typing import Final
 
 from vbus.kernel import MS, NEVER
 from vbus.protocols.quantities import format_instant
-from vbus.trace.runs.motion import STEP, Course, Move
+from vbus.trace.runs.motion import STEP, AxisCourse, Move
 from vbus.trace.runs.run import Run, Said
 
 HOST: Final = "host"
@@ -152,7 +152,7 @@ def _told(said: Said) -> str:
 
 
 def motor_differences(
-    was: dict[str, Course], now: dict[str, Course], tolerance: Tolerance = EXACT
+    was: dict[str, AxisCourse], now: dict[str, AxisCourse], tolerance: Tolerance = EXACT
 ) -> Iterator[Difference]:
     """Give what the axes did otherwise: move by move, then as a whole."""
     for axis, course in was.items():

@@ -40,7 +40,7 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class AxisCourse:
     """What an axis did in a run.
 
     Attributes:
@@ -99,10 +99,10 @@ class Motion:
                     self._errors[axis] = max(self._errors[axis], abs(int(error)))
         self._timer.at(board.now + STEP)
 
-    def stop(self) -> dict[str, Course]:
+    def stop(self) -> dict[str, AxisCourse]:
         """Look no more; return what each axis did, by its name, as ``"x.1"``."""
         self._timer.cancel()
         return {
-            axis: Course(tuple(moves_of(counts)), counts[-1], self._errors[axis])
+            axis: AxisCourse(tuple(moves_of(counts)), counts[-1], self._errors[axis])
             for axis, counts in self._counts.items()
         }

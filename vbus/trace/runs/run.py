@@ -10,13 +10,13 @@ from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.board.sections import BoardFile
 from vbus.chips.packets import STATUS, WHOLE, Packet
-from vbus.circuit.stream import PacketStream, Reader
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.trace.journal.format import Header, JournalReader
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import shown
-from vbus.trace.runs.motion import Course, Motion
+from vbus.trace.runs.motion import AxisCourse, Motion
 from vbus.version import __version__
 
 _OUTSIDE: Final = ("hosts", "record", "waves", "metrics", "zenoh")
@@ -57,7 +57,7 @@ class Run:
     """
 
     host: list[Said] = field(default_factory=list)
-    axes: dict[str, Course] = field(default_factory=dict)
+    axes: dict[str, AxisCourse] = field(default_factory=dict)
     cycles: int = 0
     duration: int = 0
     violations: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -65,7 +65,7 @@ class Run:
     vbus: str = __version__
 
 
-class _Host(Reader):
+class _Host(PacketReader):
     """Takes down what hosts do."""
 
     def __init__(self, run: Run) -> None:

@@ -19,7 +19,7 @@ from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.channel_map import Wiring
 from vbus.trace.silicon.outputs import UNKNOWN, Difference, OutputWatch
 from vbus.trace.silicon.start import Start, watch_of
-from vbus.trace.silicon.verdict import Candidate, Mismatch, Tolerance, Verdict
+from vbus.trace.silicon.verdict import Candidate, CaptureTolerance, Mismatch, Verdict
 
 CONTEXT: Final = 20
 """Bus cycles answers on either side of a difference."""
@@ -27,7 +27,7 @@ KEPT: Final = 1000
 """Violations kept; more are counted."""
 
 
-class _Bus(Observer):
+class _DataBus(Observer):
     """The values a data bus has had lately."""
 
     def __init__(self, value: int) -> None:
@@ -64,7 +64,7 @@ class Conform(Observer):
         board: Board,
         chip: Chip,
         wiring: Wiring,
-        tolerance: Tolerance,
+        tolerance: CaptureTolerance,
         judged: bool = False,
         progress: Callable[[], None] | None = None,
     ) -> None:
@@ -72,7 +72,7 @@ class Conform(Observer):
         self._board: Board = board
         self._chip: Chip = chip
         self._wiring: Wiring = wiring
-        self._tolerance: Tolerance = tolerance
+        self._tolerance: CaptureTolerance = tolerance
         self._judged: bool = judged
         self._progress: Callable[[], None] | None = progress
         self._watch: BusWatch = watch_of(chip, wiring)
@@ -90,7 +90,7 @@ class Conform(Observer):
         self._outputs: list[OutputWatch] = []
         self._attach()
         self._data: Pin = chip.bus_net.solder("capture")
-        self._bus: _Bus = _Bus(chip.bus_net.value)
+        self._bus: _DataBus = _DataBus(chip.bus_net.value)
         chip.bus_net.observe(self._bus)
         self._reading: int = 0
         """Since when the chip has been driving the data bus."""

@@ -7,7 +7,7 @@ from vbus.signals import Violation
 
 
 @dataclass(frozen=True, slots=True)
-class Tolerance:
+class CaptureTolerance:
     """What is not counted as a difference.
 
     Attributes:

@@ -8,7 +8,7 @@ from typing import Final, TextIO
 
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
-from vbus.circuit.stream import PacketStream, Reader
+from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import PluginError, VbusError
 from vbus.events.names import Value
 from vbus.events.watch import Watch
@@ -26,7 +26,7 @@ RECORDING: Final = "recording"
 DONE: Final = "done"
 
 
-class Wave(Reader):
+class Wave(PacketReader):
     """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
 
     A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
