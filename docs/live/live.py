@@ -17,7 +17,7 @@ from vbus.scope.page_file import one_file
 from vbus.scope.recording import Recorder
 from vbus.testing.boards import for_test
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.limits import BUDGET, Watch
+from vbus.testing.limits import BUDGET, HostWatch
 
 DRIVER = "driver.py"
 
@@ -40,7 +40,7 @@ def run(board_text: str, driver: str) -> dict[str, str]:
     except VbusError as error:
         return {"printed": f"{error}\n", "hash": "", "page": ""}
     board.start_trace()
-    board.observe(Watch(board, BUDGET))
+    board.observe(HostWatch(board, BUDGET))
     recorder = Recorder(board, edges=True)
     recorder.start()
     with contextlib.redirect_stdout(printed):
