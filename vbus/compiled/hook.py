@@ -32,9 +32,9 @@ SAMPLED: Final = (
     "axis.py", "blocks.py", "chip.py", "command.py", "control_loop.py", "counter.py", "cycle.py",
     "drive.py", "encoder.py", "faults.py", "filters.py", "following.py", "interrupts.py",
     "limits.py", "microstep.py", "motor_command.py", "output.py", "pid.py", "profile.py",
-    "profiles.py", "registers.py", "stepper.py", "timer.py",
+    "pins.py", "profiles.py", "registers.py", "stepper.py", "timer.py",
 )  # fmt: skip
-"""What works in each sample, of any chip's folder."""
+"""What works in each sample, or at each edge of a strobe, of any chip's folder."""
 
 SHARED: Final = ("bits.py", "kernel/*.py", "plant/*.py", "chips/motion/*.py")
 """What works in each sample, whatever the chip."""
@@ -54,7 +54,7 @@ COMPILED: Final = (
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "board/card_cycle.py", "circuit/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
-    "server/session.py", "server/ticks.py", "server/turns.py",
+    "server/session.py", "server/statistics.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
     "scope/lane.py", "scope/look.py",
 )  # fmt: skip
