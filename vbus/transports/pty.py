@@ -16,7 +16,9 @@ from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 from vbus.transports.open_watch import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
-_READ_SIZE = 65536
+_READ_SIZE: Final = 1 << 16
+_MOST_READ: Final = 1 << 18
+"""Bytes read of a host's first ones; it may write as fast as they are read."""
 LOOK_SECONDS: Final = 0.05
 """How often is looked for clients where the system gives no watch."""
 
@@ -141,10 +143,10 @@ class _Terminal:
         return bool(events) or (hung_up and isinstance(self.watch, NoWatch))
 
     def read(self) -> bytes:
-        """Return what there is to read."""
+        """Return what there is to read, within a bound."""
         data = b""
         with suppress(OSError):
-            while more := os.read(self.master, _READ_SIZE):
+            while len(data) < _MOST_READ and (more := os.read(self.master, _READ_SIZE)):
                 data += more
         return data
 

@@ -219,3 +219,34 @@ def test_a_terminal_that_cannot_be_made_for_now_is_made_later(
     with open(hosts.path, "r+b", buffering=0):
         hosts.look()
     assert len(hosts.links) == 2
+
+
+def test_the_next_host_comes_while_the_last_ones_bytes_are_read(
+    hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = hosts.open()
+    os.write(first, b"\x31")
+    os.close(first)
+    terminal = hosts.transport._terminals[0]
+    read, second = terminal.read, list[int]()
+
+    def late() -> bytes:
+        data = read()
+        if not second:
+            second.append(hosts.open())
+            os.write(second[0], b"\x10")
+        return data
+
+    monkeypatch.setattr(terminal, "read", late)
+    hosts.look()
+    assert hosts.seen == ["0 31", "0 ends", "1 10"]
+    os.close(second[0])
+
+
+def test_a_host_that_writes_as_fast_as_it_is_read_is_not_read_for_ever(
+    hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pty.os, "read", lambda fd, size: b"\x10" * size)
+    data = hosts.transport._terminals[0].read()
+    monkeypatch.undo()
+    assert len(data) == pty._MOST_READ
