@@ -306,10 +306,28 @@ class PtyTransport(Transport):
             elif came and fresh:  # a client came and went, and may have set something
                 self._renew(terminal)
                 terminal.unwatch()
+                if not terminal.look() & select.POLLHUP:
+                    self._begin(terminal)
                 self._free_soon(terminal)
-        # Looked at again: the next host may have come while the last one's bytes were read.
-        if terminal.link is not None and terminal.look() & select.POLLHUP:
-            terminal.link.on_end(True)
+        self._end_if_gone(terminal)
+
+    def _end_if_gone(self, terminal: _Terminal) -> None:
+        """End the session of clients that have gone.
+
+        The next one may come at any instant, so each look is a new one. While the name leads to the
+        terminal those that have gone have sent nothing: the session is the next one's, if one has
+        opened the terminal before the name led elsewhere.
+        """
+        link = terminal.link
+        if link is None or not terminal.look() & select.POLLHUP:
+            return
+        if terminal.named:
+            self._renew(terminal)
+            terminal.unwatch()
+        # What was sent before the hang-up is seen by a look after it; of nothing, nothing is read.
+        state = terminal.look()
+        if state & select.POLLHUP and terminal.link is link:
+            link.on_end(bool(state & select.POLLIN))
 
     def take_over(self, terminal: _Terminal) -> bytes:
         """A client has sent something: from now on the name is for others.
@@ -348,8 +366,8 @@ class PtyTransport(Transport):
     def _begin(self, terminal: _Terminal) -> PtyLink:
         """Begin a session, after those of clients that have gone by now have ended."""
         for other in tuple(self._terminals):
-            if other is not terminal and other.link is not None and other.look() & select.POLLHUP:
-                other.link.on_end(True)
+            if other is not terminal:
+                self._end_if_gone(other)
         link = terminal.link = PtyLink(self, terminal)
         self._on_link(link)
         return link

@@ -239,7 +239,7 @@ def test_the_next_host_comes_while_the_last_ones_bytes_are_read(
 
     monkeypatch.setattr(terminal, "read", late)
     hosts.look()
-    assert hosts.seen == ["0 31", "0 ends", "1 10"]
+    assert hosts.seen == ["0 31"], "the next one has the terminal open"
     os.close(second[0])
 
 
@@ -250,3 +250,24 @@ def test_a_host_that_writes_as_fast_as_it_is_read_is_not_read_for_ever(
     data = hosts.transport._terminals[0].read()
     monkeypatch.undo()
     assert len(data) == pty._MOST_READ
+
+
+def test_the_next_host_comes_while_one_that_sent_nothing_is_found_to_have_gone(
+    hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = hosts.open()
+    hosts.look()
+    os.close(first)
+    transport, second = hosts.transport, list[int]()
+    renew = transport._renew
+
+    def late(terminal: pty._Terminal) -> None:
+        second.append(hosts.open())
+        os.write(second[0], b"\x10")
+        renew(terminal)
+
+    monkeypatch.setattr(transport, "_renew", late)
+    hosts.look()
+    assert hosts.seen == [], "its session is the next one's"
+    assert hosts._read(hosts.links[-1]) == b"\x10"
+    os.close(second[0])
