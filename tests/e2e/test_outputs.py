@@ -293,6 +293,7 @@ BY_HAND = {
     "tools/detach.py": "the log of a run in the background",
     "tools/doctor.py": "looks whether a folder can be written",
     "tools/cli.py": "the null device",
+    "testing/in_process.py": "the null device",
     "testing/github.py": "GitHub's file, which every step of a job adds to",
     "transports/runtime.py": "locks and marks",
     "client/links.py": "terminals",
