@@ -209,6 +209,7 @@ class Typist:
         }
         self._environment.pop("VBUS_RUNTIME", None)
         self._number: int = 0
+        self._started: list[subprocess.Popen[bytes]] = []
 
     def type(self, page: str, elsewhere: bool = False) -> None:
         """Type a page.
@@ -242,6 +243,8 @@ class Typist:
             for process in self._running():
                 with suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
+            for started in self._started:
+                started.wait()
 
     def _gone(self, block: Block) -> bool:
         """Tell whether a block uses what only one that was left out would have made."""
@@ -286,6 +289,7 @@ class Typist:
                 ["bash", "-e", "-c", command.text], cwd=self._folder, env=self._environment,
                 stdin=subprocess.DEVNULL, stdout=file, stderr=file, process_group=0,
             )  # fmt: skip
+        self._started.append(process)
         return _Typed(command, process, place)
 
     def _wait(self, typed: "_Typed", serves: bool = False) -> None:

@@ -114,11 +114,18 @@ def run(name: str, folder: Path, *options: str) -> str:
 def wait_for_parts(pid: int, count: int) -> dict[int, list[str]]:
     """Wait until a process has so many children; return their ids and command lines."""
     children = Path(f"/proc/{pid}/task/{pid}/children")
-    until(lambda: len(children.read_text().split()) >= count, f"{count} children")
-    return {
-        int(child): Path("/proc", child, "cmdline").read_text().split("\0")
-        for child in children.read_text().split()
-    }
+    parent = Path(f"/proc/{pid}/cmdline").read_text()
+    found: dict[int, str] = {}
+
+    def there() -> bool:
+        found.clear()
+        for child in children.read_text().split():
+            found[int(child)] = Path("/proc", child, "cmdline").read_text()
+        # A child has its parent's command line until it has begun.
+        return len(found) >= count and all(found.values()) and parent not in found.values()
+
+    until(there, f"{count} children")
+    return {child: words.split("\0") for child, words in found.items()}
 
 
 def until_granted(folder: Path, node: str, instant: int) -> None:
