@@ -159,6 +159,14 @@ def test_a_read_drives_the_bus_while_select_and_strobe_are_low_and_then_lets_go(
     assert bench.level("HostRdy") == 0
 
 
+@spec("PMD-BUS-2", "PMD-BUS-3")
+def test_a_read_that_keeps_every_limit_gets_its_bytes() -> None:
+    bench = Bench("strobe")
+    bench.chip.judged = True
+    assert bench.send("GET_VRSN") == 0x4A10
+    assert bench.rules() == []
+
+
 @spec("PMD-BUS-4")
 def test_reading_with_host_cmd_high_drives_nothing_and_is_reported() -> None:
     bench = Bench("strobe")

@@ -335,6 +335,19 @@ def test_an_amplitude_given_to_the_buffer_comes_with_the_next_update(bench: Benc
     assert bench.rules() == []
 
 
+@spec("PMD-CMD-66")
+@pytest.mark.parametrize("axis", [0, 1])
+def test_without_an_amplitude_the_windings_are_undriven(chip: Bench, axis: int) -> None:
+    chip.send(f"SET_{axis + 1}")
+    chip.send("SET_BUF_MTR_CMD", 1)
+    chip.next_cycle()
+    none = "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
+    assert [chip.chip.undriven(number) for number in range(3)] == [none, none, ""]
+    chip.send("UPDATE")
+    chip.next_cycle()
+    assert [chip.chip.undriven(number) == "" for number in (axis, 1 - axis)] == [True, False]
+
+
 @spec("PMD-UPD-1", "PMD-CMD-64")
 def test_an_amplitude_equal_to_the_buffered_one_is_nothing_to_tell_of(chip: Bench) -> None:
     chip.send("SET_MTR_CMD", 0)
@@ -452,6 +465,21 @@ def test_set_actl_pos_gives_both_positions_a_number(chip: Bench) -> None:
     assert chip.send("GET_ACTL_POS_ERR") == 0
     chip.next_cycle(3)
     assert chip.send("GET_ACTL_POS") == -123456
+
+
+@spec("PMD-CMD-69", "PMD-ENC-1")
+def test_a_position_that_has_come_round_and_got_a_number_does_not_come_round_again(
+    chip: Bench,
+) -> None:
+    chip.send("SET_ACTL_POS", -(1 << 30))
+    chip.drive("QuadB1", 1)
+    chip.next_cycle()
+    assert chip.status() == 0x0302
+    chip.send("SET_ACTL_POS", 100)
+    chip.send("CLR_STATUS")
+    chip.drive("QuadB1", 0)
+    chip.next_cycle()
+    assert (chip.seen("actual"), chip.status()) == (101, 0x0300)
 
 
 @spec("PMD-CMD-69")

@@ -70,6 +70,17 @@ def test_the_encoder_is_read_before_the_breakpoint_test(chip: Bench) -> None:
 
 
 @spec("PMD-CYC-1")
+def test_a_capture_is_told_in_the_cycle_that_reads_the_encoder(chip: Bench) -> None:
+    chip.send("SET_CAPT_HOME")
+    chip.next_cycle()
+    chip.drive("~Home1", 0)
+    chip.run_for(10_000 * NS)
+    assert chip.status() == 0x0300
+    chip.next_cycle()
+    assert chip.status() == 0x0308
+
+
+@spec("PMD-CYC-1")
 def test_axis_1_is_served_before_axis_2_and_slots_come_last(chip: Bench) -> None:
     chip.send("SET_MTR_CMD", 0x7FFF)
     chip.load(buf_mtr_cmd=0x7FFF)

@@ -27,6 +27,9 @@ def test_the_three_forms_of_a_packet_have_a_checksum(bench: Bench) -> None:
     assert bench.checksum() == (0x0010 + 0xFFFF + 0xFFFE) & 0xFFFF
     bench.send("GET_POS")
     assert bench.checksum() == (0x004A + 0xFFFF + 0xFFFE) & 0xFFFF
+    bench.send("SET_POS", 0x3EDC_BA98)
+    bench.send("GET_POS")
+    assert bench.checksum() == 0x004A + 0x3EDC + 0xBA98
 
 
 @spec("PMD-PKT-3")

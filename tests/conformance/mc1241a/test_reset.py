@@ -232,7 +232,7 @@ def test_a_motor_coasts_through_the_reset_and_its_place_is_then_0(chip: Bench) -
     assert chip.send("GET_ACTL_POS") == 0
 
 
-@spec("PMD-RST-1")
+@spec("PMD-RST-1", "PMD-TIM-5")
 def test_host_rdy_falls_when_the_reset_pin_has_been_low_for_1_us(chip: Bench) -> None:
     edges: list[tuple[int, int]] = []
 

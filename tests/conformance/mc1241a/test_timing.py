@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.conformance.mc1241a.conftest import BUSY, Bench
+from tests.conformance.mc1241a.conftest import BUSY, DATA, Bench
 from vbus.chips.mc1241a.datasheet import AC
 from vbus.kernel import NS
 from vbus.signals import STRICT, Policy, Z
@@ -133,6 +133,25 @@ def test_in_strict_mode_a_high_byte_that_is_lost_is_no_half_of_a_word() -> None:
     bench.chip.judged = False
     bench.write_word(0x0123)
     assert bench.send("GET_POS_ERR") == 0x0123
+
+
+@spec("PMD-BUS-9", "PMD-TIM-18")
+def test_in_strict_mode_a_word_whose_low_byte_is_lost_causes_nothing() -> None:
+    bench = judged(Policy(STRICT))
+    bench.chip.judged = False
+    bench.command(0x29)  # SET_POS_ERR
+    bench.wait_ready()
+    bench.byte_out(DATA, 0x01)
+    bench.chip.judged = True
+    steps = [step for step in WRITE if step[1] not in ("HostCmd", "D0-D7")]
+    data = [(-90, "D0-D7", 0x23), (29, "D0-D7", 0x11), (40, "D0-D7", Z)]
+    play(bench, [*steps, *data], bench.now // NS + 1000)
+    assert broken(bench) == [("T16", 29, 30)]
+    bench.chip.judged = False
+    bench.wait_ready()
+    assert bench.probe.position_error_limit == 0x7FFF
+    bench.write_word(0x0456)
+    assert bench.send("GET_POS_ERR") == 0x0456
 
 
 def test_limits_are_not_judged_where_time_stands_still() -> None:

@@ -54,6 +54,7 @@ def test_action_flags_act_once_and_registers_stay(chip: Bench) -> None:
     chip.move()
     chip.next_cycle(2)
     assert chip.seen("target") == 8
+    assert chip.rules() == []
 
 
 # -- STOP, SMOOTH_STOP, SYNCH_PRFL ------------------------------------------------------------
@@ -425,7 +426,7 @@ def test_a_move_toward_an_active_limit_switch_is_ignored(
     assert chip.seen("target") == -100 * sign
 
 
-@spec("PMD-ERR-3", "PMD-TRJ-13")
+@spec("PMD-ERR-3", "PMD-TRJ-13", "PMD-UPD-1")
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_refused_destination_is_not_the_one_of_a_later_change_of_mode(
     chip: Bench, sign: int
