@@ -128,6 +128,18 @@ def test_cs_falling_inside_ale_closes_the_latch_and_ale_rising_closes_it_no_more
 
 
 @pytest.mark.spec("MCP-BUS-2")
+@pytest.mark.parametrize("order", [SEPARATE, OVERLAPPED, INSIDE])
+@pytest.mark.parametrize("driven", [True, False])
+def test_an_address_that_nobody_drives_when_the_latch_closes_is_found(
+    strobes: Strober, order: str, driven: bool
+) -> None:
+    strobes.bench.chip.judged = True
+    strobes.begin(order, PLAIN if driven else Z, 1)
+    closing = "tASR" if order == OVERLAPPED else "tASR1"
+    assert (closing in strobes.bench.rules()) != driven
+
+
+@pytest.mark.spec("MCP-BUS-2")
 def test_an_address_that_moves_with_ale_comes_too_late(strobes: Strober) -> None:
     strobes.set(rw=0, bus=PLAIN, ale=0)
     strobes.set(ale=1, bus=0x21)

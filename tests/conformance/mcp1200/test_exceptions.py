@@ -196,7 +196,10 @@ def test_integral_velocity_stays_at_rest_until_the_flag_is_cleared(pin: str, set
 
 
 @pytest.mark.spec("MCP-EXC-1", "MCP-EXC-2")
-@pytest.mark.parametrize(("pin", "setting"), [("/STOP", DECEL << 2), ("/LIMIT", DECEL)])
+@pytest.mark.parametrize(
+    ("pin", "setting"),
+    [("/STOP", DECEL << 2), ("/STOP", DECEL << 2 | DECEL), ("/LIMIT", DECEL)],
+)
 def test_integral_velocity_waits_for_a_stop_of_idle_mode_to_be_cleared(
     pin: str, setting: int
 ) -> None:

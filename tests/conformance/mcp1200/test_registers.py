@@ -313,7 +313,7 @@ def test_flags_of_the_core_cannot_be_written(bench: Bench, code: int) -> None:
     assert bench.read(0x00) == 0x02
 
 
-@pytest.mark.spec("MCP-FLG-4", "MCP-FLG-5", "MCP-AMB-13")
+@pytest.mark.spec("MCP-FLG-1", "MCP-FLG-4", "MCP-FLG-5", "MCP-AMB-13", "MCP-REG-1")
 def test_in_motion_and_the_prof_pin_during_a_profile(bench: Bench) -> None:
     bench.put("FINAL_POSITION", 6)
     bench.put("PROFILE_VELOCITY", 2)

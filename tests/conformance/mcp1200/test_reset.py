@@ -75,6 +75,24 @@ def test_pulse_is_high_for_exactly_one_clock_after_reset(chip: Bench) -> None:
     assert edges.seen == [(100, "PULSE", 1), (101, "PULSE", 0)]
 
 
+@pytest.mark.spec("MCP-RST-1", "MCP-RST-3")
+def test_a_hard_reset_forgets_the_steps_still_to_come_and_their_direction(chip: Bench) -> None:
+    chip.write(0x02, 0x03)
+    chip.control()
+    chip.samples(1)
+    chip.put("COMMAND_POSITION", -20)
+    chip.samples(1)
+    assert (chip.pin("SIGN"), -20 < chip.position < 0) == (1, True)
+    chip.drive("/RESET", LOW)
+    chip.wait(2)
+    chip.drive("/RESET", HIGH)
+    chip.wait(320)
+    edges = chip.watch("PULSE")
+    chip.write(0x02, 0x03)
+    chip.wait(2 * chip.period)
+    assert (chip.pin("SIGN"), chip.position, edges.seen) == (0, 0, [])
+
+
 @pytest.mark.spec("MCP-RST-3", "MCP-AMB-9", "MCP-AMB-19")
 def test_hard_reset_loads_every_default(bench: Bench) -> None:
     fill(bench)

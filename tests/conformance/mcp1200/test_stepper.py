@@ -425,6 +425,24 @@ def test_a_stall_takes_the_maximum_error_action() -> None:
 
 
 @pytest.mark.spec("MCP-STP-4")
+@pytest.mark.parametrize("turns", [True, False])
+def test_an_encoder_at_the_pins_counts_wherever_the_motor_stands(turns: bool) -> None:
+    plant = Slipping()
+    plant.per_step = 0.0
+    plant.count = 255
+    plant._place = 255.0
+    bench = stepper(plant, EXCEPTION=0x00, ENCODER_RATIO=0x0100)
+    run_at(bench, 1, 1)
+    for _ in range(10):
+        for pin, level in (("CHA", 0), ("CHB", 0), ("CHA", 1), ("CHB", 1)):
+            if turns:
+                bench.drive(pin, level)
+            bench.wait(8)
+        bench.samples(1)
+    assert bool(bench.seen("STATUS") & 0x10) == turns
+
+
+@pytest.mark.spec("MCP-STP-4")
 def test_ratio_zero_is_no_check_and_standing_is_no_stall() -> None:
     plant = Slipping()
     plant.per_step = 0.0

@@ -408,7 +408,7 @@ def test_velocity_interpolation_ramps_evenly(bench: Bench) -> None:
     assert course == [0, 1, 3, 5, 7, 10, 14, 18]
 
 
-@pytest.mark.spec("MCP-INT-4")
+@pytest.mark.spec("MCP-INT-4", "MCP-INT-5")
 def test_velocity_interpolation_keeps_the_last_velocity(bench: Bench) -> None:
     bench.put("INTERPOLATOR_PRESET", 0)
     bench.put("VELOCITY", 0x000400)
