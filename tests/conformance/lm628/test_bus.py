@@ -84,6 +84,24 @@ def test_chip_select_may_end_the_write_before_the_strobe_does():
     assert bench.probe.words_due == 1
 
 
+@pytest.mark.spec("LM-BUS-2", "LM-TIM-15")
+def test_the_byte_must_be_there_in_time_for_the_edge_that_ends_the_write():
+    bench = Bench("strobe")
+    bench.run(US)
+    bench.set(**{"/PS": LOW, "/CS": LOW})
+    bench.run(50 * NS)
+    bench.set(**{"/WR": LOW})
+    bench.run(160 * NS)
+    bench.set(**{"D0-D7": LPES})
+    bench.run(40 * NS)
+    bench.set(**{"/CS": HIGH})
+    bench.run(200 * NS)
+    bench.set(**{"/WR": HIGH})
+
+    assert bench.rules() == ["T7", "T15"]
+    assert bench.violations[1].measured == 40 * NS, "not up to the edge of the strobe"
+
+
 @pytest.mark.spec("LM-BUS-3")
 def test_a_status_read_is_live_up_to_the_end_of_its_strobe(bench):
     bench.write(0, RDRP)
@@ -274,6 +292,12 @@ def test_words_travel_high_byte_first_and_long_values_high_word_first(bench):
     assert got == [1, 2, 3, 4]
 
 
+@pytest.mark.spec("LM-BUS-6")
+def test_a_single_word_travels_with_all_its_bits(bench):
+    bench.command("RDSIGS")
+    assert [bench.read(1), bench.read(1)] == [0x81, 0x84]
+
+
 @pytest.mark.spec("LM-BUS-7")
 def test_busy_rises_with_a_command_and_with_each_second_data_byte_only(bench):
     bench.write(0, LPES)
@@ -332,6 +356,7 @@ def test_jitter_spreads_busy_around_its_time_and_repeats_with_its_seed(make):
     first = lengths(seed=1)
     assert first == lengths(seed=1)
     assert first != lengths(seed=2)
+    assert first != lengths(seed=0x80000001), "each bit of the seed counts"
     assert min(first) >= 80 * 125 * NS
     assert max(first) <= 160 * 125 * NS
     assert len(set(first)) > 20
@@ -472,6 +497,17 @@ def test_reading_while_a_word_is_to_be_written_is_a_command_error_and_nothing_el
     assert bench.probe.error_threshold == 0x0102, "the packet stayed open"
 
 
+@pytest.mark.spec("LM-BUS-12")
+def test_reading_between_two_words_to_be_written_leaves_the_packet_as_it_is(bench):
+    bench.command("SBPA", 0x0123)
+    assert bench.read(1) == 0x00
+    assert bench.rules() == ["wrong-way"]
+
+    bench.word(0x4567)
+    assert bench.probe.breakpoint == 0x01234567
+    assert bench.rules() == ["wrong-way"]
+
+
 @pytest.mark.spec("LM-BUS-12", "LM-AMB-12")
 def test_writing_while_a_word_is_to_be_read_is_a_command_error_and_nothing_else(bench):
     bench.probe.real_position = 0x11223344
@@ -521,6 +557,21 @@ def test_an_undefined_command_is_accepted_and_is_a_command_error_when_busy_falls
     assert bench.rules() == ["undefined-command"]
     assert bench.violations[0].when == bench.probe.computed_at
     assert bench.violations[0].when <= end + BUSY
+
+
+@pytest.mark.spec("LM-BUS-13")
+def test_commands_are_taken_as_ever_after_an_undefined_one(bench):
+    bench.command("LPES", 0x0102)
+    bench.write(0, 0x7F)
+    bench.ready()
+    assert bench.probe.error_threshold == 0x0102
+    assert not bench.probe.sip
+
+    bench.command("SIP")
+    bench.command("LPES", 0x0304)
+    assert bench.probe.sip
+    assert bench.probe.error_threshold == 0x0304
+    assert bench.rules() == ["undefined-command"]
 
 
 @pytest.mark.spec("LM-BUS-14")

@@ -196,6 +196,8 @@ def test_signals_are_read_as_one_word(bench):
     bench.command("STT")
     bench.next_sample()
     assert bench.report("RDSIGS") == 0x9904, "velocity mode, forward"
+    bench.command("MSKI", 0x7A)
+    assert bench.report("RDSIGS") == 0x1904, "the flag that is up is not enabled"
 
 
 @pytest.mark.spec("LM-CMD-15", "LM-CMD-16", "LM-STA-2")
@@ -226,6 +228,7 @@ def test_bit_15_of_a_threshold_is_ignored_and_reported(bench, name):
 
     assert bench.probe.error_threshold == 0x0123
     assert bench.rules() == ["range"]
+    assert bench.violations[0].detail == f"{name} 8123H: at most 7FFFH, bit 15 is ignored"
 
 
 @pytest.mark.spec("LM-CMD-17", "LM-STA-7", "LM-T-12", "LM-AMB-13")

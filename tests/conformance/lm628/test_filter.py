@@ -147,7 +147,7 @@ def test_the_error_is_a_31_bit_difference_saturated_to_16_bits(make, desired, re
     assert axis.motor_command == error
 
 
-@pytest.mark.spec("LM-PID-2", "LM-POS-6")
+@pytest.mark.spec("LM-PID-2", "LM-POS-6", "LM-TRJ-17")
 def test_the_largest_threshold_never_fires_even_at_the_most_negative_error(make):
     bench = held(make, [-40_000, -40_000])
     bench.command("RSTI", 0)

@@ -186,6 +186,22 @@ def test_a_magnitude_of_zero_makes_no_edges():
     assert bench.probe.next_output_change(0) == STEADY
 
 
+@pytest.mark.spec("LM-RST-3")
+def test_the_pulses_of_an_lm629_end_with_a_reset():
+    bench = driven(0x4000, part="LM629N-8")
+    log = Log()
+    bench.chip.pins["MAG"].net.observe(log)
+    bench.next_sample()
+    bench.run(SAMPLE - 1)
+    assert [level for _, _, level in log.edges] == [1, 0] * 4
+
+    bench.command("RESET")
+    log.edges.clear()
+    bench.run(3 * SAMPLE)
+    assert log.edges == []
+    assert bench.probe.next_output_change(0) == STEADY
+
+
 @pytest.mark.spec("LM-CFG-1")
 @pytest.mark.parametrize("frame", [129, 500, 1000])
 def test_a_pwm_frame_that_does_not_fit_the_sample_is_refused(frame):

@@ -317,7 +317,7 @@ def test_a_strict_limit_loses_the_read(symbol, times, measured, limit):
     assert [read(bench, 1), read(bench, 1)] == [0x11, 0x22], "the pointer has not moved"
 
 
-@pytest.mark.spec("LM-TIM-10")
+@pytest.mark.spec("LM-TIM-10", "LM-BUS-3")
 def test_strict_access_time_shows_the_byte_exactly_when_it_is_over():
     bench = ready_to_report(strict("T10"))
     play(bench, (0, "/PS", HIGH), (0, "/CS", LOW), (100 * NS, "/RD", LOW))

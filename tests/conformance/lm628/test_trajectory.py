@@ -251,6 +251,15 @@ def test_of_several_stop_bits_the_strongest_counts_and_it_is_reported(
     assert bench.rules() == ["stop-bits"]
 
 
+@pytest.mark.spec("LM-CMD-2", "LM-TRJ-5")
+@pytest.mark.parametrize("stop", [0x0100, 0x0200, 0x0400])
+def test_a_single_stop_bit_is_nothing_to_report(bench, stop):
+    bench.move(0x1800, accel=ONE, velocity=8 * ONE)
+    velocities(bench, 8)
+    bench.move(stop | 0x1000)
+    assert bench.rules() == []
+
+
 @pytest.mark.spec("LM-TRJ-5", "LM-AMB-18")
 @pytest.mark.parametrize("stop", [0x0400, 0x0200])
 def test_a_stop_is_used_up_and_the_next_stt_resumes_the_move(bench, stop):
