@@ -90,6 +90,16 @@ def test_the_12_bit_port_gives_the_low_word_and_then_the_high_word_each_with_a_s
     assert falls == [8, 16, 32, 40]
 
 
+@pytest.mark.spec("LM-PID-8", "LM-PID-9")
+def test_the_port_has_eight_bits_again_after_port8():
+    bench = driven(0x1230)
+    for name in ("PORT12", "PORT8"):
+        bench.command(name)
+        bench.next_sample()
+    bench.run(SAMPLE)
+    assert levels(bench) == 0x92
+
+
 @pytest.mark.spec("LM-PID-9")
 def test_the_12_bit_port_strobes_every_sample_though_nothing_changes():
     bench = driven(0)

@@ -371,7 +371,7 @@ def test_updates_of_one_cycle_bring_the_amplitude_given_before_any_of_them(chip:
     assert chip.send("GET_MTR_CMD") == 0x2000
 
 
-@spec("PMD-UPD-1", "PMD-RST-2")
+@spec("PMD-UPD-1", "PMD-RST-2", "PMD-CMD-75")
 def test_reset_forgets_an_amplitude_given_to_the_buffer(bench: Bench) -> None:
     for updated in (False, True):
         bench.next_cycle()

@@ -205,7 +205,7 @@ def test_a_fraction_of_velocity_left_by_an_s_curve_is_no_motion_without_accelera
     assert chip.status() == 0x0301
 
 
-@spec("PMD-TRJ-12")
+@spec("PMD-TRJ-12", "PMD-CMD-8")
 def test_an_update_to_the_present_position_completes_in_the_next_cycle(chip: Bench) -> None:
     chip.send("SET_ACTL_POS", 77)
     chip.move(pos=77, vel=1 << 16, acc=1 << 16)
