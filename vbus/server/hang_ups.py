@@ -39,22 +39,15 @@ class HangUps:
 
     def gone(self, fd: int) -> bool:
         """Tell whether a host sends no more, though that may not have been noticed yet."""
-        poll = select.poll()
-        poll.register(fd, select.POLLRDHUP)
-        return bool(poll.poll(0))
+        return bool(_states([fd], select.POLLRDHUP))
 
     def waits(self, fd: int) -> bool:
         """Tell whether something has come that nobody has read."""
-        poll = select.poll()
-        poll.register(fd, select.POLLIN)
-        return any(state & select.POLLIN for _, state in poll.poll(0))
+        return any(state & select.POLLIN for _, state in _states([fd], select.POLLIN))
 
     def gone_of(self, fds: Iterable[int]) -> set[int]:
         """Return those whose hosts have gone altogether, and hear no more either."""
-        poll = select.poll()
-        for fd in fds:
-            poll.register(fd, 0)
-        return {fd for fd, _ in poll.poll(0)}
+        return {fd for fd, _ in _states(fds, 0)}
 
     def look(self) -> None:
         """Call back for whoever has gone."""
@@ -62,3 +55,11 @@ class HangUps:
             callback = self._callbacks.get(fd)
             if callback is not None:
                 callback()
+
+
+def _states(fds: Iterable[int], asked: int) -> list[tuple[int, int]]:
+    """Return the descriptors of which there is something to tell now, each with what it is."""
+    poll = select.poll()
+    for fd in fds:
+        poll.register(fd, asked)
+    return poll.poll(0)

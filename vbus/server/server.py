@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from vbus.server.jump import JumpBack
     from vbus.server.watching import RemoteWatcher
 
+log = logging.getLogger("vbus")
+
 
 def on_line(host: HostSection, board: Board, port: HostBus, wire: Protocol) -> SerialLine | None:
     """Return a wire format at the end of the line a host entry describes; None without a line.
@@ -73,8 +75,6 @@ def _numbers(board: Board, port: HostBus, pins: Iterable[str]) -> Iterable[int]:
     nets = [board.find_pin(name).net for name in pins]
     return [number for number, side in enumerate(port.pins.sides) if side.net in nets]
 
-
-log = logging.getLogger("vbus")
 
 PATIENCE_SECONDS: Final = 5.0
 """How long a board that is to stop carries out what hosts that have gone had sent (wall time)."""

@@ -265,6 +265,11 @@ class PtyTransport(Transport):
         terminal.named = False
         terminal.learn()  # whoever has come before the name led elsewhere
 
+    def _retire(self, terminal: _Terminal) -> None:
+        """Let the name lead to a new terminal; whoever has this one open keeps it."""
+        self._renew(terminal)
+        terminal.unwatch()
+
     def _name_new(self, terminal: _Terminal) -> None:
         """Let the name lead to a new terminal; to none for now if there is none to be had."""
         try:
@@ -304,8 +309,7 @@ class PtyTransport(Transport):
             if not state & select.POLLHUP:
                 self._begin(terminal)
             elif came and fresh:  # a client came and went, and may have set something
-                self._renew(terminal)
-                terminal.unwatch()
+                self._retire(terminal)
                 if not terminal.look() & select.POLLHUP:
                     self._begin(terminal)
                 self._free_soon(terminal)
@@ -322,8 +326,7 @@ class PtyTransport(Transport):
         if link is None or not terminal.look() & select.POLLHUP:
             return
         if terminal.named:
-            self._renew(terminal)
-            terminal.unwatch()
+            self._retire(terminal)
         # What was sent before the hang-up is seen by a look after it; of nothing, nothing is read.
         state = terminal.look()
         if state & select.POLLHUP and terminal.link is link:
@@ -381,8 +384,7 @@ class PtyTransport(Transport):
         if self.closing or terminal not in self._terminals:
             return
         if terminal.named and terminal.look() & select.POLLHUP:
-            self._renew(terminal)
-            terminal.unwatch()
+            self._retire(terminal)
         self._loop.call_soon(self._notice, terminal)
         self._free_soon(terminal)
 

@@ -1,7 +1,6 @@
 """Stream sockets: Unix and TCP."""
 
 import asyncio
-import contextlib
 import errno
 import os
 import select
@@ -31,7 +30,7 @@ def handed_over(family: int, address: object) -> socket.socket | None:
         return None
     count = os.environ.get("LISTEN_FDS", "")
     for descriptor in range(FIRST, FIRST + int(count if count.isdecimal() else 0)):
-        with contextlib.suppress(OSError):  # it is no socket
+        with suppress(OSError):  # it is no socket
             found = socket.socket(fileno=os.dup(descriptor))
             name = found.getsockname()
             place = name[:2] if isinstance(name, tuple) else name

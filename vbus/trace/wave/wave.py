@@ -85,7 +85,12 @@ class Wave(PacketReader):
         self.signals: list[Signal] = signals_of(board, list(signals))
         nets = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
-        told = [one for one in board.chips if profile == FULL and self._word(one.name) is not None]
+        self._words: dict[str, Signal] = {}
+        """What shows the packets of a chip, by its name, where they are shown."""
+        if profile == FULL:
+            words = {chip.name: self._others.get(f"{chip.name}.packet") for chip in board.chips}
+            self._words = {name: word for name, word in words.items() if word is not None}
+        told = [chip for chip in board.chips if chip.name in self._words]
         self._stream: PacketStream = PacketStream.of(told, (self,))
         """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
         self._values: dict[Signal, Value] = {}
@@ -159,14 +164,11 @@ class Wave(PacketReader):
     def packet(self, chip: str, packet: Packet) -> None:
         """Take down what bus cycles say."""
         # A packet that was cut short is known to have ended only now.
-        signal, text = self._word(chip), packet.text
+        signal, text = self._words[chip], packet.text
         self._changes.note(self._stream.latest, signal, text)
         if packet.kind in self._stream.decoders[chip].APART:
             _, write, address, data = packet.cycles[0]
             self._changes.say(chip, write, address, data, signal, text)
-
-    def _word(self, chip: str) -> Signal | None:
-        return self._others.get(f"{chip}.packet")
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
