@@ -5,17 +5,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from vbus.tools.generate.calls import calls as made_calls
 
 from tests.unit.client.served import Served
 from tests.unit.fake_port import FakePort
 from vbus.chips.family import Family
 from vbus.chips.lm628.datasheet import COMMANDS
-from vbus.chips.lm628.generated.calls import Lm628Calls
 from vbus.chips.tables import Command, CommandTable
 from vbus.client import Bus, connect
-from vbus.client.lm628 import Lm628
+from vbus.client.lm628 import Lm628, Lm628Calls
 from vbus.errors import NotReadyError
-from vbus.tools.generate.calls import calls as made_calls
 from vbus.tools.generate.targets import own_clients, stale
 
 

@@ -5,16 +5,15 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from vbus.tools.generate.calls import calls
 
 from tests.unit.client.served import Served
 from vbus.chips.family import Family
 from vbus.chips.mcp1200.datasheet import REGISTERS
-from vbus.chips.mcp1200.generated.calls import Mcp1200Calls
 from vbus.chips.tables import Register
 from vbus.client import Bus, connect
-from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200
+from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200, Mcp1200Calls
 from vbus.errors import NotReadyError
-from vbus.tools.generate.calls import calls
 
 
 @pytest.fixture
