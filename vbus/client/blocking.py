@@ -30,9 +30,9 @@ def run(steps: Coroutine[Any, Any, T]) -> T:
 
 
 class Blocking:
-    """Stands before an asyncio object, of :attr:`CORE`; has its attributes."""
+    """Stands before an asyncio object, of :attr:`_CORE`; has its attributes."""
 
-    CORE: ClassVar[type[Core]]
+    _CORE: ClassVar[type[Core]]
     _core: Core
 
     if not TYPE_CHECKING:  # which knows attributes by the stubs
@@ -61,8 +61,8 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
         body = {"__doc__": _without_aio(cls.__doc__), "__module__": _without_aio(cls.__module__)}
         body |= dict(filter(None, map(_counterpart, vars(cls).items())))
         made = type(cls.__name__, tuple(map(blocking, cls.__bases__)), body)
-        made.CORE = core or cls
-        _MADE[cls] = _MADE[made.CORE] = made
+        made._CORE = core or cls
+        _MADE[cls] = _MADE[made._CORE] = made
     return made
 
 
@@ -79,7 +79,7 @@ def export(module: ModuleType, names: dict[str, Any]) -> None:
                     made.__module__ = here
                 if made.__module__ == here:
                     names[cls.__name__] = made
-        elif name.isupper() and not name.startswith("_"):
+        elif name in module.__annotations__ and not name.startswith("_"):
             names[name] = value
 
 
@@ -109,7 +109,7 @@ def _stand(front: Blocking, core: Core) -> None:
 
 def _init(front: Blocking, /, *args: Any, **kwargs: Any) -> None:
     given = {name: core_of(value) for name, value in kwargs.items()}
-    _stand(front, front.CORE(*map(core_of, args), **given))
+    _stand(front, front._CORE(*map(core_of, args), **given))
 
 
 def _counterpart(member: tuple[str, Any]) -> tuple[str, Any] | None:

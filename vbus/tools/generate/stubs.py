@@ -18,7 +18,7 @@ _ROLES: Final = ("access", "calls", "host")
 
 
 def calls(family: Family) -> str:
-    """Return the stub of a family's ``calls.py``: what :func:`calls_of` makes of its tables."""
+    """Return the stub of a family's ``calls.py``: what ``calls_of`` makes of its tables."""
     path = folder_of(family) / "calls.py"
     head = _HEAD.format("the chip's tables")
     lines = [_about(path)]
