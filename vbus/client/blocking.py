@@ -68,7 +68,7 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
 
 def export(module: ModuleType, names: dict[str, Any]) -> None:
     """Give a module, by its ``globals()``, what is blocking of another one, and its constants."""
-    here = names["__name__"]
+    here, constants = names["__name__"], module.__annotations__
     for name, value in vars(module).items():
         if isinstance(value, type) and issubclass(value, Core):
             for cls in value.__mro__[:-1]:
@@ -79,7 +79,7 @@ def export(module: ModuleType, names: dict[str, Any]) -> None:
                     made.__module__ = here
                 if made.__module__ == here:
                     names[cls.__name__] = made
-        elif name in module.__annotations__ and not name.startswith("_"):
+        elif name in constants and not name.startswith("_"):
             names[name] = value
 
 

@@ -6,6 +6,8 @@ from typing import Final
 from vbus.client.access import RegisterCycles
 from vbus.client.bus import Bus, Chip, ChipCycles
 
+FIRST_EXTENDED: Final = 64
+
 class Mcp1200Access(RegisterCycles):
     """One MCP-1200: values of one or more bytes.
 

@@ -75,9 +75,8 @@ async def drive(bus: Bus, far: AioLm628) -> None:
 ERRORS = [
     'Too many arguments for "stt" of "Lm628Calls"',
     'Argument 1 to "lpes" of "Lm628Calls" has incompatible type "str"; expected "int"',
-    '"Lm628" has no attribute "sttt"; maybe "stt"?',
-    '"Mcp1200" has no attribute "write_phase"; maybe "read_phase", "write_capture", or'
-    ' "write_flag"?',
+    '"Lm628" has no attribute "sttt"',
+    '"Mcp1200" has no attribute "write_phase"',
     'Incompatible types in assignment (expression has type "int", variable has type "str")',
     'Incompatible types in assignment (expression has type "Coroutine[Any, Any, int]", variable has'
     ' type "int")',

@@ -110,9 +110,10 @@ def own_clients() -> list[Target]:
 
 
 _BLOCKING: Final = """\
-from {home} import host
+from {home} import access, host
 from vbus.client.blocking import export
 
+export(access, globals())
 export(host, globals())
 """
 _ASYNCIO: Final = "from {home}.host import *  # noqa: F403\n"
