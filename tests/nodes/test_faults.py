@@ -11,7 +11,7 @@ from tests.nodes.four_chips import scenario
 from tests.nodes.processes import Bench, ended
 from tests.nodes.test_hosts import BOARD, both
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine

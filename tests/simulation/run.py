@@ -38,7 +38,7 @@ from tests.unit.faults.bench import DC, LM, MC, MCP, STEPPER
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.sections import RecordSection
+from vbus.boardfile.sections import RecordSection
 from vbus.kernel import END, MS, SECOND, US
 from vbus.network import session as network_session
 from vbus.protocols.byte import ByteProtocol

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError, VbusError, write_errors
 from vbus.nodes.host import NodeBus
 from vbus.nodes.node import Node

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.saving import NO_ROUNDS, SavedNode
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US

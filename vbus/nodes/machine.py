@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.host import NodeBus
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore

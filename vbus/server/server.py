@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import HostSection
+from vbus.boardfile.sections import HostSection
 from vbus.circuit.stream import settings_for_decoders
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
 from vbus.testing.limits import HostWatch, Limits
