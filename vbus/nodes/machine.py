@@ -35,6 +35,7 @@ def node_of(
     made = build_node(file, source, name)
     if file.board.time != "realtime":
         made.board.port_type = NodeBus
+        made.board.granted = True
     if built is not None:
         built(made)
     if trace or scenario is not None:
