@@ -386,7 +386,7 @@ class Session:
 
     def _settled(self) -> bool:
         """Whether what is about to be answered may be; else the session ends."""
-        if self._settle is None or self.state == DEPARTED or self._settle():
+        if self._settle is None or self._deaf or self._settle():
             return True
         self.end("the journal takes no more, and what it does not hold is not answered", True)
         return False
@@ -502,7 +502,8 @@ class Session:
         if self.state == DEPARTED:
             self._close(DONE)
         elif self.open:
-            self._part(reason, partial(self._close, END), hang_up)
+            event = DONE if self.state == LEAVING else END
+            self._part(reason, partial(self._close, event), hang_up)
 
     def _leave(self) -> None:
         """The host has gone, and what it had sent is read; what waits is carried out later."""

@@ -409,7 +409,7 @@ class PtyTransport(Transport):
         terminal.link = None
         if self.closing or terminal.state == CLOSED:
             return
-        if terminal.named and terminal.look() & select.POLLHUP:
+        if terminal.named:
             self._retire(terminal)
         self._move(terminal, OVER)
         self._loop.call_soon(self._notice, terminal)
