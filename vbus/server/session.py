@@ -147,9 +147,9 @@ class Session:
         state = self.state = SESSION.after(before, event, self.link.peer)
         if state != before:
             self._reading = state == READING
-            self._deaf = state == LEAVING or state == DEPARTED
+            self._deaf = state in (LEAVING, DEPARTED)
             self.open = state != DEPARTED and state != CLOSED
-            self._attend(before == READING, state == HELD or state == PAUSED or state == DRAINING)
+            self._attend(before == READING, state in (HELD, PAUSED, DRAINING))
 
     def _attend(self, read: bool, watch: bool) -> None:
         """Read the link, or watch for its end, as the state has it.
