@@ -17,6 +17,9 @@ LEAVING: Final = "leaving"
 DEPARTED: Final = "departed"
 CLOSED: Final = "closed"
 
+UNREAD: Final = (HELD, PAUSED, DRAINING)
+"""While nothing is read, a host that goes is noticed by its descriptor alone."""
+
 FRESH: Final = "fresh"
 SHARED: Final = "shared"
 OWNED: Final = "owned"

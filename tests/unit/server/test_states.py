@@ -11,41 +11,9 @@ from tests.unit.server.test_session import CLAIM, READ, Served, served
 from tests.unit.transports.test_pty_clients import Hosts, hosts, loop
 from vbus.protocols.byte import ByteProtocol
 from vbus.server.session import Session
+from vbus.transports import states
 from vbus.transports.sockets import SocketLink
-from vbus.transports.states import (
-    BEGIN,
-    CLOSED,
-    DEPARTED,
-    DONE,
-    DRAINING,
-    END,
-    EVENTS,
-    FINISH,
-    FREE,
-    FULL,
-    GIVE_UP,
-    GO_ON,
-    GONE,
-    HELD,
-    HOLD,
-    LEAVING,
-    LEFT,
-    NEW,
-    OPENED,
-    OVER,
-    OWNED,
-    PAUSED,
-    READING,
-    ROOM,
-    SESSION,
-    SHARED,
-    STATES,
-    STOP,
-    TERMINAL,
-    UNUSED,
-    WROTE,
-    Machine,
-)
+from vbus.transports.states import SESSION, TERMINAL, Machine
 
 __all__ = ["hosts", "loop"]
 
@@ -76,52 +44,52 @@ class OneSession:
         port = self.it.board.open_port("host1")
         self.session = Session(self.it.serving, SocketLink(near, "x"), port, ByteProtocol(port))
         self.it.sessions.append(self.session)
-        if state == NEW:
+        if state == states.NEW:
             return
         self.session.begin()
         self.host.send(b"\x02\x01")  # ECHO
         self.it.turn(2)
-        if state == HELD:
-            self.do(HOLD)
-        elif state == PAUSED:
-            self.do(FULL)
-        elif state == DRAINING:
+        if state == states.HELD:
+            self.do(states.HOLD)
+        elif state == states.PAUSED:
+            self.do(states.FULL)
+        elif state == states.DRAINING:
             self.session._write_some = full
             self.host.send(b"\x02\x01")
             self.it.turn(2)
-            self.do(FINISH)
-        elif state == LEAVING:
+            self.do(states.FINISH)
+        elif state == states.LEAVING:
             self.session._write_some = broken
             self.host.send(b"\x02\x01" + CLAIM + READ)
             self.session._readable()
-        elif state == DEPARTED:
-            self.do(HOLD)
-            self.do(GONE)
+        elif state == states.DEPARTED:
+            self.do(states.HOLD)
+            self.do(states.GONE)
         assert self.session.state == state
 
     def do(self, event: str) -> None:
         """Let an event happen."""
         session, it = self.session, self.it
-        if event == BEGIN:
+        if event == states.BEGIN:
             session.begin()
-        elif event == HOLD and session.state == READING:
+        elif event == states.HOLD and session.state == states.READING:
             self.host.send(CLAIM + READ)
-        elif event == HOLD:
+        elif event == states.HOLD:
             it.pacer.halt()
             session.hold()
-        elif event == GO_ON or (event == DONE and session.state == DEPARTED):
+        elif event == states.GO_ON or (event == states.DONE and session.state == states.DEPARTED):
             self.other.send(UNCLAIM)
-        elif event == FULL:
+        elif event == states.FULL:
             session.stop_reading()
-        elif event == ROOM:
+        elif event == states.ROOM:
             session.read_again()
-        elif event == FINISH:
+        elif event == states.FINISH:
             self.host.shutdown(socket.SHUT_WR)
-        elif event == GONE:
+        elif event == states.GONE:
             self.host.close()
-        elif event == GIVE_UP:
+        elif event == states.GIVE_UP:
             it.departures.close()
-        elif event == END:
+        elif event == states.END:
             session.end("the board stops")
         it.turn(4)
 
@@ -138,7 +106,7 @@ def test_a_session_goes_from_state_to_state(
 ) -> None:
     with served("realtime") as it:
         walker = OneSession(it)
-        if (state, event) == (LEAVING, DONE):
+        if (state, event) == (states.LEAVING, states.DONE):
             walker.other.send(UNCLAIM)
             it.turn(3)
         walker.bring_to(state)
@@ -157,25 +125,24 @@ class OneTerminal:
         self.open: list[int] = []
 
     def bring_to(self, state: str) -> None:
-        for event in {SHARED: (OPENED,), OWNED: (OPENED, WROTE), UNUSED: (WROTE, OVER)}.get(
-            state, ()
-        ):
+        ways = {"shared": ("opened",), "owned": ("opened", "wrote"), "unused": ("wrote", "over")}
+        for event in ways.get(state, ()):
             self.do(event)
         assert self.terminal.state == state
 
     def do(self, event: str) -> None:
         """Let an event happen."""
         transport, terminal = self.hosts.transport, self.terminal
-        if event in (OPENED, WROTE, LEFT) and not self.open:
+        if event in (states.OPENED, states.WROTE, states.LEFT) and not self.open:
             self.open.append(os.open(terminal.name, os.O_RDWR | os.O_NOCTTY))
-        if event == WROTE:
+        if event == states.WROTE:
             os.write(self.open[0], b"\x10")
-        elif event in (LEFT, OVER):
+        elif event in (states.LEFT, states.OVER):
             os.close(self.open.pop())
-        elif event == STOP:
+        elif event == states.STOP:
             transport.close()
         self.hosts.look()
-        if event == FREE:
+        if event == states.FREE:
             transport._free_unused(terminal)
 
 
@@ -195,10 +162,10 @@ def test_a_terminal_goes_from_state_to_state(
 
 def test_a_transition_that_the_table_does_not_have_is_an_error() -> None:
     with pytest.raises(RuntimeError, match='x: a session that is closed knows no event "begin"'):
-        SESSION.after(CLOSED, BEGIN, "x")
+        SESSION.after(states.CLOSED, states.BEGIN, "x")
 
 
 def test_each_state_and_event_is_used_and_described() -> None:
     rows = SESSION.rows + TERMINAL.rows
-    assert {one for state, _, to in rows for one in (state, to)} == set(STATES)
-    assert {event for _, event, _ in rows} == set(EVENTS)
+    assert {one for state, _, to in rows for one in (state, to)} == set(states.STATES)
+    assert {event for _, event, _ in rows} == set(states.EVENTS)
