@@ -94,6 +94,7 @@ _CLIENT: Final = ROOT / "vbus" / "client"
 _GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate."""\n'
 
 DOCUMENTS: Final[list[Target]] = [
+    ("ARCHITECTURE.md", documents.architecture),
     ("docs/add-a-chip.md", documents.add_a_chip),
     *board_file.targets(),
     ("docs/byte-protocol.md", documents.byte_protocol),
