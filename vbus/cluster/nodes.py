@@ -10,6 +10,7 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
+from vbus.board import snapshot
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.cluster.elsewhere import Elsewhere
@@ -17,14 +18,13 @@ from vbus.cluster.node_link import NodeLink
 from vbus.cluster.node_records import NodeRecords
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
-from vbus.cluster.saving import saved
 from vbus.cluster.timebase import Timebase
 from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
-from vbus.nodes.machine_snapshot import read, restore
+from vbus.nodes.machine_snapshot import NO_ROUNDS, read, restore, saved
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
@@ -154,7 +154,7 @@ def _conductors(
     if options.rejoin:
         with read_errors(options.rejoin):
             data = Path(options.rejoin).read_bytes()
-        made[0].load(data)
+        made[0].load(snapshot.read(data, options.rejoin))
     if options.start:
         with read_errors(options.start):
             data = Path(options.start).read_bytes()
@@ -253,7 +253,7 @@ class _NodesRun:
         scenario = scenario_of(file, options.scenario) if options.scenario else None
         for name in names:
             owned.enter_context(own_board(f"{file.board.name}.{name}"))
-        self._trace, snapshot = (
+        self._trace, kept = (
             owned.enter_context(closing(OutputFile(path))) if path else None
             for path in (options.trace, options.snapshot)
         )
@@ -278,7 +278,7 @@ class _NodesRun:
         self._conductors: dict[int, Conductor] = {}
         if self._real:
             if options.snapshot or options.rejoin or options.start:
-                raise ConfigError("a snapshot is for virtual time; this board is realtime")
+                raise ConfigError(NO_ROUNDS)
             trace = bool(options.trace)
             self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
             until = scenario.until if scenario is not None else -1
@@ -287,7 +287,7 @@ class _NodesRun:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
             self._conductors = {conductor.node.rank: conductor for conductor in conductors}
-            self._peers = Timebase(group, conductors, snapshot)
+            self._peers = Timebase(group, conductors, kept)
 
     async def serve(
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from vbus.board.sections import BoardFile
 from vbus.cluster.node_link import NodeLink, Receiver
-from vbus.cluster.saving import NO_ROUNDS
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS
+from vbus.nodes.machine_snapshot import NO_ROUNDS
 from vbus.nodes.messages import Alive, Message, Reports, decode, encode
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan

@@ -9,12 +9,13 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from vbus.board.sections import BoardFile
+from vbus.board.snapshot import write
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
 from vbus.cluster.peers import Group, Peers
-from vbus.cluster.saving import saved
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
+from vbus.nodes.machine_snapshot import saved
 from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
@@ -213,7 +214,7 @@ class Timebase(Peers):
         """Write a snapshot of a node that has just reported; the file is replaced in one step."""
         assert self._snapshot is not None
         try:
-            self._snapshot.write(conductor.save(), sync=False)
+            self._snapshot.write(write(conductor.save()), sync=False)
         except VbusError as error:
             self.lost.append(str(error))
             self._report(f"{error}; no more snapshots are written")

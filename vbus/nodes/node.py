@@ -6,17 +6,16 @@ from functools import partial
 from heapq import heappop, heappush
 from typing import Any, ClassVar
 
-from vbus.board.board import Board
+from vbus.board.board import Beyond, Board
 from vbus.circuit.orders import Order, Orders
 from vbus.errors import SnapshotError
 from vbus.kernel import Timer
+from vbus.nodes.messages import Edge
+from vbus.nodes.sync import Participant
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
 from vbus.state import Names, Saved, plan, save
-
-Edge = tuple[int, int, int, int, int, bool]
-"""What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
-rank, level the node drives (-1: none), and whether by open-drain pins only."""
+from vbus.state.kinds import Load
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class Wire:
     ends: dict[int, tuple[str, ...]]
 
 
-class Node:
+class Node(Beyond):
     """One node: chips, plants and nets under a kernel of their own, and ends of wires.
 
     An edge that a node sends at t arrives at t plus the wire's delay, after what the chips there do
@@ -54,7 +53,8 @@ class Node:
     STATE: ClassVar[Names] = (
         "number", "_arrivals: heap[(i64, i64, i64, i64, i64, bool)]",
         "drives: list[(i64, i64, i64, bool), ...]", "wire_ends: parts", "orders: parts",
-        "trace: part | None", "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
+        "trace: part | None", "agreed: part | None",
+        "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
     DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
@@ -73,6 +73,8 @@ class Node:
         self.orders: list[Orders] = []
         """Cycles to be run at given instants, after what arrives at those instants."""
         self.trace: NodeTrace | None = None
+        self.agreed: Participant | None = None
+        """The node's part in keeping one virtual time with the others."""
         self._drives: list[Drive] = []
         self._arrivals: list[tuple[int, int, int, int, int, bool]] = []
         self._held: list[tuple[int, int, int, int, int, bool]] = []
@@ -103,7 +105,7 @@ class Node:
         for chip in board.chips:
             chip.on_node = True
             chip.rearm()
-        board.beyond = self.replay
+        board.beyond = self
         # Made after the timers of all chips: what arrives comes after what they do of themselves.
         self._timer: Timer = board.kernel.timer(self._arrived)
 
@@ -230,10 +232,24 @@ class Node:
         return list(self.ends.values())
 
     def save(self) -> Saved:
-        """Return the whole state, with the trace so far."""
-        return {"board": self.board.save(), **save(self)}
+        """Return the state of what leads beyond the board, with the trace so far."""
+        saved: Saved = save(self)
+        return saved
 
-    def check_scenario(self, saved: Any) -> None:
+    def prepare(self, saved: Any) -> Load:
+        """Check what :meth:`save` gave, on a node built from the same file; return what loads it.
+
+        Raises:
+            SnapshotError: another node made it, or a node with another scenario.
+        """
+        if self.agreed is not None and not self.agreed.log:
+            self._check_scenario(saved)
+        loading = plan(self, saved, f"node {self.name}")
+        if self.agreed is not None:
+            self.agreed.check(saved["agreed"])
+        return loading
+
+    def _check_scenario(self, saved: Any) -> None:
         """Check that a node which has done nothing yet was given what :meth:`save` has.
 
         Raises:
@@ -252,20 +268,6 @@ class Node:
         if (fields.get("trace") is None) != (self.trace is None):
             one = "out a trace: leave --trace out" if self.trace else " a trace: give --trace FILE"
             raise SnapshotError(f"{was} with{one}")
-
-    def load(self, saved: Any) -> None:
-        """Take back what :meth:`save` gave, on a node built from the same file.
-
-        Raises:
-            SnapshotError: the state was made by another node; this one is as it was.
-        """
-        fields, board = saved, None
-        if isinstance(saved, dict):
-            fields = {**saved}
-            board = fields.pop("board", None)
-        loading = plan(self, fields, f"node {self.name}")
-        self.board.load(board)
-        loading.apply()
 
 
 def _goes_on(given: Orders, saved: Any) -> bool:
