@@ -16,9 +16,9 @@ from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
-from vbus.nodes.machine import Machine, conductor_of, trace_hash
+from vbus.nodes.machine import Machine, build_nodes, conductor_of, trace_hash
 from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
-from vbus.nodes.plan import build_nodes, pins_of, plan_of
+from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import merged
@@ -308,7 +308,7 @@ def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
     state = {name: field for name, field in snapshot.state.items() if name != "beyond"}
     before = mine.node.board.state_hash()
     for beyond in ({}, {"beyond": {}}, {"beyond": {**snapshot.state["beyond"], "agreed": None}}):
-        with pytest.raises(SnapshotError, match="node a|leave --trace out"):
+        with pytest.raises(SnapshotError, match=r"node a|leave --trace out"):
             mine.load(replace(snapshot, state={**state, **beyond}))
         assert mine.node.board.state_hash() == before
     agreed = {**snapshot.state["beyond"]["agreed"], "round": 9}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import msgspec
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError, VbusError, write_errors
 from vbus.nodes.node import Node
 from vbus.server.output_file import output

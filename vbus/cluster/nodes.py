@@ -11,8 +11,8 @@ from typing import Any, Final, NoReturn
 import msgspec
 
 from vbus.board import snapshot
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.cluster.elsewhere import Elsewhere
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.node_records import NodeRecords
@@ -23,7 +23,7 @@ from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
-from vbus.nodes.machine import conductor_of, node_of
+from vbus.nodes.machine import conductor_of, node_of, trace_lines
 from vbus.nodes.machine_snapshot import NO_ROUNDS, read, restore, saved
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
@@ -160,15 +160,6 @@ def _conductors(
             data = Path(options.start).read_bytes()
         restore(made, read(data, options.start))
     return made
-
-
-def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
-    lines: list[list[tuple[int, str]]] = []
-    for node in nodes:
-        node.board.catch_up()
-        lines += [[] for _ in range(node.rank - len(lines))]
-        lines.append(node.trace.lines() if node.trace is not None else [])
-    return lines
 
 
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
@@ -397,7 +388,7 @@ class _NodesRun:
             return
         try:
             with write_errors(self._trace.path):
-                self._trace.begin_text().writelines(merged(_lines(self._nodes)))
+                self._trace.begin_text().writelines(merged(trace_lines(self._nodes)))
             self._trace.keep()
         except VbusError as error:
             self._records.lost.append(str(error))

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import msgspec
 
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.ordering import Answer, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew

@@ -8,8 +8,8 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from vbus.board.sections import BoardFile
 from vbus.board.snapshot import write
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
 from vbus.cluster.peers import Group, Peers

@@ -26,8 +26,6 @@ class Conductor:
 
     Args:
         node: the node, at instant 0.
-        lookahead: the shortest delay between nodes (ps).
-        digest: of the board file.
         until: how far time is to run whatever hosts want (ps); -1: as far as hosts want.
 
     Attributes:
@@ -38,9 +36,11 @@ class Conductor:
             round that will do, and the deed.
     """
 
-    def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
+    def __init__(self, node: Node, until: int) -> None:
         self.node: Node = node
-        self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
+        self.participant: Participant = Participant(
+            node.names, node.rank, node.plan.lookahead, node.plan.digest
+        )
         node.agreed = self.participant
         self.until: int = until
         self.state: str = RUNS
@@ -51,11 +51,7 @@ class Conductor:
         other node has been promised that nothing happens yet."""
         self.at_round: list[tuple[int, Callable[[], None]]] = []
         self._wanted: int = -2
-
-    def begin(self) -> "Conductor":
-        """Hold the node's time until it is granted."""
-        self.node.board.limit = -1
-        return self
+        node.board.limit = -1  # until time is granted
 
     # -- what its hosts want ------------------------------------------------------------------
 

@@ -1,7 +1,6 @@
 """One node of a board: a board of its own, and the ends of the wires that lead to others."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from heapq import heappop, heappush
 from typing import Any, ClassVar
@@ -11,30 +10,12 @@ from vbus.circuit.orders import Order, Orders
 from vbus.errors import SnapshotError
 from vbus.kernel import Timer
 from vbus.nodes.messages import Edge
+from vbus.nodes.plan import Plan, Wire
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
 from vbus.state import Names, Saved, plan, save
 from vbus.state.kinds import Load
-
-
-@dataclass(frozen=True, slots=True)
-class Wire:
-    """A net whose pins are on several nodes.
-
-    Attributes:
-        name: as the board file has it.
-        delay: how long an edge takes to the other nodes (ps).
-        rest: level while nobody drives it.
-        width: number of wires, 1 or 8.
-        ends: pins by the rank of their node.
-    """
-
-    name: str
-    delay: int
-    rest: int
-    width: int
-    ends: dict[int, tuple[str, ...]]
 
 
 class Node(Beyond):
@@ -45,9 +26,8 @@ class Node(Beyond):
     are taken in order of (node, number), and move together.
 
     Args:
-        names: all nodes, in the order of the file.
-        rank: which of them this is.
-        wires: all wires between nodes, in the order of the file.
+        plan: the machine.
+        rank: which of its nodes this is.
     """
 
     STATE: ClassVar[Names] = (
@@ -56,14 +36,15 @@ class Node(Beyond):
         "trace: part | None", "agreed: part | None",
         "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
+    WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "plan", "rank", "wires")
     DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
 
-    def __init__(self, names: tuple[str, ...], rank: int, wires: tuple[Wire, ...]) -> None:
-        self.names: tuple[str, ...] = names
+    def __init__(self, plan: Plan, rank: int) -> None:
+        self.plan: Plan = plan
+        self.names: tuple[str, ...] = plan.nodes
         self.rank: int = rank
-        self.name: str = names[rank]
-        self.wires: tuple[Wire, ...] = wires
+        self.name: str = plan.nodes[rank]
+        self.wires: tuple[Wire, ...] = plan.wires
         self.ends: dict[int, WireEnd] = {}
         self.number: int = 0
         """Edges sent since the start."""

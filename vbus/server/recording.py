@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
-from vbus.board.sections import RecordSection, WaveSection
+from vbus.boardfile.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, write_errors
 from vbus.server.output_file import OutputFile, output
 from vbus.server.registry import journal_path

@@ -5,8 +5,8 @@ from typing import Any, Final, NoReturn
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError, VbusError

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
-from vbus.board.build import build
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
 from vbus.testing.limits import HostWatch, Limits
@@ -86,16 +85,12 @@ class TestedBoard:
 
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""
+        from vbus.nodes.machine import board_of
         from vbus.scope.page_file import one_file
         from vbus.scope.replayed import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
-        if self.file.nodes:
-            from vbus.nodes.recorded import RebuiltBoard
-
-            board = RebuiltBoard(reader.header, self.file.path).board
-        else:
-            board = build(self.file, self.source)
+        board = board_of(reader.header, self.file.path)
         recorded = replayed(board, reader, reader.header.families)
         return one_file(recorded.description, recorded.frames)
 
