@@ -20,7 +20,6 @@ from vbus.board.snapshot import Snapshot, take
 from vbus.board.snapshot import read as read_board
 from vbus.board.snapshot import write as write_board
 from vbus.cluster import node_link, timebase
-from vbus.cluster.elsewhere import Elsewhere
 from vbus.cluster.node_link import PIECE, NodeLink, Receiver
 from vbus.cluster.ordering import Answer, NodeRequest, read_answer
 from vbus.cluster.peers import Group
@@ -98,8 +97,8 @@ FILE, SOURCE = read_board_text(BOARD)
 PLAN = plan_of(FILE)
 
 
-def machine(nodes: str = "abcd") -> Timebase:
-    return Timebase(Group(PLAN), [conductor_of(FILE, SOURCE, name, None) for name in nodes])
+def machine(nodes: str = "abcd", link: NodeLink | None = None) -> Timebase:
+    return Timebase(Group(PLAN, link), [conductor_of(FILE, SOURCE, name, None) for name in nodes])
 
 
 def ordered(base: Timebase, data: bytes) -> Answer:
@@ -155,9 +154,7 @@ def test_a_part_that_cannot_be_had_is_refused_in_words(monkeypatch: pytest.Monke
     refused = ordered(machine(), data)
     assert refused.part is None
     assert refused.error.startswith("node b has a part of ")
-    assert refused.error.endswith(
-        " bytes, and at most 500 go to another computer; save where all nodes are on one"
-    )
+    assert refused.error.endswith(" bytes, and an answer has at most 500")
 
 
 class Line:
@@ -225,7 +222,7 @@ def test_what_a_node_elsewhere_answers_is_checked(
 ) -> None:
     line = Line(answer or b"")
     replies: list[dict[str, Any]] = []
-    Elsewhere(machine("ab"), cast("NodeLink", line)).order(request_, replies.append)
+    machine("ab", cast("NodeLink", line)).save_node(request_, replies.append)
     assert replies == [reply]
     expected = [(2, NodeRequest(PLAN.digest, save=request_.get("round", -1)))]
     assert line.asked == ([] if answer is None else expected)
@@ -234,8 +231,8 @@ def test_what_a_node_elsewhere_answers_is_checked(
 @pytest.mark.parametrize("answer", [b"x", b"[]", b"\xff", b'{"node":"c","part":{"round":1}}'])
 def test_an_answer_that_is_none_is_refused(answer: bytes) -> None:
     replies: list[dict[str, Any]] = []
-    elsewhere = Elsewhere(machine("ab"), cast("NodeLink", Line(answer)))
-    elsewhere.order({"node": "c", "round": 7}, replies.append)
+    base = machine("ab", cast("NodeLink", Line(answer)))
+    base.save_node({"node": "c", "round": 7}, replies.append)
     assert replies[0]["error"].startswith("node c gives an answer that is none: ")
 
 
@@ -246,16 +243,14 @@ def test_nodes_elsewhere_that_were_asked_too_late_are_asked_for_a_later_round(
 
     def order(board: str, do: str, **values: Any) -> dict[str, Any]:
         if "round" not in values:
-            assert (board, do, values) == ("m.a", "snap.elsewhere", {"node": "b"})
+            assert (board, do, values) == ("m.a", "snap.node", {"node": "b"})
             return {"answers": True, "state": "runs"}
         late = 0
-        if do == "snap.elsewhere":
-            assert (board, values["node"]) == ("m.a", "b")
+        assert (board, do) == ("m.a", "snap.node")
+        if values["node"] == "b":
             numbers.append(values["round"])
             late = 900 * (len(numbers) < 4)
-        else:
-            assert (board, do) == ("m.a", "snap.node")
-        data = write_board(take(Board(do)))
+        data = write_board(take(Board(values["node"])))
         return {"round": values["round"] + late, "data": base64.b64encode(data).decode()}
 
     monkeypatch.setattr("vbus.server.registry.order", order)
@@ -265,16 +260,16 @@ def test_nodes_elsewhere_that_were_asked_too_late_are_asked_for_a_later_round(
     assert len(numbers) == 4
     assert all(later > before + 900 for before, later in pairwise(numbers))
     assert (found.round, list(found.nodes)) == (numbers[-1], ["a", "b"])
-    assert [part.board for part in found.nodes.values()] == ["snap.node", "snap.elsewhere"]
+    assert [part.board for part in found.nodes.values()] == ["a", "b"]
 
 
 def test_of_several_refusals_that_which_is_no_consequence_is_told(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def order(board: str, do: str, **values: Any) -> dict[str, Any]:
-        if do == "snap.elsewhere" and "round" in values:
+        if values["node"] == "b" and "round" in values:
             raise VbusError("node b waits for its host")
-        if do == "snap.node":
+        if values["node"] == "a":
             raise VbusError("node a waits for the others, so")
         return {"answers": True, "state": "runs"}
 

@@ -12,7 +12,7 @@ from vbus.board.snapshot import write
 from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
-from vbus.cluster.peers import Group, Peers
+from vbus.cluster.peers import LET_IN, Group, Peers
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
 from vbus.nodes.machine_snapshot import saved
@@ -25,8 +25,6 @@ LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
-LET_IN: Final = 10.0
-"""Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 WAITS_FOR_OTHERS: Final = "waits for the others"
@@ -366,7 +364,7 @@ def _answer_of(conductor: Conductor) -> bytes:
         if len(data) <= LARGEST_ANSWER:
             return data
         why = (
-            f"node {name} has a part of {len(data)} bytes, and at most {LARGEST_ANSWER} go to"
-            " another computer; save where all nodes are on one"
+            f"node {name} has a part of {len(data)} bytes, and an answer has at most"
+            f" {LARGEST_ANSWER}"
         )
     return msgspec.json.encode(Answer(name, now, error=why))

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
@@ -30,6 +31,7 @@ class TestedBoard:
         strict: whether a breach of a datasheet fails the test.
         budget: what its hosts may take.
         covered: whether what they exercise is counted.
+        bring: see :class:`~vbus.testing.clock.BoardClock`.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class TestedBoard:
         strict: bool,
         budget: Limits,
         covered: bool = False,
+        bring: Callable[[int], None] | None = None,
     ) -> None:
         self.board = board
         self.file = file
@@ -64,7 +67,8 @@ class TestedBoard:
         self.address: str = ""
         self._wave: Any = None
         self._wave_text: TextIO = io.StringIO()
-        self.clock = BoardClock(board, self.call, self.watch.excused)
+        excused = nullcontext if bring is not None else self.watch.excused
+        self.clock = BoardClock(board, self.call, excused, bring)
         board.waits = self.clock.wait_until
 
     def call(self, what: Callable[[], _T]) -> _T:

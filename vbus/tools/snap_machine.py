@@ -64,7 +64,7 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
 
     through = f"{machine}.{next(iter(nodes))}"
     asks: dict[str, _Ask] = {
-        name: partial(order, through, "snap.elsewhere", node=name) for name in missing_of(nodes)
+        name: partial(order, through, "snap.node", node=name) for name in missing_of(nodes)
     }
     with ThreadPoolExecutor(len(nodes) + len(asks)) as asking:
         # Who is not there is named before the others are kept waiting for its round.
@@ -76,7 +76,9 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
                 f"{machine}: {', '.join(lacking)} {do} not answer, and a snapshot has all nodes of"
                 f" a machine; say it again when {they} here (vbus ls)"
             )
-        asks |= {name: partial(order, f"{machine}.{name}", "snap.node") for name in nodes}
+        asks |= {
+            name: partial(order, f"{machine}.{name}", "snap.node", node=name) for name in nodes
+        }
         latest = max(node.get("round", -1) for node in nodes.values())
         for ahead in AHEAD:
             number = latest + ahead
