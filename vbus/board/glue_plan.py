@@ -14,9 +14,8 @@ from vbus.board.card_parts import CardPart, names_of, parts_of
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
 from vbus.boardfile.cards import CardSection
-from vbus.boardfile.key import GlueSection
 from vbus.boardfile.lines import Path
-from vbus.boardfile.sections import BoardFile, NetSection
+from vbus.boardfile.sections import BoardFile, GlueSection, NetSection
 from vbus.chips.tables import PinRow
 from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.part import bundled

@@ -8,7 +8,7 @@ from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, ro
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
-from vbus.boardfile.source import Source
+from vbus.boardfile.source import Source, absent
 from vbus.chips.base import Chip
 from vbus.values.settings import listed, quoted, suggestion
 
@@ -52,9 +52,7 @@ class PinMapChecks:
     def check(self, section: PinMapSection) -> None:
         """Check one map."""
         path: Path = ("pinmaps", section.name)
-        self._sound: bool = True
-        for place, chip in enumerate(section.chips):
-            self._chip((*path, "chips", place), chip)
+        self._sound = set(section.chips) <= set(self._known)
         meant = section.chips or tuple(self._known)
         bits: dict[str, str] = {}
         for bit, names in section.pins.items():
@@ -75,13 +73,6 @@ class PinMapChecks:
     def _fail(self, path: Path, message: str) -> None:
         self._sound = False
         self._source.fail(path, message)
-
-    def _chip(self, path: Path, name: str) -> bool:
-        if name in self._known:
-            return True
-        hint = suggestion(name, self._known)
-        self._fail(path, f"there is no [chips.{name}]; {hint}this file has {listed(self._known)}")
-        return False
 
     def _bit(self, path: Path, bit: str, bits: dict[str, str]) -> None:
         match = PORT_BIT.fullmatch(bit)
@@ -104,9 +95,11 @@ class PinMapChecks:
                 hint = suggestion(pin, there)
                 self._fail(path, f'"{chip}" has no pin "{pin}"; {hint}it has {listed(there)}')
             return
+        if dot and chip not in self._known:
+            self._fail(path, absent("chips", chip, self._known))
+        elif dot and chip in self._chips:
+            self._exists(path, chip, pin)
         if dot:
-            if self._chip(path, chip) and chip in self._chips:
-                self._exists(path, chip, pin)
             return
         chips = [self._chips[other] for other in meant if other in self._chips]
         if len(chips) < len(meant) or any(name in targets(chip) for chip in chips):

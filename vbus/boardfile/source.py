@@ -1,13 +1,17 @@
 """Mistakes in a board file: collected with their lines, raised together."""
 
 import re
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 
 from msgspec import Struct
 
 from vbus.boardfile.lines import Path, TomlLines
 from vbus.errors import ConfigError
+from vbus.values.settings import listed, suggestion
 
+Mistakes = Iterator[tuple[Path, str]]
+"""Where a mistake is, and what is wrong there."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -53,6 +57,12 @@ def key_text(path: Path) -> str:
             name = part if _BARE.fullmatch(part) else '"' + part.replace('"', '\\"') + '"'
             text += f".{name}" if text else name
     return text
+
+
+def absent(kind: str, name: str, names: Iterable[str]) -> str:
+    """Return what to say of a name that is none of the ``names`` of a section."""
+    names = list(names)
+    return f"there is no [{kind}.{name}]; {suggestion(name, names)}this file has {listed(names)}"
 
 
 class Source:
