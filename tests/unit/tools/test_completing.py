@@ -59,7 +59,7 @@ def test_journals_and_board_files(complete: Complete, tmp_path: Path) -> None:
     for name in ("a.vbj", "b.toml", "logs/c.vbj", "logs/d.txt"):
         (tmp_path / name).touch()
 
-    assert complete("replay ") == ["a.vbj"]
+    assert complete("replay ") == complete("wave ") == ["a.vbj"]
     assert complete("explain logs/") == ["logs/c.vbj"]
     assert complete("replay x") == ["file:x"]
     assert complete("run ") == ["b.toml"]
