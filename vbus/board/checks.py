@@ -16,14 +16,7 @@ from vbus.circuit import circuit
 from vbus.kernel import Clock, Kernel
 from vbus.protocols.serial_line import USUAL_FRAME
 from vbus.signals import Rule
-from vbus.values.settings import (
-    listed,
-    quoted,
-    rule_hint,
-    rule_names,
-    suggestion,
-    unknown,
-)  # fmt: skip
+from vbus.values.settings import among, listed, quoted, rule_hint, rule_names, suggestion, unknown
 
 MOST_CHIPS = 16
 """Chips one session can select: SELECT carries 16 bits."""
@@ -69,7 +62,7 @@ class _Checks:
         for card in self._file.cards:
             yield from self._card(card, ("cards", card.name))
         if self._file.has_glue or self._file.pinmaps:
-            self._wiring()
+            yield from self._wiring()
         yield from self._hosts()
         yield from check_nodes(self._file, self._known("nodes"))
         yield from check_network(self._file)
@@ -182,8 +175,7 @@ class _Checks:
                 elif chip not in (names := self._known("chips")):
                     yield path, absent("chips", chip, names)
                 elif rows and pin not in rows:
-                    hint = suggestion(pin, rows)
-                    yield path, f'"{chip}" has no pin "{pin}"; {hint}it has {listed(rows)}'
+                    yield path, f'"{chip}" has no pin "{pin}"; {among(pin, rows, "it has")}'
                 if pin not in rows:
                     continue
                 row = rows[pin]
@@ -213,16 +205,16 @@ class _Checks:
             if row.direction != but and row.width == 1 and not (row.strobe or row.wave)
         ]
 
-    def _wiring(self) -> None:
+    def _wiring(self) -> Mistakes:
         from vbus.board.glue_checks import check_glue
         from vbus.board.pin_map_checks import PinMapChecks
 
         ends = check_glue(self._file, self._parts, self._source)
         self._pin_maps: PinMapChecks = PinMapChecks(
-            self._parts, self._known("chips"), self._file, ends, self._source
+            self._parts, self._known("chips"), self._file, ends
         )
         for section in self._file.pinmaps:
-            self._pin_maps.check(section)
+            yield from self._pin_maps.check(section)
 
     # -- cards --------------------------------------------------------------------------------
 
@@ -337,7 +329,7 @@ class _Checks:
             yield from self._behind_card((*path, "card"), host.card, reached)
             for section in self._file.pinmaps:
                 if section.name == host.pinmap:
-                    self._pin_maps.host((*path, "pinmap"), host, section, reached)
+                    yield from self._pin_maps.host((*path, "pinmap"), host, section, reached)
             yield from self._serial_line(host, path, scheme)
 
     def _behind_card(self, path: Path, name: str, reached: list[str]) -> Mistakes:

@@ -16,7 +16,7 @@ from vbus.errors import ConfigError
 from vbus.options import Option, Value
 from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
 from vbus.signals.axis import SWITCHES
-from vbus.values.settings import listed, quoted, suggestion
+from vbus.values.settings import among, quoted
 
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
@@ -312,9 +312,7 @@ def _fault_keys(name: str) -> tuple[Option, ...]:
 
     known = faults()
     if name not in known:
-        raise ConfigError(
-            f"there is no fault {quoted(name)}; {suggestion(name, known)}known are {listed(known)}"
-        )
+        raise ConfigError(f"there is no fault {quoted(name)}; {among(name, known, 'known are')}")
     return known[name].parameters
 
 

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from vbus.boardfile.lines import Path, TomlLines
 from vbus.errors import ConfigError
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among
 
 Mistakes = Iterator[tuple[Path, str]]
 """Where a mistake is, and what is wrong there."""
@@ -61,8 +61,7 @@ def key_text(path: Path) -> str:
 
 def absent(kind: str, name: str, names: Iterable[str]) -> str:
     """Return what to say of a name that is none of the ``names`` of a section."""
-    names = list(names)
-    return f"there is no [{kind}.{name}]; {suggestion(name, names)}this file has {listed(names)}"
+    return f"there is no [{kind}.{name}]; {among(name, names, 'this file has')}"
 
 
 class Source:

@@ -9,7 +9,7 @@ from vbus.boardfile.lines import Path
 from vbus.boardfile.source import Source, absent
 from vbus.errors import VbusError
 from vbus.options import Option
-from vbus.values.settings import A_NAME, NAME_FORM, allowed, check_value, listed, quoted, suggestion
+from vbus.values.settings import A_NAME, NAME_FORM, allowed, among, check_value, quoted
 
 _Section = TypeVar("_Section", bound=Section)
 
@@ -90,7 +90,7 @@ class Walker:
 
     def _unknown(self, path: Path, name: str, known: list[str]) -> None:
         what, known = ("key", sorted(known)) if path[1:] else ("section", known)
-        hint = f"unknown {what}; {suggestion(name, known)}allowed are {listed(known)}"
+        hint = f"unknown {what}; {among(name, known, 'allowed are')}"
         self._source.fail(path, WITHDRAWN.get(name, hint))
 
     # -- values -------------------------------------------------------------------------------
@@ -146,11 +146,8 @@ class Walker:
                 found |= self._texts(field.of, len(path), where, item)
             else:
                 if field.row and name not in field.row.choices:
-                    hint = suggestion(name, field.row.choices)
-                    self._source.fail(
-                        where,
-                        f"unknown {field.row.title}; {hint}known are {listed(field.row.choices)}",
-                    )
+                    known = among(name, field.row.choices, "known are")
+                    self._source.fail(where, f"unknown {field.row.title}; {known}")
                 found[name] = self.section(field.of, where, item)
         whole = {name: one for name, one in found.items() if one is not None}
         return tuple(whole.values()) if field.named else whole

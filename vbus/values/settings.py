@@ -51,10 +51,15 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     return f'did you mean "{close[0]}"? ' if close else ""
 
 
-def unknown(name: str, known: Iterable[str], they: str = "known are") -> str:
-    """Return what to say of a name that is none of the ``known`` ones."""
+def among(name: str, known: Iterable[str], they: str) -> str:
+    """Return the likely name and all that are known: ``'did you mean "x"? THEY x, y'``."""
     known = list(known)
-    return f"found {quoted(name)}; {suggestion(name, known)}{they} {listed(known)}"
+    return f"{suggestion(name, known)}{they} {listed(known)}"
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Return what to say of a name that is none of the ``known`` ones."""
+    return f"found {quoted(name)}; {among(name, known, 'known are')}"
 
 
 def rule_names(rules: Iterable[str]) -> set[str]:
