@@ -6,7 +6,7 @@ from typing import Any, Final, TypeVar
 from vbus import plugins
 from vbus.boardfile.key import NAMES, Below, Names, Section, below, rows
 from vbus.boardfile.lines import Path
-from vbus.boardfile.source import Source, absent
+from vbus.boardfile.source import Source, absent, key_text
 from vbus.errors import VbusError
 from vbus.options import Option
 from vbus.values.settings import A_NAME, NAME_FORM, allowed, among, check_value, quoted
@@ -155,7 +155,8 @@ class Walker:
     def _list(self, of: type[_Section], path: Path, value: Any) -> tuple[_Section, ...] | None:
         """Read ``[[kind]]``; a blank stands for one that cannot be read, if places count."""
         if not isinstance(value, list):
-            self._source.fail(path, f"found {quoted(value)}; this is a list of tables")
+            lists = f"this is a list of tables: [[{key_text(path)}]]"
+            self._source.fail(path, f"found {quoted(value)}; {lists}")
             return None
         found = []
         knows_place = "place" in of.__struct_fields__

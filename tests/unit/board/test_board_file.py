@@ -438,7 +438,8 @@ MISTAKES = [
      ' behind "isa"?'),
     ("", '[cards.c]\ndecode = "isaa"\nchips = ["x"]\n', 'b.toml:9: cards.c.decode: found "isaa";'
      ' did you mean "isa"? known are direct, isa, reset'),
-    ("", "[cards.c]\nports = 3\n", "b.toml:9: cards.c.ports: found 3; this is a list of tables"),
+    ("", "[cards.c]\nports = 3\n", "b.toml:9: cards.c.ports: found 3; this is a list of tables:"
+     " [[cards.c.ports]]"),
     (
         "", '[cards.c]\nports = [\n{offset=1,chip="x",address=0},\n7,\n'
         '{offset=1,chip="x",address=9}]\n',
@@ -453,7 +454,7 @@ MISTAKES = [
         "b.toml:11: cards.c.ports[2].chip: there is no [chips.q]; this file has x",
         "b.toml:11: cards.c.ports[3].chip: there is no [chips.q]; this file has x",
     ),
-    ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables"),
+    ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables: [[hosts]]"),
     ("", "[[hosts]]\ntransport = 'pty'\n", 'b.toml:9: hosts[1].transport: found "pty"; write'
      ' SCHEME:ADDRESS, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"'),
     ("[chips.x]", "hosts = [3]\n[chips.x]", "b.toml:1: hosts[1]: found 3; this is a table"),
