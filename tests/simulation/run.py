@@ -273,7 +273,7 @@ class Simulation:
         sessions = list(server.sessions())
         ports = [session.port for session in sessions]
         under_way = server.departures.under_way
-        ports += [departure.port for departure in under_way]
+        ports += [session.port for session in under_way]
         if {id(port) for port in board.ports} != {id(port) for port in ports}:
             raise Wrong(f"{len(board.ports)} ports are open, and {len(ports)} are held")
         for chip, owner in board.hosts.claims.items():

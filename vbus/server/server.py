@@ -272,7 +272,6 @@ class Server:
         wire = host.wire(port)
         line = on_line(spec.line, self.board, port, wire)
         session = kind(serving, link, port, line or wire)
-        port.on_resume = session.resume_soon
         # What is said unasked takes its time on a line, too.
         port.on_events = session.resume_soon if line else session.events_soon
         host.sessions.append(session)
