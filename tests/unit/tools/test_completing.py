@@ -36,9 +36,7 @@ def test_commands_and_options(complete: Complete) -> None:
     assert complete("run --jo") == ["--journal"]
 
 
-@pytest.mark.parametrize(
-    "line", ["monitor ", "ls ", "fault arm ", "fault log ", "snap save ", "order "]
-)
+@pytest.mark.parametrize("line", ["monitor ", "ls ", "fault arm ", "fault log ", "snap save "])
 def test_names_of_running_boards(complete: Complete, line: str) -> None:
     for name in ("bench", "bend", "second"):
         (boards_directory() / f"{name}.sock").touch()
