@@ -1,10 +1,12 @@
 # Made from aio/bus.py by vbus.tools.generate; change that file.
 """A bus over any link, blocking."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from types import TracebackType
-from typing import Concatenate, Final, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
 from vbus.client.links import open_link
@@ -12,9 +14,11 @@ from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.ready import Lock, opened, pause, until_ready
 from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
-from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
 from vbus.wall_clock import monotonic
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -154,7 +158,7 @@ class Bus(ChipCycles):
             raise ValueError("nothing is known of the session yet; call hello first")
         return self._info
 
-    def chip(self, *names: str) -> "Chip":
+    def chip(self, *names: str) -> Chip:
         """Return the chip called so; with several names, chips written in one strobe.
 
         Raises:

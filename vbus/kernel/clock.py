@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.kernel.kernel import END, NEVER
+from vbus.instants import END, NEVER
 from vbus.state import Names
 
 PS_PER_SECOND: Final = 10**12

@@ -1,9 +1,11 @@
 """A bus over any link, for asyncio."""
 
+from __future__ import annotations
+
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, nullcontext, suppress
 from types import TracebackType
-from typing import Concatenate, Final, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.aio.ready import Lock, opened, pause, until_ready
 from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
@@ -11,9 +13,11 @@ from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
-from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
 from vbus.wall_clock import monotonic
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -153,7 +157,7 @@ class Bus(ChipCycles):
             raise ValueError("nothing is known of the session yet; call hello first")
         return self._info
 
-    def chip(self, *names: str) -> "Chip":
+    def chip(self, *names: str) -> Chip:
         """Return the chip called so; with several names, chips written in one strobe.
 
         Raises:
