@@ -77,8 +77,7 @@ class Family(Struct, frozen=True):
         reset_name: what that write is called.
         access: how a client moves words or values, where the usual way is not enough: the class
             that the calls made from the tables are added to.
-        calls: the blocking calls made from its tables, a class made with the chip on its bus.
-        host: its blocking client above these, a class made with a bus and the chip's name.
+        host: its client above these, for asyncio, a class made with a bus and the chip's name.
         demo: its demonstration, a ``Demo``.
         demo_name: what the demonstration is called by.
         typical: parts for tests that say no more than how the part number begins.
@@ -109,7 +108,6 @@ class Family(Struct, frozen=True):
     packets: str = ""
     coverage: str = ""
     access: str = ""
-    calls: str = ""
     host: str = ""
     demo: str = ""
     demo_name: str = ""

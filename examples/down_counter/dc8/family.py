@@ -11,7 +11,6 @@ FAMILY = Family(
     datasheet="datasheet",
     bus="bus:Dc8Watch",
     packets="packets:Dc8Packets",
-    calls="generated.calls:Dc8Calls",
     clock="1 MHz",
     strobes=("/RD", "/WR"),
     outputs=("DONE",),

@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.generated.host import Mc1241a
 from vbus.client import Bus
 from vbus.client.demo import Demo, Gauge, Step
+from vbus.client.mc1241a import Mc1241a
 
 _BOARD: Final = """\
 [chips.xy]

@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.generated.host import PROFILE, Mcp1200
 from vbus.client import Bus
 from vbus.client.demo import Demo, Gauge, Step
+from vbus.client.mcp1200 import PROFILE, Mcp1200
 
 _BOARD: Final = """\
 [chips.x]
