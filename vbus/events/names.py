@@ -105,29 +105,17 @@ class Names:
 
     def _level(self, chip: Chip, of: str, bit: str) -> Level | None:
         """Return a value or a register of a chip, or a bit of it."""
-        key, row, axis = self._row(chip, of)
-        if row is None:
-            return None
-        flag = _bit(row.fields, bit)
-        if bit and flag is None:
+        for register in plugins.family(chip.FAMILY).registers:
+            if len(register.addresses) == 1 and of.upper() == f"R{register.low:02X}H":
+                of = register.name
+        row, axis = _values(chip).get(_plain(of), (None, 0))
+        flag = _bit(row.fields, bit) if row is not None else None
+        if row is None or (bit and flag is None):
             return None
         unit = row.plain_unit if not bit and row.plain_unit in (COUNTS, PER_SAMPLE) else ""
-        read = reader(row.number(axis))
-        return Level(
-            f"{chip.name}.{key}", None, chip, read, row.text, flag.number if flag else -1, unit
-        )
-
-    @staticmethod
-    def _row(chip: Chip, name: str) -> tuple[str, Value | None, int]:
-        """Return the value or the register that a name stands for, and the axis."""
-        for key, (row, axis) in chip.VALUES.told(chip.axis_count).items():
-            if _plain(key) == _plain(name):
-                return _plain(key), row, axis
-        for register in plugins.family(chip.FAMILY).registers:
-            alone = len(register.addresses) == 1
-            if name == register.name or (alone and name.upper() == f"R{register.low:02X}H"):
-                return register.name, chip.VALUES.registers.get(register.name), 0
-        return "", None, 0
+        place = flag.number if flag is not None else -1
+        key, read = f"{chip.name}.{_plain(of)}", reader(row.number(axis))
+        return Level(key, None, chip, read, row.text, place, unit)
 
     # -- events -----------------------------------------------------------------------------------
 
@@ -158,28 +146,31 @@ class Names:
         if chip is None:
             there = listed([*self._chips, *self._board.nets])
             return f"{hint}this board has {there}, and the rules of vbus check --rules"
-        family = plugins.family(chip.FAMILY)
         if len(parts) > 2:
-            _, row, _ = self._row(chip, parts[1])
+            row, _ = _values(chip).get(_plain(parts[1]), (None, 0))
             if row is not None and row.fields:
-                path = f"{chip.name}.{parts[1]}"
                 names = [_plain(bit.name) for bit in row.fields]
                 hint = suggestion(_plain(parts[-1]), names)
-                return f"{hint}{path} has {listed(names)}"
+                return f"{hint}{chip.name}.{parts[1]} has {listed(names)}"
         values = [_plain(key) for key in chip.VALUES.told(chip.axis_count)]
         has = f"{hint}{chip.name} has the values {listed(values)}; the pins {listed(chip.pins)}"
-        registers = [row.name for row in family.registers]
+        registers = [row.name for row in plugins.family(chip.FAMILY).registers]
         return f"{has}; the registers {listed(registers)}" if registers else has
 
     def _known(self) -> Iterator[str]:
         yield from self._nets
         yield from self.rules
         for chip in self._board.chips:
-            family = plugins.family(chip.FAMILY)
-            for key, (row, _) in chip.VALUES.told(chip.axis_count).items():
-                yield f"{chip.name}.{_plain(key)}"
-                yield from (f"{chip.name}.{_plain(key)}.{_plain(bit.name)}" for bit in row.fields)
-            yield from (f"{chip.name}.{row.name}" for row in family.registers)
+            for name, (row, _) in _values(chip).items():
+                yield f"{chip.name}.{name}"
+                yield from (f"{chip.name}.{name}.{_plain(bit.name)}" for bit in row.fields)
+
+
+def _values(chip: Chip) -> dict[str, tuple[Value, int]]:
+    """Return what a chip tells and its registers, row and axis (0-based), by name."""
+    told = chip.VALUES.told(chip.axis_count).items()
+    registers = {name: (row, 0) for name, row in chip.VALUES.registers.items()}
+    return registers | {_plain(key): found for key, found in told}
 
 
 def _bit(rows: tuple[Bit, ...], name: str) -> Bit | None:

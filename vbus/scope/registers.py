@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.chips.packets import Decoder, RegisterPackets
-from vbus.chips.tables import Bit, Register
+from vbus.chips.packets import RegisterPackets
+from vbus.chips.tables import Register
 from vbus.circuit.stream import decoder_of
 from vbus.kernel import MS
 from vbus.scope.lane import Lane
@@ -55,13 +55,12 @@ class ChipRegisters:
         }
         self._rows: list[dict[str, Any]] = []
         family = plugins.family(chip.FAMILY)
-        decoder = decoder_of(chip.FAMILY)
         for register in family.registers:
-            self._add_register(register, decoder)
+            if register.name in chip.VALUES.registers:
+                self._add(chip.VALUES.registers[register.name], 0, register)
         for value in chip.VALUES.rows:
-            if value.group:
-                for axis in value.of_axes(chip.axis_count):
-                    self._add_value(value, axis)
+            for axis in value.of_axes(chip.axis_count) if value.group else ():
+                self._add(value, axis)
         self._read_told = _reading(self._told)
         self._read_looked = _reading(self._looked)
         self.described: dict[str, Any] = {
@@ -76,53 +75,40 @@ class ChipRegisters:
 
     # -- what there is ------------------------------------------------------------------------
 
-    def _add_register(self, row: Register, decoder: Decoder) -> None:
-        value = self._chip.VALUES.registers.get(row.name)
-        if value is None:
-            return
-        mask = f" & {(1 << row.bits) - 1}" if row.signed else ""
-        lane = self._lane(value, 0, row.name, mask)
-        if isinstance(decoder, RegisterPackets) and row.bits == 8 and not row.fields:
-            self._worded[lane.number] = partial(_word, decoder, row)
-        self._describe(
-            lane, row.name, row.title, row.clause, row.fields, "registers", row.unit,
-            row.fraction, 2 * len(row.addresses) if row.fields or row.bits == 8 else 0, row.moves,
-            addresses=list(row.addresses), signed=row.bits if row.signed else 0,
-            access=row.access, reset=row.reset,
-        )  # fmt: skip
-
-    def _add_value(self, row: Value, axis: int) -> None:
-        several = "{}" in row.place and self._chip.axis_count > 1
-        name = f"{row.name} {axis + 1}" if several else row.name
-        self._describe(
-            self._lane(row, axis, name), name, row.title, row.clause, row.fields,
-            f"axis {axis + 1}: {row.group}" if several else row.group, row.unit, row.fraction,
-            row.digits, row.moves, words=list(row.words),
-        )  # fmt: skip
-
-    def _describe(
-        self, lane: Lane, name: str, title: str, clause: str, fields: tuple[Bit, ...], group: str,
-        unit: str, fraction: int, digits: int, moves: bool, **more: Any,
-    ) -> None:  # fmt: skip
+    def _add(self, value: Value, axis: int, register: Register | None = None) -> None:
+        several = "{}" in value.place and self._chip.axis_count > 1
+        about = register or value
+        name = f"{about.name} {axis + 1}" if several else about.name
+        lane = self._drawn.get((value.name, axis))
+        if lane is None:
+            sampled = value.key and value.fields
+            numbered = f"{value.name} {axis + 1}" if sampled and "{}" in value.key else name
+            lane = self._all.add_register(self._chip.name, numbered)
+            unsigned = f" & {(1 << register.bits) - 1}" if register and register.signed else ""
+            looked = self._told if sampled else self._looked
+            looked.append((value.raw(axis) + unsigned, lane))
         self._rows.append(
             {
-                "lane": lane.number, "name": name, "title": title, "clause": clause,
-                "group": group, "unit": unit, "fraction": fraction, "digits": digits,
-                "moves": moves, "fields": [[b.number, b.name, b.title] for b in fields], **more,
+                "lane": lane.number, "name": name, "title": about.title, "clause": about.clause,
+                "group": f"axis {axis + 1}: {value.group}" if several else value.group,
+                "unit": about.unit, "fraction": about.fraction, "digits": value.digits,
+                "moves": about.moves,
+                "fields": [[bit.number, bit.name, bit.title] for bit in about.fields],
             }
+            | ({"words": list(value.words)} if register is None else self._mapped(register, lane))
         )  # fmt: skip
 
-    def _lane(self, row: Value, axis: int, name: str, mask: str = "") -> Lane:
-        """Return the lane of a value: the one that is drawn over time, or one of its own."""
-        lane = self._drawn.get((row.name, axis))
-        if lane is None:
-            looked = self._looked
-            if row.key and row.fields:
-                looked = self._told
-                name = f"{row.name} {axis + 1}" if "{}" in row.key else name
-            lane = self._all.add_register(self._chip.name, name)
-            looked.append((row.raw(axis) + mask, lane))
-        return lane
+    def _mapped(self, row: Register, lane: Lane) -> dict[str, Any]:
+        """Return what is told of a register that has an address, beside what all have."""
+        decoder = decoder_of(self._chip.FAMILY)
+        if isinstance(decoder, RegisterPackets) and row.bits == 8 and not row.fields:
+            self._worded[lane.number] = partial(_word, decoder, row)
+        return {
+            "group": "registers",
+            "digits": 2 * len(row.addresses) if row.fields or row.bits == 8 else 0,
+            "addresses": list(row.addresses), "signed": row.bits if row.signed else 0,
+            "access": row.access, "reset": row.reset,
+        }  # fmt: skip
 
     # -- what they hold -----------------------------------------------------------------------
 

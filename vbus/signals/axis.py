@@ -21,7 +21,6 @@ class Switch:
         active: electrical level while closed (0 or 1).
     """
 
-    __slots__ = ("active", "high", "low")
     WIRING: ClassVar[Names] = ("active", "high", "low")
 
     def __init__(self, low: int, high: int, active: int = 0) -> None:

@@ -54,12 +54,6 @@ class ServoAxis:
         stuck: the breakpoint flag re-asserts itself.
     """
 
-    __slots__ = (
-        "_settings", "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
-        "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
-        "real", "real_change", "sip", "start", "stop_on_error", "stuck", "stuck_part", "threshold",
-        "udf",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "profile: part", "pid: part", "count", "real", "real_change", "error", "following",
         "command", "flags", "mask", "motor_off: bool", "port8: bool", "threshold",
