@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from msgspec import Struct, field
 
 from vbus.chips.base import Chip
+from vbus.chips.packets import packets_of
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import Command, Register
 from vbus.errors import PluginError
@@ -32,7 +33,8 @@ class Family(Struct, frozen=True):
         datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``VALUES``, ``AC``,
             ``RULES``.
         bus: what makes cycles of edges, a ``BusWatch``.
-        packets: what reads cycles in the manual's words, a ``Decoder``.
+        packets: what reads cycles in the manual's words, a ``Decoder``; made from the register map
+            if left out.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
         upsets: what faults can do inside its chips, an ``Upsets``.
         strobes: the control lines that fall for a read and for a write cycle.
@@ -98,6 +100,8 @@ class Family(Struct, frozen=True):
             PluginError: it cannot be imported, or is no subclass of ``base``.
         """
         found = self.object(role)
+        if found is None and role == "packets" and self.registers:
+            found = packets_of(self.name, self._of_chip("REGISTERS", None))
         return None if found is None else self._checked(role, getattr(self, role), found, base)
 
     def compatible_with(self, other: str, base: type[_T]) -> type[_T]:

@@ -10,7 +10,6 @@ FAMILY = Family(
     kind="down counter",
     datasheet="datasheet",
     bus="bus:Dc8Watch",
-    packets="packets:Dc8Packets",
     calls="generated.calls:Dc8Calls",
     clock="1 MHz",
     strobes=("/RD", "/WR"),
