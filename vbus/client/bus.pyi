@@ -10,6 +10,7 @@ from typing import Final, Self
 from vbus.client.blocking import Blocking
 from vbus.client.link import BoardLink
 from vbus.client.message import Event, Message, Ready, Sample, Sync
+from vbus.protocols.info import PortInfo
 
 TIMEOUT: Final = 5.0
 MOST_KEPT: Final = 4096
