@@ -1,6 +1,8 @@
 # Made from aio/bus.py by vbus.tools.generate; change that.
 """A bus over any link, blocking."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from types import TracebackType
 from typing import Final, Self
@@ -8,7 +10,7 @@ from typing import Final, Self
 from vbus.client.blocking import Blocking
 from vbus.client.link import BoardLink
 from vbus.client.message import Event, Message, Ready, Sample, Sync
-from vbus.protocols.port import PortInfo
+from vbus.protocols.info import PortInfo
 
 TIMEOUT: Final = 5.0
 MOST_KEPT: Final = 4096

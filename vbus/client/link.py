@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
-from vbus.kernel.kernel import SECOND
+from vbus.instants import SECOND
 from vbus.protocols.quantities import parse_duration
 from vbus.runtime import expanded, lock_state, pause_mark
 from vbus.wall_clock import monotonic

@@ -1,11 +1,11 @@
 """Calls of a host as bytes of the byte protocol, and the results they wait for."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
-from typing import Final, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, NamedTuple, TypeVar
 
 from vbus.errors import ProtocolError, VbusError
-from vbus.protocols.hello import decode_hello
-from vbus.protocols.port import PortInfo
 from vbus.protocols.quantities import picoseconds
 from vbus.protocols.requests import (
     LONGEST,
@@ -14,6 +14,9 @@ from vbus.protocols.requests import (
     VERSION,
     Request,
 )  # fmt: skip
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 T = TypeVar("T")
 Values = tuple[int | bytes, ...]
@@ -138,6 +141,8 @@ def _sync(values: Values) -> Sync:
 
 
 def _hello(values: Values) -> PortInfo:
+    from vbus.protocols.hello import decode_hello
+
     version, info = decode_hello(_data(values))
     if version != VERSION:
         raise ValueError(f"the board speaks version {version}; this client speaks {VERSION}")

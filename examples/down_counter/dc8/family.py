@@ -10,7 +10,6 @@ FAMILY = Family(
     kind="down counter",
     datasheet="datasheet",
     bus="bus:Dc8Watch",
-    packets="packets:Dc8Packets",
     clock="1 MHz",
     strobes=("/RD", "/WR"),
     outputs=("DONE",),

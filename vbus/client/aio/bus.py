@@ -1,9 +1,11 @@
 """A bus over any link, for asyncio."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import nullcontext, suppress
 from types import TracebackType
-from typing import Any, ClassVar, Concatenate, Final, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.aio.waits import Core, Waits
 from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
@@ -11,9 +13,11 @@ from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
-from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
 from vbus.wall_clock import monotonic
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -79,7 +83,7 @@ class ChipCycles(Core):
         """
         return await self._ask(Message.wait, longest)
 
-    def batch(self) -> "Batch":
+    def batch(self) -> Batch:
         """Collect requests and send them as one message when the block is left.
 
         Inside the block, calls go to the message it gives; each call that has a reply returns a
@@ -107,7 +111,7 @@ class Batch(Core):
 class Claim(Core):
     """A block that no other session disturbs; made by :meth:`Bus.claim`."""
 
-    def __init__(self, bus: "Bus") -> None:
+    def __init__(self, bus: Bus) -> None:
         self._bus: Bus = bus
 
     async def __aenter__(self) -> None:
@@ -180,7 +184,7 @@ class Bus(ChipCycles):
             raise ValueError("nothing is known of the session yet; call hello first")
         return self._info
 
-    def chip(self, *names: str) -> "Chip":
+    def chip(self, *names: str) -> Chip:
         """Return the chip called so; with several names, chips written in one strobe.
 
         Raises:

@@ -67,7 +67,9 @@ def _blocking(sources: list[str], origin: str, path: Path, own: str = "-") -> st
     """Return what is blocking of asyncio sources; names of modules ``own...`` are in them."""
     imports, rest = [], []
     for source in sources:
-        for node in ast.parse(source).body:
+        body = ast.parse(source).body
+        for_types = [one for node in body if isinstance(node, ast.If) for one in node.body]
+        for node in [*for_types, *body]:
             text = ast.unparse(_Blocking().visit(node))
             if isinstance(node, ast.ImportFrom):
                 if (node.module or "").removeprefix(own) not in _ROLES:

@@ -63,6 +63,7 @@ Target = tuple[str, Callable[[], str]]
 _GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate."""\n'
 
 DOCUMENTS: Final[list[Target]] = [
+    ("ARCHITECTURE.md", documents.architecture),
     ("docs/add-a-chip.md", documents.add_a_chip),
     *board_file.targets(),
     ("docs/byte-protocol.md", documents.byte_protocol),
