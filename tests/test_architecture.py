@@ -48,6 +48,7 @@ ROLES = {
     "upsets": "faults",
     "host": "client",
     "access": "client",
+    "calls": "client",
     "demo": "client",
     "generated": "client",
 }

@@ -59,6 +59,9 @@ class BoardLink:
             raise TransportError(f"{self.where}: closed by the other end")
         return data
 
+    def replied(self) -> None:
+        """Go on after a message that has been sent, and whose replies are here."""
+
     def until(self, deadline: float) -> float:
         """Return when to read although nothing has come, at the latest at ``deadline``."""
         return deadline

@@ -164,6 +164,8 @@ class Message:
         self.info: PortInfo | None = info
         self.data: bytearray = bytearray()
         self.requests: list[tuple[str, Later[Values] | None]] = []
+        self.last: Later[Values] | None = None
+        """The last reply asked for: replies come in order, so it is the last to come."""
         self.duration: int = 0
         """How much chip time the requests may take besides their bus cycles (ps)."""
         self.polls: int = -1
@@ -183,7 +185,7 @@ class Message:
     @property
     def done(self) -> bool:
         """Whether every reply is here."""
-        return all(later is None or later.done for _, later in self.requests)
+        return self.last is None or self.last.done
 
     def _post(self, row: Request, *values: int | bytes) -> None:
         self.data += row.pack(*values)
@@ -198,7 +200,8 @@ class Message:
     def _asked(self, row: Request, decode: Decode[T], data: bytes) -> Later[T]:
         later = Later(row, decode)
         self.data += data
-        self.requests.append((row.name, later))  # type: ignore[arg-type]
+        self.last = later  # type: ignore[assignment]
+        self.requests.append((row.name, self.last))
         self.polls = -1
         self.touches = True
         return later

@@ -14,8 +14,6 @@ from vbus.state import Names
 class Task:
     """Something to be done at this same instant: see :meth:`Kernel.soon`."""
 
-    __slots__ = ()
-
     def run(self) -> None:
         """Do it."""
         raise NotImplementedError
@@ -24,7 +22,6 @@ class Task:
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "looks", "queued", "rank", "saved")
     STATE: ClassVar[Names] = ("due",)
     WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
     DERIVED: ClassVar[Names] = ("queued",)
@@ -65,20 +62,6 @@ class Kernel:
     of the board file. Nothing depends on the order in which they were set.
     """
 
-    __slots__ = (
-        "_done",
-        "_heap",
-        "_instant",
-        "_looks",
-        "_timers",
-        "_waiting",
-        "batch",
-        "next_due",
-        "next_stop",
-        "now",
-        "observations",
-        "observed",
-    )
     STATE: ClassVar[Names] = ("now", "dues: list[i64]")
     WIRING: ClassVar[Names] = ("_timers", "observed", "observations")
     DERIVED: ClassVar[Names] = (
