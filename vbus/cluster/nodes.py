@@ -358,11 +358,15 @@ class _NodesRun:
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
 
-        def by_grant(request: dict[str, Any], do: Callable[[str], None]) -> None:
+        def by_grant(request: dict[str, Any], reply: Callable[[dict[str, Any]], None]) -> None:
+            def do(refusal: str) -> None:
+                reply({"error": refusal} if refusal else control.carry_out(request))
+
             peers.let_in(rank, do)
 
-        control.late = {"fault.arm": by_grant, "fault.clear": by_grant}
-        control.answered["snap.node"] = peers.save_node
+        control.answered = {
+            "fault.arm": by_grant, "fault.clear": by_grant, "snap.node": peers.save_node,
+        }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
         told = self._recordings[node.rank].told
