@@ -6,6 +6,9 @@ from typing import Any, Self
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
+from vbus.chips.family import Family
+from vbus.client.aio.access import Packets, RegisterCycles, calls_of
+from vbus.client.blocking import blocking
 from vbus.client.bus import Bus
 from vbus.signals import Plant
 from vbus.testing.clock import BoardClock
@@ -14,8 +17,19 @@ from vbus.testing.clock import BoardClock
 def host_of(chip: Chip, bus: Bus) -> Any:
     """Return the client of a chip's family over a bus, the calls of its tables, or None."""
     family = plugins.family_of(chip.part)
-    client, calls = family.object("host"), family.object("calls")
-    return client(bus, chip.name) if client else calls(bus.chip(chip.name)) if calls else None
+    client = family.object("host")
+    if client is not None:
+        return blocking(client)(bus, chip.name)
+    calls = table_calls(family)
+    return None if calls is None else blocking(calls)(bus.chip(chip.name))
+
+
+def table_calls(family: Family) -> Any:
+    """Return the class of the calls made from a family's tables, for asyncio; None without any."""
+    if family.tables is None or not (family.commands or family.registers):
+        return None
+    base = family.object("access") or (RegisterCycles if family.registers else Packets)
+    return calls_of("Calls", base, family.tables)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

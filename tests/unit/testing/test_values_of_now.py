@@ -13,8 +13,8 @@ import pytest
 
 from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
-from vbus.chips.mcp1200.generated.host import PROFILE
 from vbus.client import Bus
+from vbus.client.mcp1200 import PROFILE
 from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.testing.around_chip import ChipBench
