@@ -25,7 +25,7 @@ def run(bench: Bench) -> None:
     bench.run(3 * SAMPLE)
 
 
-# -- LFIL and UDF -----------------------------------------------------------------------------------
+# -- LFIL and UDF ---------------------------------------------------------------------------------
 
 
 @pytest.mark.spec("LM-CMD-5")
@@ -66,7 +66,7 @@ def test_an_open_loop_without_any_filter_is_no_mistake(bench):
     assert found(bench) == []
 
 
-# -- STT --------------------------------------------------------------------------------------------
+# -- STT ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.spec("LM-CMD-2")
@@ -127,7 +127,7 @@ def test_holding_an_axis_where_it_stands_needs_no_acceleration(bench):
     assert found(bench) == []
 
 
-# -- motor off --------------------------------------------------------------------------------------
+# -- motor off ------------------------------------------------------------------------------------
 
 
 @pytest.mark.spec("LM-TRJ-10")
@@ -151,7 +151,7 @@ def test_the_motor_off_after_a_stop_is_right(bench, stop):
     assert found(bench) == []
 
 
-# -- RSTI -------------------------------------------------------------------------------------------
+# -- RSTI -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.spec("LM-CMD-18")
@@ -180,7 +180,7 @@ def test_rsti_that_clears_is_right_and_so_is_one_before_anything_is_set(bench, w
     assert found(bench) == []
 
 
-# -- the end of a run -------------------------------------------------------------------------------
+# -- the end of a run -----------------------------------------------------------------------------
 
 
 @pytest.mark.spec("LM-BUS-11")

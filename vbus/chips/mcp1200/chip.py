@@ -356,6 +356,15 @@ class MCP1200(HostInterface):
             "phase": registers.phase,
         }
 
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that errors of the status register stand."""
+        self.advance()
+        standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
+        if not standing:
+            return []
+        names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+        return [(ds.ERRORS_STAND, f"in R07 these are 0 at the end, and mean errors: {names}")]
+
     def lane_steps(self) -> list[int]:
         """Return what the lanes have of that; this chip has no interrupt."""
         self.advance()
