@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
+from vbus.board.card_bus import MOST
 from vbus.chips.base import Chip
 from vbus.glue.part import GlueBlock
 from vbus.signals import Net, Pin
@@ -33,7 +36,7 @@ class WireState:
         self.nets: list[tuple[Net, int]] = nets
         self.pins: Levels = pins
         self.blocks: list[tuple[GlueBlock, int]] = blocks
-        self.cycles: dict[int, CardCycle] = {}
+        self.cycles: list[CardCycle | None] = [None] * (2 * MOST)
 
     def come_true(self, data: int) -> None:
         """Let all stand like this; nobody is told.
@@ -84,7 +87,9 @@ class CardCycle:
     ) -> None:
         self.chips: list[Chip] = chips or []
         self.places: list[int] = places or []
-        self.fall: int = fall
+        self.chip: Chip | None = chips[0] if chips else None
+        self.place: int = places[0] if places else 0
+        self.fall: i64 = fall
         self.answer: int = answer
         self.kept: list[tuple[Net, int]] = kept or []
         self.steps: list[tuple[int, Levels]] | None = steps

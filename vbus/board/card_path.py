@@ -14,12 +14,14 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.board.card_bus import CardBus, CyclePath
+from vbus.board.card_bus import MOST, CardBus, CyclePath
 from vbus.board.card_cycle import BYTE, CardCycle, Levels, WireState
 from vbus.board.card_wires import CardRecord, CardWires
+from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import CycleTeller, GlueCycles
 from vbus.circuit.host_pins import HostPins
+from vbus.kernel import Kernel
 from vbus.signals import Guard, Net, Z
 from vbus.state import Names
 
@@ -64,12 +66,12 @@ class CardPath(CyclePath):
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, board: Circuit, bus: CardBus) -> None:
-        self._board: Circuit = board
-        self._kernel = board.kernel
-        self._bus: CardBus = bus
-        self._through: GlueCycles | None = board.through
+        self._board: Final[Circuit] = board
+        self._kernel: Final[Kernel] = board.kernel
+        self._bus: Final[CardBus] = bus
+        self._through: Final[GlueCycles | None] = board.through
         self._lead: i64 = bus.low_ps + bus.setup_ps
-        self._wires: CardWires = CardWires(board, bus)
+        self._wires: Final[CardWires] = CardWires(board, bus)
         self._recovery: i64 = max([bus.hold_ps, *(c.cycle_ps for c in self._wires.behind)])
         self._closed: bool = self._wires.closed
         self._state: WireState | None = None
@@ -99,32 +101,28 @@ class CardPath(CyclePath):
 
     def read(self, pins: HostPins, teller: CycleTeller, address: int, when: i64) -> int:
         """Run a read cycle with its latching edge at ``when`` (ps); return the byte."""
-        through = self._through
-        if through is not None:
-            through.by = teller
+        self._by(teller)
         cycle = self._recall(address, False, 0, when)
         if cycle is None or cycle.after is None:
             return self._play(pins, False, address, 0, when, cycle is None)
         if cycle.steps is not None:
             return self._step(cycle, False, 0, when)
+        self._owe(cycle.after)
         kernel = self._kernel
-        after = cycle.after
-        self._state = self._owed = after
-        data = cycle.answer
-        if cycle.chips:
-            chip = cycle.chips[0]
-            fall: i64 = cycle.fall
-            self._to(when - fall)
-            chip.begin_read(cycle.places[0])
+        chip = cycle.chip
+        if chip is None:
+            data = cycle.answer
+            self._to(when)
+        else:
+            self._to(when - cycle.fall)
+            chip.begin_read(cycle.place)
             kernel.settle()
             self._to(when)
             data = chip.end_read()
-            kernel.settle()
             if teller.wanted():
+                kernel.settle()
                 self._tell(cycle, False, data, when)
-        else:
-            self._to(when)
-            kernel.settle()
+        kernel.settle()
         self._bus.free_at = when + self._recovery
         if cycle.kept:
             self._keep(cycle, data)
@@ -134,9 +132,7 @@ class CardPath(CyclePath):
         self, pins: HostPins, teller: CycleTeller, address: int, data: int, when: i64
     ) -> None:
         """Run a write cycle with its latching edge at ``when`` (ps)."""
-        through = self._through
-        if through is not None:
-            through.by = teller
+        self._by(teller)
         cycle = self._recall(address, True, data, when)
         if cycle is None or cycle.after is None:
             self._play(pins, True, address, data, when, cycle is None)
@@ -144,7 +140,7 @@ class CardPath(CyclePath):
         if cycle.steps is not None:
             self._step(cycle, True, data, when)
             return
-        self._state = self._owed = cycle.after
+        self._owe(cycle.after)
         self._to(when)
         for number, chip in enumerate(cycle.chips):
             chip.write(cycle.places[number], data)
@@ -154,6 +150,17 @@ class CardPath(CyclePath):
         self._bus.free_at = when + self._recovery
         if cycle.kept:
             self._keep(cycle, data)
+
+    def _by(self, teller: CycleTeller) -> None:
+        """What comes to chips through glue comes of this host."""
+        through = self._through
+        if through is not None and through.by is not teller:
+            through.by = teller
+
+    def _owe(self, after: WireState) -> None:
+        """The wires would stand like this: whoever touches one before finds them so."""
+        if self._owed is not after:
+            self._state = self._owed = after
 
     def _tell(self, cycle: CardCycle, write: bool, data: int, when: int) -> None:
         """Tell of the cycles that were made at chips."""
@@ -193,8 +200,9 @@ class CardPath(CyclePath):
             state = self._look()
             if state is None:
                 return PLAYED
-        key = address << 1 | write
-        cycle = state.cycles.get(key)
+        if address < 0 or address >= MOST:
+            return PLAYED
+        cycle = state.cycles[address << 1 | write]
         if cycle is not None and cycle.by_byte is not None:
             cycle = cycle.by_byte.get(data)
         return cycle
@@ -282,7 +290,9 @@ class CardPath(CyclePath):
         if not record.lost:
             key = address << 1 | write
             if record.by_byte and cycle is not None:
-                known = before.cycles.setdefault(key, CardCycle(by_byte={}))
+                known = before.cycles[key]
+                if known is None:
+                    known = before.cycles[key] = CardCycle(by_byte={})
                 if known.by_byte is not None:
                     known.by_byte[data] = cycle
             else:
@@ -335,6 +345,14 @@ class CardPath(CyclePath):
         """Data of a cycle lets go before its instant: nobody judges how long it was held."""
         if self._bus.free_at > self._kernel.now:
             self._take_levels()
+
+    def steady(self, address: int) -> tuple[Chip | None, int] | None:
+        """Return which chip is read again if what was just read is, and the address there."""
+        state = self._state
+        if state is None or self._board.disturbed or address < 0 or address >= MOST:
+            return None
+        cycle = state.cycles[address << 1]
+        return (cycle.chip, cycle.place) if cycle is not None and cycle.after is state else None
 
     def forget(self) -> None:
         """Another state has been loaded."""
