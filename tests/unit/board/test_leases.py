@@ -358,7 +358,7 @@ def test_polls_of_a_card_are_promised_once_they_are_known_to_move_nothing() -> N
 
 
 def test_a_lease_of_a_card_ends_before_a_wire_moves_that_decides() -> None:
-    board, port, _ = bench("LM629 on a card", traced=False)
+    _, port, _ = bench("LM629 on a card", traced=False)
     assert port.delay(2 * MS)
     for _ in range(3):
         byte = port.read(8)
