@@ -53,7 +53,9 @@ class CardSection(Section, frozen=True, kw_only=True):
     name: str
     base: Annotated[int, row("address of the card's first port", low=0)] = 0
     stride: Annotated[int, row("distance between neighbouring ports", low=1)] = 1
-    decode: Annotated[str, row("a decode circuit known by name, in place of ports")] = ""
+    decode: Annotated[
+        str, row("a decode circuit known by name, in place of ports", needs="chips")
+    ] = ""
     chips: Annotated[
         Names, row("the chips behind the decode circuit, one block each", ref="chips")
     ] = ()
@@ -69,6 +71,7 @@ class CardSection(Section, frozen=True, kw_only=True):
             "where a program expects the memory page of its first port without mapping it; 0:"
             " nowhere",
             low=0,
+            needs="memory",
         ),
     ] = 0
     big_endian: Annotated[
@@ -79,13 +82,15 @@ class CardSection(Section, frozen=True, kw_only=True):
         row('output that interrupts the program, as "chip.pin"; several with spaces: wired-OR'),
     ] = ""
     signal: Annotated[
-        str, row("signal an interrupt sends to the program", choices=tuple(SIGNALS))
+        str,
+        row("signal an interrupt sends to the program", choices=tuple(SIGNALS), needs="interrupt"),
     ] = ""
     sense: Annotated[
         str,
         row(
             "whether the interrupt follows the level of its line, or comes at an edge",
             choices=SENSES,
+            needs="interrupt",
         ),
     ] = "level"
     acknowledge: Annotated[
@@ -93,13 +98,18 @@ class CardSection(Section, frozen=True, kw_only=True):
         row(
             "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
             choices=ACCESSES,
+            needs="interrupt",
         ),
     ] = ""
     acknowledge_at: Annotated[
-        int, row("distance of its address from the base, in strides", low=0)
+        int, row("distance of its address from the base, in strides", low=0, needs="acknowledge")
     ] = 0
     line: Annotated[
-        str, row("name of an interrupt line that cards share; they pull it low together")
+        str,
+        row(
+            "name of an interrupt line that cards share; they pull it low together",
+            needs="interrupt",
+        ),
     ] = ""
     bus: Annotated[
         str,

@@ -228,9 +228,14 @@ class ZenohSection(Section, frozen=True, kw_only=True):
         Names, row('endpoints on which hosts and others connect, such as ["tcp/127.0.0.1:7447"]')
     ] = ()
     connect: Annotated[Names, row("endpoints of routers to connect to")] = ()
-    certificate: Annotated[str, row("PEM file of the board's own certificate")] = ""
-    key: Annotated[str, row("PEM file of its private key")] = ""
-    authority: Annotated[str, row("PEM file of the authority whose certificates are accepted")] = ""
+    certificate: Annotated[
+        str, row("PEM file of the board's own certificate", needs="key authority")
+    ] = ""
+    key: Annotated[str, row("PEM file of its private key", needs="certificate authority")] = ""
+    authority: Annotated[
+        str,
+        row("PEM file of the authority whose certificates are accepted", needs="certificate key"),
+    ] = ""
     grace: Annotated[
         int, row("how long the session of a host that has vanished waits for the host", "s", low=0)
     ] = 2_000_000_000_000
@@ -277,8 +282,8 @@ class ScopeSection(Section, frozen=True, kw_only=True):
         str, row('address of the page, such as "127.0.0.1:0", port 0 for any free one; else none')
     ] = ""
     remote: Annotated[bool, row("other computers may open the page; needs a certificate")] = False
-    certificate: Annotated[str, row("file of the certificate for TLS (PEM)")] = ""
-    key: Annotated[str, row("file of its key (PEM)")] = ""
+    certificate: Annotated[str, row("file of the certificate for TLS (PEM)", needs="key")] = ""
+    key: Annotated[str, row("file of its key (PEM)", needs="certificate")] = ""
     sparse: Annotated[
         bool, row("in real time, record four samples a second while no page is open")
     ] = False
