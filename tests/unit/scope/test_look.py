@@ -14,6 +14,7 @@ from vbus.scope.lane import Lane
 from vbus.scope.look import Behind
 from vbus.scope.recording import Recorder
 from vbus.signals import Value, ValueTable, nearest
+from vbus.signals.values import reader
 from vbus.trace.journal.journal import end_of
 
 CHIPS = {
@@ -96,6 +97,18 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
             assert [type(value) for value in values] == [type(value) for value in told]
         seen.add(repr(steps_of(board.chips[0])))
     assert len(seen) > 50
+
+
+@pytest.mark.parametrize("part", CHIPS)
+def test_each_value_has_its_place_in_the_chip(part: str) -> None:
+    (chip,) = made(part).chips
+    assert len(chip.VALUES.rows) > 30
+    for row in chip.VALUES.rows:
+        for axis in row.of_axes(chip.axis_count):
+            value = reader(row.raw(axis))(chip)
+            assert isinstance(value, str if row.text else int | float), row.name
+    keys = [row.key for row in chip.VALUES.rows if row.key]
+    assert len(keys) == len({*keys})
 
 
 def rows_of(lane: Lane) -> list[tuple[int, float]]:
