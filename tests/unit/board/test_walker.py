@@ -29,6 +29,7 @@ class Bell(Section, frozen=True, kw_only=True):
 
     wheel: Annotated[str, row("the wheel that rings it", ref="wheels")]
     note: Annotated[str, row("what it is called", NAME)] = ""
+    loud: Annotated[bool, row("it can be heard afar", needs="note")] = False
 
 
 class Clock(Section, frozen=True, kw_only=True):
@@ -102,6 +103,8 @@ def test_a_file_is_read_as_its_sections_say() -> None:
          ' "off"'),
         ("[[bells]]", "[bells]", 'c.toml:7: bells: found {wheel = "big", note = "ding"}; this is a'
          " list of tables: [[bells]]"),
+        ('note = "ding"', "loud = true", 'c.toml:9: bells[1].loud: "loud" needs "note" (what it is'
+         " called)"),
         ("[wheels.small]", '[wheels."small.one"]', 'c.toml:5: wheels."small.one": a name begins'
          " with a letter and goes on with letters, digits, - and _"),
     ],
