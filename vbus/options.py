@@ -47,7 +47,7 @@ class Option(Struct, frozen=True):
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:
     """Return every setting of ``options``: as given, or its default.
 
-    For parts made in Python. Board files are checked, with units, by :mod:`vbus.board.config`.
+    For parts made in Python. Board files are checked, with units, by :mod:`vbus.boardfile.walker`.
 
     Raises:
         ValueError: a key nobody knows, a required one missing, or a value out of range.

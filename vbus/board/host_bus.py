@@ -11,8 +11,8 @@ from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
-from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
@@ -104,7 +104,7 @@ class HostBus(HostPort):
         self.label: str = label
         self.chips: list[Chip] = chips
         self.cycle_ps: int = cycle_ps
-        self.pin_map: PinMap | None = None
+        self.pin_map: PinMapSection | None = None
         self.promises: bool = True
         self.held = False
         self.hold_until = 0

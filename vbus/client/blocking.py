@@ -25,8 +25,12 @@ def run(steps: Coroutine[Any, Any, T]) -> T:
     except StopIteration as done:
         value: T = done.value
         return value
+    raise _unfinished(steps)
+
+
+def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:
     steps.close()
-    raise RuntimeError("a blocking session waited for an event loop")
+    return RuntimeError("a blocking session waited for an event loop")
 
 
 class Blocking:
@@ -149,10 +153,14 @@ def _call(function: Any) -> Callable[..., Any]:
                 steps.send(None)
             except StopIteration as done:
                 return done.value
-            return run(steps)  # which says that it should have ended
+            raise _unfinished(steps)
+
+        def enter(self: Blocking) -> Any:
+            value = run(function(self._core))
+            return self if value is self._core else value
 
         if function.__name__ == "__aenter__":
-            return lambda self: fronted(call(self))
+            return enter
 
     else:
 
