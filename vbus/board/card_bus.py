@@ -40,6 +40,13 @@ class CyclePath(Guard):
         """Run a write cycle with its latching edge at ``when`` (ps)."""
         raise NotImplementedError
 
+    def steady(self, address: int) -> tuple[Chip | None, int] | None:
+        """Return which chip is read again if what was just read is, and the address there.
+
+        Chip None: what stands on the wires is read. None: not known, or the wires would move.
+        """
+        raise NotImplementedError
+
     def forget(self) -> None:
         """Another state has been loaded."""
         raise NotImplementedError

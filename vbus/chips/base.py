@@ -187,6 +187,16 @@ class Chip:
         """
         return ""
 
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what a driver has begun and not ended, or never done, when its run ends.
+
+        Nothing is filed, and nothing changes: whoever ends a run asks once.
+
+        Returns:
+            a rule of severity note, and a sentence for people, for each.
+        """
+        return []
+
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
 

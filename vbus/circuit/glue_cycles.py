@@ -64,14 +64,16 @@ class GlueCycles:
     Attributes:
         chips: those chips.
         by: who moves something now; None: a host that reaches the chips themselves.
+        noted: takes instants and cycles, whoever wants to know of them; None: nothing does.
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
-    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "rows")
+    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "noted", "rows")
 
     def __init__(self, kernel: Kernel, chips: Iterable[Chip], glue: Glue) -> None:
         self._kernel: Kernel = kernel
         self.by: CycleTeller | None = None
+        self.noted: list[tuple[int, list[Ended]]] | None = None
         self.rows: list[BusLines] = []
         chips = list(chips)
         connectors = {id(pin.net) for chip in chips if chip.CONNECTOR for pin in chip.pins.values()}
@@ -126,9 +128,11 @@ class GlueCycles:
             before, row.levels = row.levels, row.look()
             if before == row.levels or not row.busy(before):
                 continue
-            if by is None and not row.remembers:
+            if by is None and self.noted is None and not row.remembers:
                 continue
             found += row.ended(now, before, row.chip.bus_net.before)
+        if self.noted is not None and found:
+            self.noted.append((now, found))
         if by is not None and found:
             by.tell_together(now, found)
 

@@ -414,9 +414,10 @@ class Bench:
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        if judged.notes:
-            yield f"notes: {len(judged.notes)}"
-            yield from (f"    {line}" for line in by_rule(judged.notes, verb="notes"))
+        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        if notes:
+            yield f"notes: {len(notes)}"
+            yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
 

@@ -8,7 +8,7 @@ from mypy_extensions import i64
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
-from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
+from vbus.chips.lm628.commands import UNKNOWN, AxisCommands, flag_names
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
 from vbus.chips.lm628.host_port import PortState
@@ -425,6 +425,20 @@ class LM628(FrontEndHost):
     def undriven(self, axis: int) -> str:
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
+        self.advance()
+        axis = self.axis
+        found = []
+        if axis.interrupt() and self._hi.net.heard:
+            flags = flag_names(int(axis.flags & axis.mask))
+            found.append((ds.HI_STANDS, f"HI is high at the end: {flags}; RSTI lets it fall"))
+        if axis.pid.waits():
+            found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
+        if axis.profile.waits():
+            found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        return found
 
     def after_load(self) -> None:
         """Work out what is due."""

@@ -289,10 +289,43 @@ INDEX_GROUNDED: Final = Rule(
     "lm628.index-grounded", "LM-POS-3", "The index input is not held low for more than a turn."
 )
 
+FILTER_WAITS: Final = Rule(
+    "lm628.filter-waits", "LM-CMD-5",
+    "What LFIL has loaded is taken by UDF before STT turns the motor on.", "warning",
+)  # fmt: skip
+NO_ACCELERATION: Final = Rule(
+    "lm628.no-acceleration", "LM-TRJ-12",
+    "A move from rest has an acceleration above 0: with 0 it never begins.", "warning",
+)  # fmt: skip
+NO_TRAJECTORY: Final = Rule(
+    "lm628.no-trajectory", "LM-CMD-2", "STT starts what LTRJ has loaded before.", "note"
+)
+OFF_AT_SPEED: Final = Rule(
+    "lm628.off-at-speed", "LM-TRJ-10",
+    "A stop bit 9 or 10 ends a motion; with bit 8 the axis runs on without drive.", "note",
+)  # fmt: skip
+RESETS_NOTHING: Final = Rule(
+    "lm628.resets-nothing", "LM-CMD-18",
+    "Of the word of RSTI a 0 clears a flag: with a 1 in each of bits 6 to 1 it clears none.",
+    "warning",
+)  # fmt: skip
+LEAVES_FLAGS: Final = Rule(
+    "lm628.leaves-flags", "LM-CMD-18", "RSTI clears a flag that is set.", "note"
+)
+HI_STANDS: Final = Rule(
+    "lm628.hi-stands", "LM-STA-7",
+    "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
+)  # fmt: skip
+LEFT_LOADED: Final = Rule(
+    "lm628.left-loaded", "LM-BUS-11",
+    "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
+)  # fmt: skip
+
 RULES: Final = (
     *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
     WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
-    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED,
+    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_TRAJECTORY,
+    OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS, HI_STANDS, LEFT_LOADED,
 )  # fmt: skip
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------

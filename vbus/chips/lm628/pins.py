@@ -133,7 +133,7 @@ class BusPins:
         if was_reading and not reading:
             self._end_read(now, old_ps, rd)
         if ps != old_ps:
-            self._port_moved(now, reading or writing)
+            self._port_moved(now, (was_reading and reading) or (was_writing and writing))
         if writing and not was_writing:
             self._begin(now, self._wr_fell)
             if chip.judged and ps == ds.DATA_PORT:
@@ -285,9 +285,14 @@ class BusPins:
                 self._judge_hold("T12", hold, net.changed_at)
 
     def take_levels(self) -> None:
-        """Take the control lines as they are; no edge has been, and no hold time is judged."""
+        """Take the control lines as they are; no edge has been, and no time is judged from one."""
         self._old = (self._cs.value, self._ps.value, self._rd.value, self._wr.value)
-        self._wrote = self._read = _LONG_AGO
+        self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO
+        self._ended = self._wrote = self._read = self._data_wrote = self._data_read = _LONG_AGO
+        self._began = self._byte = self._left = 0
+        self._lost = self._fought = False
+        self._undo = {}
+        self._timer.cancel()
 
     # -- D0-D7 --------------------------------------------------------------------------------
 

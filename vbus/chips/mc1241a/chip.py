@@ -12,15 +12,22 @@ from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
     AC,
     CARD_DECODES,
+    CHECKSUM_UNREAD,
+    COMMAND_ERROR,
     COMMAND_PORT,
     DATA_PORT,
+    ERRORS_STAND,
     FAMILY,
+    INTERRUPT_STANDS,
+    LEFT_LOADED,
+    MOTION_ERROR,
     OPTIONS,
     PINS,
     RESET_CLK,
     RESET_PORT,
     RULES,
     SLOT_CLK,
+    STATUS_BITS,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
     VALUES,
@@ -381,6 +388,29 @@ class MC1241A(ChipSet):
         if axis >= len(self.axes) or self.axes[axis].active.motor_command:
             return ""
         return "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what stands, what was loaded in vain, and that no checksum was read."""
+        self.advance()
+        found = []
+        if self.port.unchecked > 0:
+            text = f"no checksum of {self.port.unchecked} packets was read"
+            found.append((CHECKSUM_UNREAD, text))
+        number = self.interrupts.axis
+        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+            found.append(
+                (INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
+            )
+        for axis in self.axes:
+            errors = axis.events & (COMMAND_ERROR | MOTION_ERROR)
+            names = [bit.name for bit in STATUS_BITS if errors & bit.mask]
+            if names:
+                text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
+                found.append((ERRORS_STAND, text))
+            if axis.loaded():
+                text = f"axis {axis.number + 1}: what is loaded last no update has taken"
+                found.append((LEFT_LOADED, text))
+        return found
 
     def next_change(self) -> int:
         """Return when anything happens inside."""

@@ -216,7 +216,7 @@ COMMANDS: Final = CommandTable(
             value=BRK_OFF, title="Set breakpoint mode off"),
     Command("SET_BRK_PNT", 0x16, write=2, scope="c", clause="PMD-CMD-35",
             parameter="breakpoint_value", signed=True, title="Set breakpoint comparison value"),
-    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="request_update",
+    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="update",
             title="Immediate parameter update"),
     Command("MULTI_UPDATE", 0x5B, write=1, scope="g", clause="PMD-CMD-37", hook="update_several",
             title="Multiple axis immediate parameter update"),
@@ -526,11 +526,42 @@ TWO_CHANNELS: Final = Rule(
     "mc1241a.quadrature", "PMD-ENC-1", "Only one of A and B may change at a time."
 )
 
+KEEPS_INTERRUPT: Final = Rule(
+    "mc1241a.keeps-interrupt", "PMD-INT-3",
+    "RST_INTRPT clears an event that interrupts: of its word a 0 clears, and a 1 leaves.",
+    "warning",
+)  # fmt: skip
+NO_STEP_RATIO: Final = Rule(
+    "mc1241a.no-step-ratio", "PMD-STL-1",
+    "With a step ratio above 0 the axis is compared with its encoder; with 0 no stall is found.",
+    "note",
+)  # fmt: skip
+IDLE_UPDATE: Final = Rule(
+    "mc1241a.idle-update", "PMD-UPD-1", "UPDATE follows what has been loaded for it.", "note"
+)
+CHECKSUM_UNREAD: Final = Rule(
+    "mc1241a.checksum-unread", "PMD-PKT-2",
+    "A host reads checksums, by which it finds a byte that went wrong.", "note",
+)  # fmt: skip
+INTERRUPT_STANDS: Final = Rule(
+    "mc1241a.interrupt-stands", "PMD-INT-1",
+    "When a run ends, ~HostIntrpt has been answered by RST_INTRPT, if it is wired.", "note",
+)  # fmt: skip
+ERRORS_STAND: Final = Rule(
+    "mc1241a.errors-stand", "PMD-STA-1",
+    "When a run ends, errors in the status words have been cleared.", "note",
+)  # fmt: skip
+LEFT_LOADED: Final = Rule(
+    "mc1241a.left-loaded", "PMD-UPD-1", "When a run ends, an update has taken what was loaded.",
+    "note",
+)  # fmt: skip
+
 RULES: Final = (
     *AC.rules.values(),
     NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
     UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
-    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS,
+    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS, KEEPS_INTERRUPT,
+    NO_STEP_RATIO, IDLE_UPDATE, CHECKSUM_UNREAD, INTERRUPT_STANDS, ERRORS_STAND, LEFT_LOADED,
 )  # fmt: skip
 
 # -- settings ------------------------------------------------------------------------------------

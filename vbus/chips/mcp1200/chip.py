@@ -344,6 +344,15 @@ class MCP1200(HostInterface):
         """Return the motor output as a fraction of full scale."""
         return round(self.axis.drive.level(), 4)
 
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that errors of the status register stand."""
+        self.advance()
+        standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
+        if not standing:
+            return []
+        names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+        return [(ds.ERRORS_STAND, f"in R07 these are 0 at the end, and mean errors: {names}")]
+
     def next_change(self) -> int:
         """Return when anything happens inside."""
         self.advance()
