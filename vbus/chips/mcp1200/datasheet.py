@@ -489,5 +489,5 @@ VALUES: Final = ValueTable(
     Value("status", key="status", register="STATUS"),
     Value("profile phase", key="phase", register="PHASE"),
     Value("sample timer", "axis.timer.count(chip.cycle_now())", register="SAMPLE_TIMER"),
-    registers=REGISTERS, file="axis.registers.",
+    registers=REGISTERS, home="axis.registers.",
 )  # fmt: skip
