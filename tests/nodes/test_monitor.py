@@ -62,6 +62,7 @@ def test_values_of_all_nodes_come_together_at_the_instant_all_have_come_to(
 ) -> None:
     monkeypatch.setenv("VBUS_RUNTIME", str(machine.folder / "run"))
     with closing(Together(boards_of(["four"]))) as together:
+        together.watch()
         told = [rest for kind, *rest in islice(together, 20) if kind == "t"]
     assert together.hello["board"] == "four"
     assert [chip["name"] for chip in together.hello["chips"]] == ["x", "y", "m", "p"]
