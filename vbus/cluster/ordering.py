@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from vbus.board.sections import BoardFile
-from vbus.cluster.saving import NO_ROUNDS, SavedNode
+from vbus.boardfile.sections import BoardFile
+from vbus.circuit.orders import LEAD, Order
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
+from vbus.nodes.machine_snapshot import NO_ROUNDS, SavedNode
 from vbus.nodes.messages import LARGEST
 from vbus.nodes.node import Node
-from vbus.nodes.orders import LEAD, Order
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.server.serving import network_of

@@ -1,7 +1,6 @@
 """Nodes that keep one virtual time: what is granted is run, what was lost is asked for."""
 
 import asyncio
-import heapq
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -9,63 +8,23 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from vbus.board.board import Board
-from vbus.board.sections import BoardFile
+from vbus.board.snapshot import write
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
-from vbus.cluster.peers import Group, Peers
-from vbus.cluster.saving import saved
+from vbus.cluster.peers import LET_IN, Group, Peers
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
+from vbus.nodes.machine_snapshot import saved
 from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
 
-
-class GrantedPacer(Pacer):
-    """Wakes sessions when a grant has reached what they wait for.
-
-    Args:
-        board: the node's board, in lockstep or slaved time.
-        changed: called when a host has done something, so that time may run on.
-    """
-
-    def __init__(self, board: Board, changed: Callable[[], None]) -> None:
-        super().__init__(board)
-        self._changed: Callable[[], None] = changed
-
-    def catch_up(self) -> bool:
-        """Do nothing: time is where its nodes have brought it."""
-        return True
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Serve sessions from here on."""
-        self._loop = loop
-
-    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
-        """Call back when the grant includes ``instant`` (ps)."""
-        self._wake_number += 1
-        heapq.heappush(self._wakes, (instant, self._wake_number, callback))
-        self._changed()
-
-    def touched(self) -> None:
-        """A host has been served: it may want time now."""
-        self._changed()
-
-    def granted(self) -> None:
-        """Time may run further: go on with the sessions that waited for it."""
-        if self.board.limit > self._near:
-            self._nearing(self.board.limit)
-        self._wake(self.board.limit)
-
-
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
-LET_IN: Final = 10.0
-"""Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 WAITS_FOR_OTHERS: Final = "waits for the others"
@@ -98,7 +57,7 @@ class Timebase(Peers):
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
-        self._pacers: list[GrantedPacer] = []
+        self._pacers: list[Pacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
@@ -161,7 +120,7 @@ class Timebase(Peers):
                 if self._began < 0:
                     self._began = self._ended
                 for pacer in self._pacers:
-                    pacer.granted()
+                    pacer.grant_came()
             if report is not None:
                 self._share(conductor.node.rank, report)
                 self._keep_snapshot(conductor)
@@ -253,7 +212,7 @@ class Timebase(Peers):
         """Write a snapshot of a node that has just reported; the file is replaced in one step."""
         assert self._snapshot is not None
         try:
-            self._snapshot.write(conductor.save(), sync=False)
+            self._snapshot.write(write(conductor.save()), sync=False)
         except VbusError as error:
             self.lost.append(str(error))
             self._report(f"{error}; no more snapshots are written")
@@ -276,7 +235,8 @@ class Timebase(Peers):
         """Return what wakes the sessions of a node when time is granted."""
         awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
         self._mine[node.rank].awaited = awaited
-        pacer = GrantedPacer(node.board, self.proceed)
+        pacer = Pacer(node.board)
+        pacer.on_moved = self.proceed
         self._pacers.append(pacer)
         return pacer
 
@@ -404,7 +364,7 @@ def _answer_of(conductor: Conductor) -> bytes:
         if len(data) <= LARGEST_ANSWER:
             return data
         why = (
-            f"node {name} has a part of {len(data)} bytes, and at most {LARGEST_ANSWER} go to"
-            " another computer; save where all nodes are on one"
+            f"node {name} has a part of {len(data)} bytes, and an answer has at most"
+            f" {LARGEST_ANSWER}"
         )
     return msgspec.json.encode(Answer(name, now, error=why))
