@@ -183,7 +183,7 @@ def test_rsti_that_clears_is_right_and_so_is_one_before_anything_is_set(bench, w
 # -- the end of a run -----------------------------------------------------------------------------
 
 
-@pytest.mark.spec("LM-BUS-11")
+@pytest.mark.spec("LM-CMD-19", "LM-CMD-20")
 def test_what_is_loaded_and_never_taken_is_noted_at_the_end(bench):
     bench.filter(kp=10)
     bench.move(0, accel=ONE, velocity=ONE, position=3)

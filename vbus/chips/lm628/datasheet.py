@@ -317,7 +317,7 @@ HI_STANDS: Final = Rule(
     "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
 )  # fmt: skip
 LEFT_LOADED: Final = Rule(
-    "lm628.left-loaded", "LM-BUS-11",
+    "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
 )  # fmt: skip
 
