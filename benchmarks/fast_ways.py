@@ -173,7 +173,7 @@ _REPLAY = "unit/trace/test_replay.py, frozen"
 WAYS = (
     Way("chips/base.py", "a chip at rest, left alone for 1000 samples", "differential, frozen",
         at_rest),
-    Way("board/card_path.py", "a read through a 74HC138", "unit/glue/test_paths.py", through_glue),
+    Way("board/card_path.py", "a read through a 74HC138", "properties/test_cards.py", through_glue),
     Way("board/host_polls.py", "polls of a lease", "unit/board/test_leases.py",
         lambda: (polled(False), polled(True))),
     Way("plant/dc_motor.py", "two lengths of a period by turns", "unit/plant/test_solved_motor.py",

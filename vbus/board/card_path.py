@@ -22,9 +22,11 @@ from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import CycleTeller, GlueCycles
 from vbus.circuit.host_pins import HostPins
 from vbus.kernel import Kernel
-from vbus.signals import Guard, Net, Z
+from vbus.signals import Guard, Net, Pin, Z
 from vbus.state import Names
 
+MOST_STATES: Final = 1024
+"""So many states of the wires are remembered, each with its cycles; then all are forgotten."""
 PLAYED: Final = CardCycle()
 """What is remembered of a cycle that is played each time."""
 
@@ -74,6 +76,10 @@ class CardPath(CyclePath):
         self._wires: Final[CardWires] = CardWires(board, bus)
         self._recovery: i64 = max([bus.hold_ps, *(c.cycle_ps for c in self._wires.behind)])
         self._closed: bool = self._wires.closed
+        self._pins: list[Pin] = self._wires.pins
+        self._nets: list[Net] = self._wires.nets
+        self._outside: list[Net] = self._wires.outside
+        self._states: dict[object, WireState] = {}
         self._state: WireState | None = None
         """How the wires stand; None: that is to be found out."""
         self._owed: WireState | None = None
@@ -84,11 +90,9 @@ class CardPath(CyclePath):
         self._record: CardRecord | None = None
         self.played: int = 0
         outside = OutsideGuard(self)
-        nets: list[Net] = self._wires.nets
-        for net in nets:
+        for net in self._nets:
             net.guard = self
-        others: list[Net] = self._wires.outside
-        for net in others:
+        for net in self._outside:
             net.guard = outside
         board.player.guards.append(self)
         lead: int = self._lead
@@ -275,7 +279,7 @@ class CardPath(CyclePath):
             cycle = record.cycle(value, through.noted if through is not None else None)
             if cycle is not None and cycle.steps is None:
                 player.flush()
-                after: WireState = self._wires.state()
+                after = self._stand()
                 after.come_true(-1)
                 self._take_levels()
                 self._state = after
@@ -305,9 +309,50 @@ class CardPath(CyclePath):
         """Find out how the wires stand; None if cycles must be played."""
         self.come_true()
         self._state = None
-        if not self._board.disturbed and self._wires.usable():
-            self._state = self._wires.state()
+        if not self._board.disturbed and self._usable():
+            self._state = self._stand()
         return self._state
+
+    def _usable(self) -> bool:
+        """Whether nothing is broken, looked at or on its way, and the bus is idle."""
+        for nets in (self._nets, self._outside):
+            for net in nets:
+                if net.observers or net.bends or net.clashing:
+                    return False
+        bus = self._bus
+        for name in (bus.read_strobe, bus.write_strobe):
+            if not bus.pins[name].net.value:
+                return False
+        return not bus.bus_net.driven and not any(block.queue for block in self._wires.watched)
+
+    def _stand(self) -> WireState:
+        """Return how all stands now: the same object for the same levels."""
+        levels: list[int] = []
+        others: i64 = 0
+        for pin in self._pins:
+            levels.append(pin.level)
+            if pin.level != Z:
+                others -= 1
+        for net in self._nets:
+            drivers: i64 = 0
+            for pin in net.pins:
+                if pin.level != Z:
+                    drivers += 1
+            others += drivers
+            # What a data bus was left with is known to the net alone.
+            floats = drivers == 0 and net.width == 8 and net.rest == Z
+            levels.append(BYTE if floats else net.value)
+        for net in self._outside:
+            levels.append(net.value)
+        for block in self._wires.blocks:
+            levels.append(block.state)
+        key = (tuple(levels), self._wires.foreign() if others != 0 else ())
+        state = self._states.get(key)
+        if state is None:
+            if len(self._states) >= MOST_STATES:
+                self._states.clear()
+            state = self._states[key] = self._wires.state()
+        return state
 
     def touched(self) -> None:
         """A pin on a wire that cycles move moves, or somebody begins to listen."""

@@ -49,6 +49,7 @@ class CardWires:
 
     def __init__(self, board: Circuit, bus: CardBus) -> None:
         self.bus: CardBus = bus
+        self.watched: list[GlueBlock] = []
         glue = board.glue
         moving = {id(pin.net): pin.net for pin in bus.moving.values()}
         before = -1
@@ -96,7 +97,6 @@ class CardWires:
             ]:  # fmt: skip
                 self.lookers.append((number, data))
         self.blind: dict[object, bool] = {}
-        self.states: dict[object, WireState] = {}
 
     def _find_outside(self, board: Circuit) -> None:
         """Find the nets that decide and that no cycle moves, with what decides about those."""
@@ -107,7 +107,7 @@ class CardWires:
                 id(chip.pins[name].net): chip.pins[name].net
                 for name in self.roles[chip.name] if name in chip.pins
             }  # fmt: skip
-        self.watched: list[GlueBlock] = board.glue.leading_to(nets.values())
+        self.watched = board.glue.leading_to(nets.values())
         nets |= {id(pin.net): pin.net for block in self.watched for pin, _ in block.inputs}
         self.outside: list[Net] = [net for key, net in nets.items() if key not in self.place]
         data = {id(chip.data_pin) for chip in board.chips}
@@ -115,18 +115,6 @@ class CardWires:
             pin.on_heard is not None and id(pin) not in data
             for net in nets.values() for pin in net.pins
         )  # fmt: skip
-
-    def usable(self) -> bool:
-        """Whether nothing is broken, looked at or on its way, and the bus is idle."""
-        bus = self.bus
-        return (
-            not any(block.queue for block in self.watched)
-            and not any(
-                net.observers or net.bends or net.clashing for net in (*self.nets, *self.outside)
-            )
-            and all(bus.pins[name].net.value for name in (bus.read_strobe, bus.write_strobe))
-            and not bus.bus_net.driven
-        )
 
     def foreign(self) -> tuple[object, ...]:
         """Return what others drive onto the wires that cycles move."""
@@ -136,21 +124,12 @@ class CardWires:
         ])  # fmt: skip
 
     def state(self) -> WireState:
-        """Return how all stands now: the same object for the same levels."""
+        """Return how all stands now."""
         shot = Shot.of(self, 0, 0)
         nets = [
             BYTE if self.floats(shot, place) else level for place, level in enumerate(shot.nets)
         ]
-        key = (
-            tuple(shot.pins), tuple(nets), tuple(shot.states), shot.foreign,
-            tuple([net.value for net in self.outside]),
-        )  # fmt: skip
-        state = self.states.get(key)
-        if state is None:
-            if len(self.states) >= MOST_STATES:
-                self.states.clear()
-            state = self.states[key] = self.standing(shot, nets, shot.pins)
-        return state
+        return self.standing(shot, nets, shot.pins)
 
     def standing(self, shot: Shot, nets: Sequence[int], pins: Sequence[int]) -> WireState:
         """Return what puts the wires that no chip hears the edges of to these levels."""
@@ -170,10 +149,6 @@ class CardWires:
         """Whether a data bus has what was left there."""
         net = self.nets[place]
         return net.width == 8 and net.rest == Z and not self.drivers(shot, place)
-
-
-MOST_STATES: Final = 256
-"""So many states of the wires are remembered, each with its cycles; then all are forgotten."""
 
 
 def _is_bridge(block: GlueBlock) -> bool:
