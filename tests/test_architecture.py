@@ -54,7 +54,16 @@ ROLES = {
 """The room of a file in a chip's folder, by its name; all other files are of the chip itself."""
 NUMBERS = (["generated", "bits"], ["generated", "registers"])
 """What is made for the chip itself, not for its clients."""
-SHARED_BY_CHIPS = {"base", "bus_watch", "family", "motion", "packets", "strobes", "tables"}
+SHARED_BY_CHIPS = {
+    "base",
+    "bus_watch",
+    "family",
+    "front_end",
+    "motion",
+    "packets",
+    "strobes",
+    "tables",
+}
 DATA = {"tables", "datasheet", "bits"}
 CLAUSES = read_clauses(ROOT / "chips")
 CLAUSE = re.compile(

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from msgspec import Struct, field
 
 from vbus.chips.base import Chip
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import REPORTED, Bit, Command, Register
 from vbus.errors import PluginError
@@ -65,12 +66,11 @@ class Family(Struct, frozen=True):
         title: its parts, for people: ``"LM628 and LM629"``.
         kind: what they are, for people: ``"motion controller"``.
         about: what they are for, in a few sentences, with which their page begins.
-        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
-        bus: what makes cycles of edges, a ``BusWatch``.
+        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``BUS``,
+            ``AC``, ``RULES``.
         packets: what reads cycles in the manual's words, a ``Decoder``.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
         upsets: what faults can do inside its chips, an ``Upsets``.
-        strobes: the control lines that fall for a read and for a write cycle.
         limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.
@@ -105,7 +105,6 @@ class Family(Struct, frozen=True):
     kind: str = ""
     about: str = ""
     datasheet: str = ""
-    bus: str = ""
     packets: str = ""
     coverage: str = ""
     access: str = ""
@@ -117,7 +116,6 @@ class Family(Struct, frozen=True):
     clock: str = "8 MHz"
     plant: str = "dc_motor"
     upsets: str = ""
-    strobes: tuple[str, ...] = ()
     limits: Mapping[str, str] = field(default_factory=dict)
     reset_pin: str = ""
     reset_write: tuple[int, int] | None = None
@@ -188,6 +186,12 @@ class Family(Struct, frozen=True):
     def tables(self) -> ModuleType | None:
         """The module of its tables."""
         found: ModuleType | None = self.object("datasheet")
+        return found
+
+    @property
+    def bus(self) -> BusTable | None:
+        """The protocol of its host bus."""
+        found: BusTable | None = getattr(self.tables, "BUS", None)
         return found
 
     @property

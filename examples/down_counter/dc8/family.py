@@ -9,10 +9,8 @@ FAMILY = Family(
     title="DC-8",
     kind="down counter",
     datasheet="datasheet",
-    bus="bus:Dc8Watch",
     packets="packets:Dc8Packets",
     calls="generated.calls:Dc8Calls",
     clock="1 MHz",
-    strobes=("/RD", "/WR"),
     outputs=("DONE",),
 )

@@ -1,6 +1,6 @@
 """A chip small enough to read: what HostBus needs, and nothing else."""
 
-from vbus.chips.base import Chip
+from vbus.chips.base import POLL, Chip
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, PinRow
 from vbus.kernel import NEVER, US
@@ -84,14 +84,13 @@ class Toy(Chip):
             self.irq = 1
             self.pins["IRQ"].drive(1)
 
-    def next_event(self) -> int:
+    def due(self, kind: int) -> int:
+        if kind == POLL:
+            return self.busy_until if self.kernel.now < self.busy_until else NEVER
         return self.irq_at
 
     def ready_at(self) -> int:
         return self.busy_until
-
-    def steady_until(self, address: int) -> int:
-        return self.busy_until if self.kernel.now < self.busy_until else NEVER
 
     def power_on(self, done: bool) -> None:
         pass

@@ -7,6 +7,7 @@ import pytest
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.chips.base import SAMPLE
 from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
 from vbus.scope.frames import SAMPLES, numbers, read
@@ -89,7 +90,7 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
     give(board, part)
     seen = set()
     for _ in range(400):
-        due = board.chips[0].next_sample()
+        due = board.chips[0].due(SAMPLE)
         board.run_until(due if due != NEVER else board.now + MS)
         for values, told in named(board):
             assert values == told
@@ -115,7 +116,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
         told = chip.telemetry()
         for key, lane in rows[0]:
             lane.note(board.now, told[key])  # type: ignore[arg-type]
-        due = chip.next_sample()
+        due = chip.due(SAMPLE)
         for plant, key, lane in rows[1]:
             first = lane.untold or due == NEVER
             lane.note(board.now if first else due, plant.telemetry()[key])
