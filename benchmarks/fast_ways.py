@@ -23,6 +23,7 @@ import core
 from in_process import board, moving_lm629, moving_mc1241a, moving_mcp1200
 
 from benchmarks import journal
+from tests.unit.trace.plain_recorder import recorded
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.compiled import is_compiled
@@ -33,7 +34,6 @@ from vbus.tools import journal_lines
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.recorder import recorded
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import Sessions, show
 

@@ -5,7 +5,7 @@ import pytest
 from tests.nodes.four_chips import BOARD
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.errors import ConfigError
 from vbus.kernel import END, US
 from vbus.nodes.plan import build_nodes, part_of, pins_of, plan_of

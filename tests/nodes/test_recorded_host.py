@@ -6,16 +6,14 @@ import pytest
 from msgspec.structs import replace
 
 from vbus.board.config import read_board_text
+from vbus.circuit.orders import READ, WRITE, Order
 from vbus.kernel import END, MS, US
-from vbus.nodes.host import NodeBus
 from vbus.nodes.machine import node_of
 from vbus.nodes.node import Node
-from vbus.nodes.orders import READ, WRITE, Order
 from vbus.nodes.recorded import RebuiltBoard
 from vbus.protocols.port import NotYet
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorder import recorded
 from vbus.trace.journal.replay import Divergence, Replay
 
 BOARD = """\
@@ -52,7 +50,7 @@ class Journalled:
         file, source = read_board_text(BOARD)
         self.node: Node = node_of(file, source, "left")
         self.data = BytesIO()
-        self._journal = Journal(self.node.board, self.data, BOARD, "b.toml", port=recorded(NodeBus))
+        self._journal = Journal(self.node.board, self.data, BOARD, "b.toml")
         self.node.board.limit = END
         self.port = self.node.board.open_port("host", ["x"])
 

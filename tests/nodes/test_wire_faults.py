@@ -13,7 +13,7 @@ from tests.nodes.processes import Bench, ended
 from tests.nodes.test_snapshot import snapshot_of
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.machine_snapshot import read, write

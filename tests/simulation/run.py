@@ -38,7 +38,7 @@ from tests.unit.faults.bench import DC, LM, MC, MCP, STEPPER
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.sections import RecordSection
+from vbus.boardfile.sections import RecordSection
 from vbus.kernel import END, MS, SECOND, US
 from vbus.network import session as network_session
 from vbus.protocols.byte import ByteProtocol
@@ -273,7 +273,7 @@ class Simulation:
         sessions = list(server.sessions())
         ports = [session.port for session in sessions]
         under_way = server.departures.under_way
-        ports += [departure.port for departure in under_way]
+        ports += [session.port for session in under_way]
         if {id(port) for port in board.ports} != {id(port) for port in ports}:
             raise Wrong(f"{len(board.ports)} ports are open, and {len(ports)} are held")
         for chip, owner in board.hosts.claims.items():

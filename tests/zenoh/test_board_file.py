@@ -6,7 +6,7 @@ import pytest
 
 from tests.e2e.command import vbus
 from vbus.board.config import read_board_text, read_zenoh_file
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.network.session import Network
 from vbus.server.serving import network_of
 

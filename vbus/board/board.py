@@ -46,8 +46,9 @@ class Board(Circuit):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_by_name", "_fights", "_links", "_on_clash", "_trace", "axes", "beyond", "buses",
-        "clock_step", "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants",
-        "player", "policy", "port_type", "rate", "seed", "sliced", "stream", "text", "through",
+        "clock_step", "file", "granted", "limit", "listeners", "name", "nets", "observers", "pins",
+        "plants", "player", "policy", "port_type", "rate", "seed", "sliced", "stream", "text",
+        "through",
         "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (

@@ -11,17 +11,17 @@ from vbus.board import cards, pin_maps
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
-from vbus.board.card_section import SIGNALS
 from vbus.board.config import read_board_file, read_board_text
-from vbus.board.sections import (
+from vbus.boardfile.cards import SIGNALS
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import (
     RESTS,
     BoardFile,
     HostSection,
     NetSection,
     PlantSection,
 )
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
 from vbus.collection import collection_held

@@ -8,13 +8,13 @@ from itertools import product
 from msgspec import Struct
 
 from vbus.board.card_bus import CardBus
-from vbus.board.card_buses import LATCH
 from vbus.board.card_cycle import CardCycle, NotFixed, RestingWires
 from vbus.board.card_edges import EdgeSteps, steps_of
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
 from vbus.board.pin_maps import ADDRESS, DATA, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip
 from vbus.glue import logic
+from vbus.glue.card_buses import LATCH
 from vbus.glue.logic import Levels, Outcome
 from vbus.glue.part import Glue, GlueBlock
 from vbus.signals import HIGH, LOW, Net, Pin, Z

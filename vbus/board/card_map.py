@@ -8,10 +8,10 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.board.build import card_of
 from vbus.board.card_bus import CardBus
-from vbus.board.card_section import CardSection
 from vbus.board.card_timing import has_clock
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
-from vbus.board.sections import BoardFile
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.sections import BoardFile
 from vbus.chips.base import Chip
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z

@@ -6,13 +6,13 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card_buses import BUSES, DATA, BusRow
 from vbus.board.card_interrupt import active_low
-from vbus.board.card_section import CardRegisterSection, CardSection
 from vbus.board.glue_order import Fail, Planned
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardRegisterSection, CardSection
+from vbus.boardfile.lines import Path
 from vbus.chips.tables import PinRow
 from vbus.glue import logic
+from vbus.glue.card_buses import BUSES, DATA, BusRow
 from vbus.glue.part import bundled
 from vbus.glue.table import THREE_STATE, Block, run
 from vbus.signals import HIGH, LOW

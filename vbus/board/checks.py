@@ -4,14 +4,14 @@ from collections.abc import Hashable
 
 from vbus import plugins
 from vbus.board import cards
-from vbus.board.card_section import ACCESSES, CardSection
 from vbus.board.metrics_checks import check_metrics, check_scope
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
-from vbus.board.sections import NO_PLANT, BoardFile, ChipSection
 from vbus.board.serial_checks import check_serial
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import ACCESSES, CardSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import NO_PLANT, BoardFile, ChipSection
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.circuit import circuit

@@ -9,12 +9,13 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from vbus import plugins
-from vbus.board import checks, sections
-from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
+from vbus.board import checks
 from vbus.board.network_checks import check_zenoh
-from vbus.board.section import NAMES, GlueSection, Section, rows
-from vbus.board.source import BoardFileError, Problem, Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile import sections
+from vbus.boardfile.cards import NO_PORT, CardPortSection, CardRegisterSection, CardSection
+from vbus.boardfile.key import NAMES, GlueSection, Section, rows
+from vbus.boardfile.lines import Path
+from vbus.boardfile.source import BoardFileError, Problem, Source
 from vbus.collection import collection_held
 from vbus.errors import PluginError
 from vbus.file_kinds import foreign, no_text, unreadable

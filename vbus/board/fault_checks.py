@@ -1,9 +1,9 @@
 """Checks of ``[[faults]]`` that need no board: triggers, ends, and on which node they are."""
 
 from vbus import plugins
-from vbus.board.sections import BoardFile, FaultSection
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, FaultSection
+from vbus.boardfile.source import Source
 from vbus.faults.messages import misfit
 from vbus.faults.row import LINK, NET, PART, WIRE, Fault
 from vbus.faults.table import faults

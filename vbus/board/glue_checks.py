@@ -5,16 +5,16 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card_buses import BUSES
 from vbus.board.card_interrupt import ACK, INT
 from vbus.board.card_parts import names_of
-from vbus.board.card_section import CardSection
 from vbus.board.glue_plan import plan_glue
-from vbus.board.section import GlueSection
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.key import GlueSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
+from vbus.glue.card_buses import BUSES
 
 
 class GlueEnds(Struct, frozen=True):

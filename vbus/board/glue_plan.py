@@ -10,15 +10,15 @@ from functools import partial
 
 from msgspec import Struct, field
 
-from vbus.board.card_buses import BUSES, DATA
 from vbus.board.card_parts import CardPart, names_of, parts_of
-from vbus.board.card_section import CardSection
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
-from vbus.board.section import GlueSection
-from vbus.board.sections import BoardFile, NetSection
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.key import GlueSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, NetSection
 from vbus.chips.tables import PinRow
+from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.part import bundled
 from vbus.glue.table import PARTS, PLD, Block, GlueRow
 from vbus.signals import HIGH, LOW

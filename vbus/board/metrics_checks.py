@@ -5,8 +5,8 @@ from ipaddress import ip_address
 from typing import Final
 
 from vbus.addresses import loopback_like, meant, stays_here
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.values.settings import quoted
 
 EXAMPLE: Final = "127.0.0.1:9100"

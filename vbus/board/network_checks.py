@@ -4,8 +4,8 @@ import re
 from typing import Final
 
 from vbus.addresses import refused_endpoint, refused_link
-from vbus.board.sections import BoardFile, ZenohSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, ZenohSection
+from vbus.boardfile.source import Source
 from vbus.values.settings import quoted
 
 NETWORK_SCHEME: Final = "zenoh"

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.values.settings import NAME_FORM, listed, suggestion
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 
 from vbus.board.card_interrupt import ACK, INT
-from vbus.board.card_section import CardSection
 from vbus.board.glue_checks import GlueEnds
 from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, roles, targets, wires
-from vbus.board.sections import BoardFile, HostSection, PinMapSection
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.values.settings import listed, quoted, suggestion
 

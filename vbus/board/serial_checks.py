@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from vbus.board.sections import BoardFile, HostSection
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.protocols.serial_line import USUAL_FRAME
 from vbus.values.settings import listed, quoted

@@ -92,7 +92,10 @@ class Circuit:
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
         self.limit: i64 = END
-        """Time may run to this instant without the wall clock (ps); set by the pacer."""
+        """Time may run to this instant without the wall clock (ps); set by the pacer, or by the
+        nodes together (:attr:`granted`)."""
+        self.granted: bool = False
+        """Whether the board is a node in virtual time: nothing may happen beyond :attr:`limit`."""
         self.sliced: bool = False
         """Whether somebody brings a held host's time about in slices; set by the pacer."""
         self.caught: i64 = 0

@@ -7,16 +7,12 @@ from pathlib import Path
 
 import msgspec
 
-from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError, VbusError, write_errors
-from vbus.nodes.host import NodeBus
 from vbus.nodes.node import Node
 from vbus.server.output_file import output
 from vbus.server.recording import ALONE, Recording
-from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.recorder import recorded
 from vbus.trace.wave.merge import merge_waves
 from vbus.trace.wave.signals import FULL
 
@@ -100,10 +96,7 @@ class NodeRecords:
             raise ConfigError(ALONE)
         if not self.wanted:
             return
-        port: Callable[..., HostBus] = RecordedBus
-        if node.board.policy != "realtime":
-            port = recorded(NodeBus)
-        recording = Recording(node.board, self._source.text, self._file.path, self._report, port)
+        recording = Recording(node.board, self._source.text, self._file.path, self._report)
         self._opened.callback(recording.close)
         files = {
             key: of_node(getattr(record, key), node.name)

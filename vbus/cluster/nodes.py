@@ -10,8 +10,8 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.cluster.elsewhere import Elsewhere
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.node_records import NodeRecords

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import NodeLink, Receiver
 from vbus.cluster.saving import NO_ROUNDS
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 import msgspec
 
-from vbus.board.board import Board
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.ordering import Answer, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
@@ -89,51 +88,6 @@ SLEW: Final = 500
 """A clock that drifts is followed by at most this much (ns in a million)."""
 
 
-class EpochPacer(Pacer):
-    """Moves a node's board with the wall clock, counted from the epoch all nodes share.
-
-    Args:
-        board: the node's board.
-        stall: as for :class:`~vbus.server.pacer.Pacer`.
-        epoch: when chip time is 0, by this process' clock (ns).
-        moved: called when the board may have moved: edges may be under way.
-        clock: wall time in ns; for tests.
-    """
-
-    def __init__(
-        self,
-        board: Board,
-        stall: str,
-        epoch: int,
-        moved: Callable[[], None],
-        clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
-        super().__init__(board, stall, clock)
-        self._epoch: int = epoch
-        self._moved: Callable[[], None] = moved
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to move the board's time: from the epoch, which may lie ahead or back."""
-        super().start(loop)
-        self._anchor_ns = self._epoch
-        self._anchor_ps = 0
-        self._tick_at = self.board.now
-        self.arm()
-
-    def shift(self, ns: int) -> None:
-        """Follow a clock that drifts: the epoch was ``ns`` later than believed."""
-        self._anchor_ns += ns
-
-    def touched(self) -> None:
-        """A host has been served: an edge may be due earlier, or be on its way."""
-        super().touched()
-        self._moved()
-
-    def _woken(self) -> None:
-        super()._woken()
-        self._moved()
-
-
 class RealTime(Peers):
     """Nodes of this process in real time with those of other processes.
 
@@ -162,7 +116,7 @@ class RealTime(Peers):
     ) -> None:
         super().__init__(group, [node.rank for node in nodes])
         self.nodes: dict[int, Node] = {node.rank: node for node in nodes}
-        self.pacers: dict[int, EpochPacer] = {}
+        self.pacers: dict[int, Pacer] = {}
         self.keeper: int = max(self.plan.hub, 0)
         self.epoch: int = -1
         """When chip time was 0, by this process' clock (ns)."""
@@ -249,11 +203,10 @@ class RealTime(Peers):
 
     # -- moving ---------------------------------------------------------------------------------
 
-    def pacer(self, node: Node, part: BoardFile) -> EpochPacer:
+    def pacer(self, node: Node, part: BoardFile) -> Pacer:
         """Return what moves a node's board, once the epoch is known."""
-        pacer = EpochPacer(
-            node.board, part.board.stall, self.epoch, lambda: self.flush(node), self._ns
-        )
+        pacer = Pacer(node.board, part.board.stall, self._ns, epoch=self.epoch)
+        pacer.on_moved = lambda: self.flush(node)
         self.pacers[node.rank] = pacer
         timer = node.board.kernel.timer(lambda: self._mark(node), saved=False)
         self._marks[node.rank] = timer

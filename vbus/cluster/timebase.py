@@ -1,7 +1,6 @@
 """Nodes that keep one virtual time: what is granted is run, what was lost is asked for."""
 
 import asyncio
-import heapq
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -9,8 +8,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from vbus.board.board import Board
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
 from vbus.cluster.peers import Group, Peers
@@ -21,44 +19,6 @@ from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
-
-
-class GrantedPacer(Pacer):
-    """Wakes sessions when a grant has reached what they wait for.
-
-    Args:
-        board: the node's board, in lockstep or slaved time.
-        changed: called when a host has done something, so that time may run on.
-    """
-
-    def __init__(self, board: Board, changed: Callable[[], None]) -> None:
-        super().__init__(board)
-        self._changed: Callable[[], None] = changed
-
-    def catch_up(self) -> bool:
-        """Do nothing: time is where its nodes have brought it."""
-        return True
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Serve sessions from here on."""
-        self._loop = loop
-
-    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
-        """Call back when the grant includes ``instant`` (ps)."""
-        self._wake_number += 1
-        heapq.heappush(self._wakes, (instant, self._wake_number, callback))
-        self._changed()
-
-    def touched(self) -> None:
-        """A host has been served: it may want time now."""
-        self._changed()
-
-    def granted(self) -> None:
-        """Time may run further: go on with the sessions that waited for it."""
-        if self.board.limit > self._near:
-            self._nearing(self.board.limit)
-        self._wake(self.board.limit)
-
 
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
@@ -98,7 +58,7 @@ class Timebase(Peers):
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
-        self._pacers: list[GrantedPacer] = []
+        self._pacers: list[Pacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
@@ -161,7 +121,7 @@ class Timebase(Peers):
                 if self._began < 0:
                     self._began = self._ended
                 for pacer in self._pacers:
-                    pacer.granted()
+                    pacer.grant_came()
             if report is not None:
                 self._share(conductor.node.rank, report)
                 self._keep_snapshot(conductor)
@@ -276,7 +236,8 @@ class Timebase(Peers):
         """Return what wakes the sessions of a node when time is granted."""
         awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
         self._mine[node.rank].awaited = awaited
-        pacer = GrantedPacer(node.board, self.proceed)
+        pacer = Pacer(node.board)
+        pacer.on_moved = self.proceed
         self._pacers.append(pacer)
         return pacer
 

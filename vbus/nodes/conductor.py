@@ -7,7 +7,6 @@ import msgpack
 
 from vbus.errors import SnapshotError
 from vbus.kernel import MS, NEVER
-from vbus.nodes.host import NodeBus
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
@@ -70,16 +69,17 @@ class Conductor:
         For a host it is a quantum more, so that what it does next is within the same grant.
         """
         beyond = self.participant.lookahead - 1
-        wanted = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
-        return max([self.until, *wanted])
+        return max([self.until, *(min(until + beyond, NEVER) for until in self._awaited())])
 
-    def _hosts(self) -> list[NodeBus]:
-        return [port for port in self.node.board.ports if isinstance(port, NodeBus)]
+    def _awaited(self) -> list[int]:
+        """Return the instants that held hosts wait for (ps)."""
+        ports = self.node.board.ports
+        return [port.hold_until for port in ports if port.held and port.hold_until < NEVER]
 
     def busy(self) -> bool:
         """Tell whether a host that has begun to use time may still act within the grant."""
         limit = self.participant.granted - 1
-        acting = [port for port in self._hosts() if port.uses_time]
+        acting = [port for port in self.node.board.ports if port.clock.used]
         self.awaited -= {port.label for port in acting}
         return bool(self.awaited) or any(
             not (port.held and port.hold_until > limit) for port in acting
@@ -136,9 +136,8 @@ class Conductor:
                 self.outside.pop(0)()
 
     def _report(self) -> NodeReport:
-        waited = [port.hold_until for port in self._hosts() if port.wants_time]
         # Before that instant the node sends no edge of its own.
-        following = min([self.node.board.kernel.next_due, *waited])
+        following = min([self.node.board.kernel.next_due, *self._awaited()])
         self._wanted = self.wants()
         return self.participant.report(following, self._wanted, self.node.take_edges())
 

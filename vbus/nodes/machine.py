@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.nodes.conductor import RUNS, Conductor
-from vbus.nodes.host import NodeBus
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
@@ -34,7 +33,7 @@ def node_of(
     """
     made = build_node(file, source, name)
     if file.board.time != "realtime":
-        made.board.port_type = NodeBus
+        made.board.granted = True
     if built is not None:
         built(made)
     if trace or scenario is not None:

@@ -7,9 +7,9 @@ from heapq import heappop, heappush
 from typing import Any, ClassVar
 
 from vbus.board.board import Board
+from vbus.circuit.orders import Order, Orders
 from vbus.errors import SnapshotError
 from vbus.kernel import Timer
-from vbus.nodes.orders import Order, Orders
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
 from vbus.state import Names, Saved, plan, save

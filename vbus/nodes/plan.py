@@ -10,8 +10,8 @@ import msgspec
 from vbus import plugins
 from vbus.board.build import assemble, rest_of
 from vbus.board.fault_checks import homes_of
-from vbus.board.sections import BoardFile, ChipSection, FaultSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, ChipSection, FaultSection
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.errors import ConfigError
 from vbus.kernel import SECOND, Clock, Kernel

@@ -7,7 +7,7 @@ from msgspec import Struct, field
 from vbus import plugins
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
-from vbus.board.sections import NO_HOST, HostSection
+from vbus.boardfile.sections import NO_HOST, HostSection
 from vbus.errors import PluginError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol

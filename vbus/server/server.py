@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import HostSection
+from vbus.boardfile.sections import HostSection
 from vbus.circuit.stream import settings_for_decoders
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
@@ -272,7 +272,6 @@ class Server:
         wire = host.wire(port)
         line = on_line(spec.line, self.board, port, wire)
         session = kind(serving, link, port, line or wire)
-        port.on_resume = session.resume_soon
         # What is said unasked takes its time on a line, too.
         port.on_events = session.resume_soon if line else session.events_soon
         host.sessions.append(session)

@@ -12,13 +12,34 @@ from mypy_extensions import mypyc_attr
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.departures import Departures, by_claim
+from vbus.server.departures import Departures, by_claim, report_half
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.patience import LATE_NS, SpinPolicy
 from vbus.server.statistics import Histogram
 from vbus.server.turns import Turns
 from vbus.transports.base import Link, LinkFilter
+from vbus.transports.states import (
+    BEGIN,
+    CLOSED,
+    DEPARTED,
+    DONE,
+    DRAINING,
+    END,
+    FINISH,
+    FULL,
+    GIVE_UP,
+    GO_ON,
+    GONE,
+    HELD,
+    HOLD,
+    LEAVING,
+    NEW,
+    PAUSED,
+    READING,
+    ROOM,
+    SESSION,
+)
 
 READ_SIZE: Final = 448
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs.
@@ -43,7 +64,7 @@ class Serving(NamedTuple):
         turns: of all sessions of the server.
         round_trips: takes how long each message took, from its arrival to its answer (ns).
         hang_ups: notices hosts that go while nothing is read from them.
-        departures: takes over what a host that has gone waits for.
+        departures: says what is carried out of hosts that have gone, and when.
         on_end: called once when a session has ended.
         settle: called before an answer leaves; False if it must not. None where nobody minds.
     """
@@ -62,13 +83,18 @@ class Serving(NamedTuple):
 class Session:
     """Serves one link in a single callback: read, carry out, write.
 
-    No task, queue or future stands between a byte and its answer.
+    No task, queue or future stands between a byte and its answer. What it does besides, it does by
+    :data:`~vbus.transports.states.SESSION`: an event leads to the next state.
 
     Args:
         serving: what serves it.
         link: where the bytes come from and go.
         port: the host's hold on the board.
         protocol: the wire format, on that port.
+
+    Attributes:
+        state: where it stands.
+        open: whether it has its link.
     """
 
     def __init__(self, serving: Serving, link: Link, port: HostPort, protocol: Protocol) -> None:
@@ -92,8 +118,9 @@ class Session:
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
         self._pending: bytearray = bytearray()
+        self.state: str = NEW
+        self.open: bool = True
         self._reading: bool = False
-        self._open: bool = True
         self._waiting: int = 0
         self._hang_ups: HangUps = serving.hang_ups
         self._departures: Departures = serving.departures
@@ -101,7 +128,6 @@ class Session:
         self._patience: SpinPolicy = SpinPolicy()
         self._began: int = 0
         self._ended: int = 0
-        self._finished: bool = False
         self._deaf: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
@@ -110,19 +136,57 @@ class Session:
         """Serve the link from now on."""
         self.link.on_data = self._take
         self.link.on_end = self._host_gone
-        self._read_on()
+        self.port.on_resume = self.resume_soon
+        self._move(BEGIN)
 
-    # -- reading ------------------------------------------------------------------------------
+    # -- states -------------------------------------------------------------------------------
 
-    def _read_on(self) -> None:
-        if not self._reading and self._open and not self._finished and not self._stopped_reading:
-            self._reading = True
+    def _move(self, event: str) -> None:
+        """Go on to the state after an event."""
+        before = self.state
+        state = self.state = SESSION.after(before, event, self.link.peer)
+        if state != before:
+            self._reading = state == READING
+            self._deaf = state == LEAVING or state == DEPARTED
+            self.open = state != DEPARTED and state != CLOSED
+            self._attend(before == READING, state == HELD or state == PAUSED or state == DRAINING)
+
+    def _attend(self, read: bool, watch: bool) -> None:
+        """Read the link, or watch for its end, as the state has it.
+
+        While nothing is read, a host that goes is noticed: others may wait for its claim. The bytes
+        it has sent stay where they are. A half-closed link is no end: the host may still read its
+        answers.
+
+        Args:
+            read: whether it was read until now.
+            watch: whether its end is watched for.
+        """
+        if read:
+            self._loop.remove_reader(self._fd)
+        if watch:
+            self._hang_ups.watch(self._fd, self.hung_up)
+        else:
+            self._hang_ups.forget(self._fd)
+        if self._reading:
             self._add_reader(self._fd, self._readable)
 
-    def _read_off(self) -> None:
-        if self._reading:
-            self._reading = False
-            self._loop.remove_reader(self._fd)
+    @property
+    def _blocked(self) -> bool:
+        """Whether nothing is to be read, though no request waits."""
+        return self._stopped_reading > 0 or len(self._pending) > MOST_PENDING
+
+    def _block(self) -> None:
+        """Read nothing if that is to be so, and no request waits."""
+        if self._reading and self._blocked:
+            self._move(FULL)
+
+    def _unblock(self) -> None:
+        """Read again if that may be."""
+        if self.state == PAUSED and not self._blocked:
+            self._move(ROOM)
+
+    # -- reading ------------------------------------------------------------------------------
 
     def _readable(self) -> None:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
@@ -149,7 +213,8 @@ class Session:
                 self._host_gone(True)
                 return
             if not data:
-                self._finish()
+                if self._reading:
+                    self._finish()
                 return
             self.received += len(data)
             ended = self._ended
@@ -168,10 +233,9 @@ class Session:
 
     def _finish(self) -> None:
         """The host will send no more, but may still read what it asked for."""
-        self._read_off()
-        self._finished = True
+        self._move(FINISH)
         if not self._pending:
-            self.end("closed by the host")
+            self._leave()
 
     def _take(self, data: bytes) -> None:
         self.received += len(data)
@@ -212,25 +276,22 @@ class Session:
 
     def _wait(self) -> None:
         """The port is held: read no more until what it waits for has come."""
-        if not self._open:  # the host has gone while it was answered: no time passes for it
-            return
-        self._read_off()
-        self._listen_for_the_end()
+        if self.state == LEAVING or self.state == CLOSED:
+            return  # the rest of what the host had sent is read first
+        if self.state != DRAINING:  # nothing is read
+            self._move(HOLD)
+        self._wake_in_time()
+
+    def _wake_in_time(self) -> None:
+        """Have the session resumed when the instant that is waited for has come."""
         until = self.port.hold_until
+        if self.state == DEPARTED:
+            until = self._departures.look_at(until)
         if until != NEVER and self._waiting != until:
             self._waiting = until
             self._pacer.wake_at(until, self.resume)
-            if not self._pacer.real:
+            if self.open and not self._pacer.real:
                 self._hang_ups.look()  # whoever comes next is not let in before this wait is over
-
-    def _listen_for_the_end(self) -> None:
-        """While nothing is read, notice a host that has gone: others may wait for its claim.
-
-        The bytes it has sent stay where they are. A half-closed link is no end: the host may still
-        read its answers.
-        """
-        if self._open:
-            self._hang_ups.watch(self._fd, self.hung_up)
 
     def hung_up(self) -> None:
         """The host has gone: what it had sent is carried out, and the session ends."""
@@ -241,7 +302,7 @@ class Session:
 
         Of a link that does not tell, every host may have.
         """
-        if not self._open or self._finished or self._stopped_reading or self._fd < 0:
+        if not self.open or self.state == DRAINING or self._stopped_reading or self._fd < 0:
             return False
         if by_claim(self.port):
             return False
@@ -253,20 +314,24 @@ class Session:
 
     def resume(self) -> None:
         """What the session waited for may have come."""
-        if not self._open:
+        if self.state == CLOSED:
             return
-        self._hang_ups.forget(self._fd)
         self._waiting = 0
         self._pacer.catch_up()
         if self._pacer.halted:
             self.hold()
-            return
-        if not self.port.go_on():
+        elif self.port.go_on():
+            self._serve(b"")
+            if self.state == HELD and not self.port.held:
+                self._move(GO_ON)
+                self._block()
+            elif self.state == DEPARTED and not self.port.held:
+                report_half(self.link.peer, self.protocol)
+                self._close(DONE)
+        elif self.state == DEPARTED and self._departures.gives_up(self.port):
+            self.give_up("another host waits to be let in")
+        else:
             self._wait()
-            return
-        self._serve(b"")
-        if self._open and not self.port.held and len(self._pending) <= MOST_PENDING:
-            self._read_on()
 
     def hold(self) -> None:
         """Time stands still: what the host asks for from here on is kept until it runs again."""
@@ -274,9 +339,10 @@ class Session:
         if not port.held:
             port.held = True
             port.hold_until = max(self._pacer.now, 1)
-        self._wait()
-        if not self.received:
-            self._read_on()  # a HELLO may say that its host wants to be told
+        if self._reading and not self.received:
+            self._wake_in_time()  # a HELLO may say that its host wants to be told
+        else:
+            self._wait()
 
     def tell_pause(self, paused: bool) -> None:
         """Tell a host that wants it of a pause or its end, when what is done now is done."""
@@ -297,7 +363,7 @@ class Session:
         self._say(self.protocol.report_events)
 
     def _say(self, what: Callable[[], None]) -> None:
-        if self._open:
+        if self.open:
             try:
                 what()
             except Exception:
@@ -320,7 +386,7 @@ class Session:
 
     def _settled(self) -> bool:
         """Whether what is about to be answered may be; else the session ends."""
-        if self._settle is None or self._settle():
+        if self._settle is None or self.state == DEPARTED or self._settle():
             return True
         self.end("the journal takes no more, and what it does not hold is not answered", True)
         return False
@@ -343,8 +409,7 @@ class Session:
             self._loop.add_writer(self._fd, self._writable)
         self._pending += out
         out.clear()
-        if len(self._pending) > MOST_PENDING:
-            self._read_off()
+        self._block()
 
     def _write(self, data: bytearray) -> int:
         """Return how many bytes were sent; all, if the host has gone: it may have sent more."""
@@ -354,7 +419,7 @@ class Session:
             return 0
         except OSError:
             if not self._deaf:
-                self._deaf = True
+                self._move(GONE)
                 self._loop.call_soon(self.hung_up)
             return len(data)
         self.sent += sent
@@ -365,11 +430,13 @@ class Session:
         del self._pending[:sent]
         if not self._pending:
             self._loop.remove_writer(self._fd)
-            if self._finished:
-                self.end("closed by the host")
-                return
-        if len(self._pending) <= MOST_PENDING and not self.port.held:
-            self._read_on()
+            self._all_sent()
+        self._unblock()
+
+    def _all_sent(self) -> None:
+        """The host has taken all there is."""
+        if self.state == DRAINING:
+            self._leave()
 
     # -- what may be wrong with the link ------------------------------------------------------
 
@@ -380,30 +447,30 @@ class Session:
     def remove_filter(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
         """Take a filter out again; what it has ``kept`` is sent now, before anything else."""
         self._filters.remove(link_filter)
-        if kept and self._open:
+        if kept and self.open:
             self.protocol.out[:0] = kept
             self._send()
 
     def stop_reading(self) -> None:
         """Read nothing any more; a host that goes is noticed all the same."""
         self._stopped_reading += 1
-        self._read_off()
-        self._listen_for_the_end()
+        self._block()
 
     def read_again(self) -> None:
         """Read again, if :meth:`stop_reading` has been taken back as often as it was called."""
         self._stopped_reading -= 1
-        if not self._stopped_reading and self._open and not self.port.held:
-            self._hang_ups.forget(self._fd)
-            self._read_on()
+        self._unblock()
 
     # -- ending -------------------------------------------------------------------------------
 
     def _host_gone(self, carry_out: bool) -> None:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
+        if not self.open:
+            return
+        if self.state != LEAVING:
+            self._move(GONE)
         reset = False
-        self._deaf = True
-        while carry_out and self._open:
+        while carry_out and self.state == LEAVING:
             try:
                 data = self._read(self._fd, READ_SIZE)
             except OSError as error:
@@ -414,46 +481,80 @@ class Session:
             if not data:
                 break
             self._take(data)
-        if self._open and self._pacer.halted:
+        if self.open and self._pacer.halted:
             log.warning(
                 "%s: a host has gone while the board was paused; if it gave up waiting, the pause"
                 " is the cause", self.link.peer,
             )  # fmt: skip
-        self.end("closed by the host")
+        self._leave()
 
     def hang_up_soon(self, reason: str) -> None:
         """End session and link when what is done now is done; the host notices it."""
         self._loop.call_soon(self.end, reason, True)
 
     def end(self, reason: str, hang_up: bool = False) -> None:
-        """End the session: the port lets go of everything, half a request is forgotten."""
-        if not self._open:
-            return
-        self._open = False
+        """End the session: the port lets go of everything, what waits and half a request are lost.
+
+        Args:
+            reason: why, for people.
+            hang_up: whether the host is to notice that the link has ended.
+        """
+        if self.state == DEPARTED:
+            self._close(DONE)
+        elif self.open:
+            self._part(reason, partial(self._close, END), hang_up)
+
+    def _leave(self) -> None:
+        """The host has gone, and what it had sent is read; what waits is carried out later."""
+        if self.open:
+            if self.state != LEAVING:
+                self._move(GONE)
+            self._part("closed by the host", self._depart)
+
+    def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
+        """End the link, after what is done with what the host has asked for."""
         log.debug("%s: %s", self.link.peer, reason)
-        for step in (
-            self._look_no_more, self._abandon if hang_up else self._depart,
-            self.link.hang_up if hang_up else self.link.close, partial(self._on_end, self),
-        ):  # fmt: skip
+        self._pacer.forget(self.resume)
+        self._waiting = 0
+        if self._pending:
+            self._loop.remove_writer(self._fd)
+        link = self.link
+        for step in (end, link.hang_up if hang_up else link.close, partial(self._on_end, self)):
+            try:
+                step()
+            except Exception:  # the next host shall find nothing of this one
+                log.exception("internal error while the session of %s ended", link.peer)
+
+    def _depart(self) -> None:
+        """Carry out what the host waits for, if that is to be; see :class:`Departures`."""
+        why = self._departures.take(self)
+        if why is None:
+            self._close(DONE)
+            return
+        self._move(HOLD)
+        if why:
+            self.give_up(why)
+        else:
+            self._wake_in_time()
+
+    def give_up(self, why: str) -> None:
+        """Carry out no more of what a host that has gone waits for."""
+        log.warning(
+            "%s: the host has gone, and what it had sent still waits for %s; %s, so the rest is"
+            " discarded", self.link.peer,
+            "another host's claim" if by_claim(self.port) else "chip time", why,
+        )  # fmt: skip
+        self._close(GIVE_UP)
+
+    def _close(self, event: str) -> None:
+        """Let go of everything."""
+        departed = self.state == DEPARTED
+        self._move(event)
+        self._pacer.forget(self.resume)
+        for step in (self.protocol.reset, self.port.close):
             try:
                 step()
             except Exception:  # the next host shall find nothing of this one
                 log.exception("internal error while the session of %s ended", self.link.peer)
-
-    def _depart(self) -> None:
-        """What the host had sent is carried out all the same; see :class:`Departures`."""
-        if not self._departures.take(self.port, self.protocol, self.link.peer):
-            self._abandon()
-
-    def _abandon(self) -> None:
-        try:
-            self.protocol.reset()
-        finally:
-            self.port.close()
-
-    def _look_no_more(self) -> None:
-        self._pacer.forget(self.resume)
-        self._read_off()
-        self._hang_ups.forget(self._fd)
-        if self._pending:
-            self._loop.remove_writer(self._fd)
+        if departed:
+            self._departures.done(self)

@@ -42,7 +42,7 @@ from typing import Annotated, Any, Final
 import msgspec
 
 from vbus.board.board import Board
-from vbus.board.sections import WaveSection
+from vbus.boardfile.sections import WaveSection
 from vbus.errors import VbusError
 from vbus.events.watch import Watch
 from vbus.scope.frames import LASTING, numbers

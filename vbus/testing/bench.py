@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime

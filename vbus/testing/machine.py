@@ -5,14 +5,13 @@ from typing import Any, Final, NoReturn
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError, VbusError
 from vbus.kernel import END
 from vbus.nodes.conductor import Conductor
-from vbus.nodes.host import NodeBus
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
@@ -22,7 +21,6 @@ from vbus.testing.clock import coming, span_of
 from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
-from vbus.trace.journal.recorder import recorded
 
 
 class NodeChip:
@@ -112,8 +110,7 @@ class TestedMachine:
 
         def watch(node: Node) -> None:
             board = node.board
-            port = recorded(NodeBus)
-            self.tested.append(TestedBoard(board, file, source, strict, budget, covered, port))
+            self.tested.append(TestedBoard(board, file, source, strict, budget, covered))
             board.waits = _refuse
 
         self._machine: Final = Machine(file, source, built=watch)
@@ -281,6 +278,5 @@ class _MachineTurn(HostTurn):
 
     def end(self, port: HostBus) -> None:
         """The test goes on from here, maybe elsewhere: time waits no longer for this host."""
-        if isinstance(port, NodeBus):
-            port.uses_time = False
+        port.clock.used = False
         self._machine.bring(self.board.now)

@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
 from vbus.board.build import build
-from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
 from vbus.testing.limits import HostWatch, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorded_bus import RecordedBus
 
 if TYPE_CHECKING:
     from vbus.trace.coverage.coverage import CoverageObserver
@@ -33,7 +31,6 @@ class TestedBoard:
         strict: whether a breach of a datasheet fails the test.
         budget: what its hosts may take.
         covered: whether what they exercise is counted.
-        port: makes the ports of its hosts.
     """
 
     def __init__(
@@ -44,7 +41,6 @@ class TestedBoard:
         strict: bool,
         budget: Limits,
         covered: bool = False,
-        port: Callable[..., HostBus] = RecordedBus,
     ) -> None:
         self.board = board
         self.file = file
@@ -52,7 +48,7 @@ class TestedBoard:
         self.strict = strict
         self.budget = budget
         self._bytes = io.BytesIO()
-        self._journal = Journal(board, self._bytes, source.text, file.path, port=port)
+        self._journal = Journal(board, self._bytes, source.text, file.path)
         self.watch = HostWatch(board, budget, times=True)
         self.coverage: CoverageObserver | None = None
         if covered:

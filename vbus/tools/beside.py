@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import Source
 from vbus.errors import ProgramError, VbusError
 from vbus.file_kinds import HEAD, looks_like
 from vbus.protocols.quantities import format_instant

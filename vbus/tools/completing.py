@@ -92,7 +92,6 @@ _TYPES: Final[dict[tuple[str, str], NameChoice | Files | click.Path]] = {
     ("logs", "board"): _BOARD,
     ("ls", "names"): _BOARD,
     ("monitor", "board"): _BOARD,
-    ("order", "board"): _BOARD,
     ("plot", "journal"): _JOURNAL,
     ("replay", "journals"): _JOURNAL,
     ("report", "journal"): _JOURNAL,

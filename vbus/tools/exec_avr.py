@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.board.config import read_board_file
-from vbus.board.sections import BoardFile, HostSection
+from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.errors import ConfigError, ProgramError, VbusError
 from vbus.file_kinds import HEAD, is_none, unreadable
 from vbus.native import include_dir

@@ -37,7 +37,7 @@ def command(
     chip time. Of a running board it is written until the duration is over, or Ctrl-C. Journals of
     several nodes of a machine give one file, with a scope for each node.
     """
-    from vbus.board.sections import WaveSection
+    from vbus.boardfile.sections import WaveSection
 
     if as_json and output == "-":
         raise click.UsageError('"-o -" prints the waveform: with --json name a file')

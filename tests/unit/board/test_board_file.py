@@ -10,7 +10,7 @@ from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
 from vbus.board.cards import Card, card_of_rows
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.chips.tables import CardRow
 from vbus.errors import ConfigError
 from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Z

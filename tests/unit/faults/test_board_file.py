@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unit.faults.bench import DC, LM, Lm, build, settle
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.kernel import MS
 
 

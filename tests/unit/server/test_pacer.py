@@ -782,3 +782,38 @@ def test_a_chip_that_begins_to_move_is_brought_up_to_date_again() -> None:
     moved = board.plants[0].count
     sleep(pacer, wall, SECOND)
     assert board.plants[0].count > moved, "though nobody has looked at the chip"
+
+
+def test_a_host_of_a_node_is_woken_when_the_nodes_grant_what_it_waits_for() -> None:
+    board, pacer, loop = laborious(cost_ns=0)
+    board.granted = True
+    board.limit = MS
+    moved: list[int] = []
+    woken: list[int] = []
+    pacer.on_moved = lambda: moved.append(board.now)
+    pacer.wake_at(2 * MS, lambda: woken.append(board.limit))
+    assert pacer.catch_up()
+    assert (board.now, board.limit, loop.step(), moved) == (0, MS, False, [0])
+    for board.limit in (2 * MS - 1, 2 * MS):
+        pacer.grant_came()
+    assert woken == [2 * MS]
+    pacer.touched()
+    assert len(moved) == 2
+
+
+def test_the_time_of_nodes_counts_from_their_epoch_and_follows_its_drift() -> None:
+    board, _, wall = paced()
+    pacer = Pacer(board, clock=wall, epoch=wall.ns - 3_000_000)
+    moved: list[int] = []
+    pacer.on_moved = lambda: moved.append(board.now)
+    with closing(asyncio.new_event_loop()) as loop:
+        pacer.start(loop)
+        pacer.catch_up()
+        assert board.now == 3 * MS
+        pacer.shift(1_000_000)
+        wall.ns += 2_000_000
+        pacer.catch_up()
+        assert board.now == 4 * MS
+        pacer.touched()
+        assert moved == [4 * MS]
+        pacer.stop()

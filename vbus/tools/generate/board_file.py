@@ -7,11 +7,11 @@ from typing import Final
 from msgspec import Struct
 
 from vbus import plugins
-from vbus.board import sections
-from vbus.board.card_buses import BUSES, DATA
-from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.cards import decodes
-from vbus.board.section import NAMES, GlueSection, rows
+from vbus.boardfile import sections
+from vbus.boardfile.cards import CardPortSection, CardRegisterSection, CardSection
+from vbus.boardfile.key import NAMES, GlueSection, rows
+from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.table import PARTS
 from vbus.options import Option
 from vbus.tools.generate.layout import ROOT, filled, table

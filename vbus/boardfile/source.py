@@ -5,7 +5,7 @@ from functools import cached_property
 
 from msgspec import Struct
 
-from vbus.board.toml_lines import Path, TomlLines
+from vbus.boardfile.lines import Path, TomlLines
 from vbus.errors import ConfigError
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")

@@ -10,9 +10,9 @@ from typing import Any, Final
 from msgspec import Struct
 
 from vbus import plugins
-from vbus.board import sections
-from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
-from vbus.board.section import NAMES, GlueSection, rows
+from vbus.boardfile import sections
+from vbus.boardfile.cards import CardPortSection, CardRegisterSection, CardSection
+from vbus.boardfile.key import NAMES, GlueSection, rows
 from vbus.faults.table import faults
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES

@@ -1,4 +1,4 @@
-"""The recorder of a port: a decorator for a kind of host port."""
+"""The recorder of a port in its plainest form: a decorator for a kind of host port."""
 
 from collections.abc import Callable
 from functools import cache
@@ -24,8 +24,7 @@ def recorded(port: type[HostBus]) -> type[HostBus]:
 
     A call that is refused, or that time has to run on for first, is written down as often as it is
     made. The new kind takes two arguments more: the rows, and the number of its session in the
-    journal. A :class:`HostBus` has :class:`~vbus.trace.journal.recorded_bus.RecordedBus` for that,
-    which is compiled.
+    journal.
 
     Args:
         port: the kind of port.

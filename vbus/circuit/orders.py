@@ -1,10 +1,11 @@
 """Bus cycles and pins at given instants: what a host has ordered to happen."""
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
 from heapq import heapify, heappop, heappush
 from operator import itemgetter
 from typing import Any, ClassVar, Final
+
+import msgspec
 
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
@@ -36,8 +37,7 @@ OrderRow = tuple[Any, ...]
 """Number of an order, and its attributes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
+class Order(msgspec.Struct, frozen=True):
     """One thing a host wants to happen.
 
     Attributes:
@@ -263,7 +263,7 @@ class Orders:
     @property
     def waiting(self) -> list[OrderRow]:
         """The orders that have not been carried out, each with its number."""
-        return [(number, *astuple(order)) for number, order in self._orders.items()]
+        return [(number, *msgspec.structs.astuple(order)) for number, order in self._orders.items()]
 
     @waiting.setter
     def waiting(self, rows: list[OrderRow]) -> None:

@@ -2,9 +2,9 @@
 
 from typing import Annotated, Final
 
-from vbus.board.card_buses import BUSES
-from vbus.board.section import NAMES, Section
-from vbus.board.section import key as _key
+from vbus.boardfile.key import NAMES, Section
+from vbus.boardfile.key import key as _key
+from vbus.glue.card_buses import BUSES
 
 SENSES: Final = ("level", "edge")
 ACCESSES: Final = ("read", "write", "either")

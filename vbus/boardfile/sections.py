@@ -6,9 +6,9 @@ of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its
 
 from typing import Annotated, Final
 
-from vbus.board.card_section import CardSection
-from vbus.board.section import NAMES, GlueSection, Section
-from vbus.board.section import key as _key
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.key import NAMES, GlueSection, Section
+from vbus.boardfile.key import key as _key
 from vbus.options import Value
 from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
 
