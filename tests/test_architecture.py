@@ -128,6 +128,24 @@ def looks_inside(node: ast.AST, insides: set[str]) -> bool:
     return named and (private or node.attr in insides)
 
 
+def test_a_new_family_must_know_at_most_15_methods_of_a_chip() -> None:
+    """What the page on adding a chip names is enough, and what has no default is among it."""
+    text = (ROOT.parent / "docs" / "add-a-chip.md").read_text()
+    (body,) = [
+        node.body for node in ast.parse((ROOT / "chips" / "base.py").read_text()).body
+        if isinstance(node, ast.ClassDef) and node.name == "Chip"
+    ]  # fmt: skip
+    methods = {
+        node.name: ast.unparse(node) for node in body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    }  # fmt: skip
+    named = {name for name in methods if re.search(rf"\b{name}\(", text)}
+    demanded = {name for name, source in methods.items() if "NotImplementedError" in source}
+    assert demanded <= named
+    assert len(named) <= 15, sorted(named)
+    assert len(methods) <= 26, "of those, and of what few families answer otherwise"
+
+
 def test_only_the_probe_knows_the_inside_of_a_chip() -> None:
     chips = [family.load("chip", Chip) for family in plugins.families()]
     insides = {"shared", "outputs"} | {

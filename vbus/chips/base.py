@@ -148,7 +148,7 @@ class Chip:
         """The net of the data bus."""
         return self.data_pin.net
 
-    # -- what a chip answers ------------------------------------------------------------------
+    # -- what a family answers -----------------------------------------------------------------
 
     def begin_read(self, address: int) -> None:
         """The read strobe of a cycle at ``address`` falls now."""
@@ -185,6 +185,44 @@ class Chip:
         """
         raise NotImplementedError
 
+    def power_on(self, done: bool) -> None:
+        """Supply is up and the reset pin is released now: the datasheet's reset runs.
+
+        Args:
+            done: start after that reset instead, as if it had just ended.
+        """
+        raise NotImplementedError
+
+    def ready_at(self) -> int:
+        """Return the instant from which the host may make its next bus cycle (ps).
+
+        It is now or earlier if the chip is ready, as one is that is never busy, and :data:`NEVER`
+        if it will not be.
+        """
+        return self.kernel.now
+
+    def connect(self, axis: int, plant: Plant) -> None:
+        """Attach the mechanics of axis ``axis`` (0-based) before time starts.
+
+        Raises:
+            ValueError: the plant does not take the kind of drive this chip gives.
+        """
+        raise NotImplementedError
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return what a live view shows of this chip, by name."""
+        return {}
+
+    def peek(self, address: int) -> int:
+        """Return the byte that the register at ``address`` holds; nothing changes.
+
+        Raises:
+            ValueError: this chip's registers cannot be looked at.
+        """
+        raise ValueError(f"{self.part}: its registers cannot be looked at")
+
+    # -- what few families answer otherwise ---------------------------------------------------
+
     def undriven(self, axis: int) -> str:
         """Return why the chip cannot move an axis as it is set up now; "" if it can.
 
@@ -211,30 +249,6 @@ class Chip:
         before the end either, unless something from outside touches the chip. None: not known.
         """
         return None
-
-    def power_on(self, done: bool) -> None:
-        """Supply is up and the reset pin is released now: the datasheet's reset runs.
-
-        Args:
-            done: start after that reset instead, as if it had just ended.
-        """
-        raise NotImplementedError
-
-    def ready_at(self) -> int:
-        """Return the instant from which the host may make its next bus cycle (ps).
-
-        It is now or earlier if the chip is ready, as one is that is never busy, and :data:`NEVER`
-        if it will not be.
-        """
-        return self.kernel.now
-
-    def connect(self, axis: int, plant: Plant) -> None:
-        """Attach the mechanics of axis ``axis`` (0-based) before time starts.
-
-        Raises:
-            ValueError: the plant does not take the kind of drive this chip gives.
-        """
-        raise NotImplementedError
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put other mechanics behind an axis (0-based) between two periods, while time runs.
@@ -265,10 +279,6 @@ class Chip:
         assert self.BUS is not None
         return self.BUS.edges(write, address, data)
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows of this chip, by name."""
-        return {}
-
     def lane_steps(self) -> list[int]:
         """Return what :meth:`telemetry` tells for the lanes of its family, without the names.
 
@@ -278,14 +288,6 @@ class Chip:
         """
         # The fast way of a scope: 1.7 to 20 times (tests/unit/scope/test_look.py holds it equal).
         return []
-
-    def peek(self, address: int) -> int:
-        """Return the byte that the register at ``address`` holds; nothing changes.
-
-        Raises:
-            ValueError: this chip's registers cannot be looked at.
-        """
-        raise ValueError(f"{self.part}: its registers cannot be looked at")
 
     def before_save(self) -> None:
         """Come to now."""

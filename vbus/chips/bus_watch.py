@@ -102,6 +102,12 @@ class BusTable(NamedTuple):
         pin = next(pin for offset, pin, level in edges if offset == 0 and level == HIGH)
         return next((offset, pin) for offset, name, level in edges if name == pin and level == LOW)
 
+    def low(self, write: bool) -> set[str]:
+        """Return the lines that a whole cycle holds low as it ends."""
+        edges = self.write if write else self.read
+        levels = {pin: level for offset, pin, level in edges if offset < 0}
+        return {pin for pin, level in levels.items() if level == LOW}
+
     def actions(self, before: tuple[int, ...], after: tuple[int, ...]) -> tuple[str, ...]:
         """Return what happens as the lines move from some levels to others."""
         old, new = self.named(before), self.named(after)

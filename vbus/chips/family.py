@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 from msgspec import Struct, field
 
 from vbus.chips.base import Chip
-from vbus.chips.bus_watch import BusTable
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import REPORTED, Bit, Command, Register
 from vbus.errors import PluginError
@@ -186,12 +185,6 @@ class Family(Struct, frozen=True):
     def tables(self) -> ModuleType | None:
         """The module of its tables."""
         found: ModuleType | None = self.object("datasheet")
-        return found
-
-    @property
-    def bus(self) -> BusTable | None:
-        """The protocol of its host bus."""
-        found: BusTable | None = getattr(self.tables, "BUS", None)
         return found
 
     @property

@@ -237,7 +237,7 @@ def test_edges_are_paired_in_the_order_they_came_in() -> None:
 
 def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
     lm628, pmd, mcp = (
-        watch_by(plugins.family(name).bus) for name in ("lm628", "mc1241a", "mcp1200")
+        watch_by(plugins.family(name).tables.BUS) for name in ("lm628", "mc1241a", "mcp1200")
     )
     # /CS /PS /RD /WR
     assert lm628.reading((0, 1, 0, 1))

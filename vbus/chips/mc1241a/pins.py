@@ -20,7 +20,6 @@ from vbus.state import Names
 
 # Bits of the control lines' levels.
 _SELECT: Final = 8
-_COMMAND: Final = 4
 _READ: Final = 2
 _WRITE: Final = 1
 
@@ -88,7 +87,7 @@ class AdapterPins(BusFrontEnd):
         if action == "write":
             self._end_write(now)
         elif action in ("take", "empty"):
-            self._end_read(now, before & _COMMAND != 0)
+            self._end_read(now)
         elif action == "place":
             self._after_strobe("T9", now - self._strobe_ended)
             self._command_at = now
@@ -136,7 +135,7 @@ class AdapterPins(BusFrontEnd):
         chip.begin_read(DATA_PORT)
         chip.data_pin.drive(self._port.last_driven)
 
-    def _end_read(self, now: int, command: bool) -> None:
+    def _end_read(self, now: int) -> None:
         chip = self._chip
         self._strobe_ended = self._read_ended = now
         self._last_was_write = False
@@ -147,7 +146,7 @@ class AdapterPins(BusFrontEnd):
                 self._port.cancel_read()
             chip.end_read()
             chip.data_pin.release()
-        elif command and not clashed:
+        elif self._place.net.before and not clashed:
             chip.report(READ_COMMAND)  # PMD-BUS-4
 
     def _clash(self) -> None:

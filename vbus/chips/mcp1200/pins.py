@@ -168,7 +168,7 @@ class StrobePins(BusFrontEnd):
         elif action == "enter":
             self._cs_falls(now)
         elif action in ("access", "write"):
-            self._cs_rises(now, action == "write")
+            self._cs_rises(now)
         elif action == "take":
             self._oe_rises(now)
 
@@ -246,9 +246,11 @@ class StrobePins(BusFrontEnd):
         else:
             self._check_contention()
 
-    def _cs_rises(self, now: int, write: bool) -> None:
+    def _cs_rises(self, now: int) -> None:
         chip = self._owner
         self._cs = 1
+        # R/W may have risen in this batch, as /CS does: what it was before counts.
+        write = chip.pins["R/W"].net.before == 0
         self._judge("tIPW", now - self._cs_fell)
         if self._overlapped or self._inside:
             self._judge("tACH", now - self._ale_rose if self._ale else 0)

@@ -169,7 +169,7 @@ def _literal(value: Any) -> str:
 
 def decoder_targets(family: Family, folder: str) -> list[tuple[str, Callable[[], str]]]:
     """Return the files of a family's decoder below ``folder``; none if its bus is not known."""
-    bus = family.bus
+    bus = getattr(family.tables, "BUS", None)
     packets = family.load("packets", Decoder)
     if bus is None or packets is None:
         return []
