@@ -117,11 +117,6 @@ class BusTable(NamedTuple):
         """Return the levels of the lines by name."""
         return dict(zip(self.lines, levels, strict=True))
 
-    def holding(self, levels: tuple[int, ...]) -> list[Strobe]:
-        """Return the rows whose lines are low, and whose condition holds."""
-        named = self.named(levels)
-        return [row for row in self.strobes if row.holds(named)]
-
 
 def strobed_bus(
     lines: tuple[str, str, str, str], *, setup: int, read_low: int, write_low: int, hold: int,
@@ -181,7 +176,7 @@ class BusWatch:
     STATE: tuple[str, ...] = ()
     """What earlier edges leave that decides about cycles to come; see ``vbus.state``."""
     WIRING: tuple[str, ...] = ("PINS", "table")
-    DERIVED: tuple[str, ...] = ("_before", "_data")
+    DERIVED: tuple[str, ...] = ("_actions", "_before", "_data", "_phases")
 
     def __init__(self, table: BusTable) -> None:
         self.table: BusTable = table
@@ -189,6 +184,9 @@ class BusWatch:
         """Control lines by the manual's names, in the order of the levels fed."""
         self._before: tuple[int, ...] = ()
         self._data: int = 0
+        # A capture has millions of edges, and few that differ.
+        self._actions: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[str, ...]] = {}
+        self._phases: dict[tuple[int, ...], tuple[bool, bool]] = {}
 
     def change(self, when: int, levels: tuple[int, ...], data: int) -> list[Cycle]:
         """Take the levels from ``when`` on; return the bus cycles that ended.
@@ -214,26 +212,41 @@ class BusWatch:
         and where, must follow from ``before`` and ``after`` alone, unless :attr:`STATE` names what
         else decides: boards ask once for what is always the same.
         """
-        was = self.table.named(before)
+        actions = self._actions.get((before, after))
+        if actions is None:
+            actions = self._actions[before, after] = self.table.actions(before, after)
         cycles = []
-        for action in self.table.actions(before, after):
-            cycles += self.act(action, when, was.get(self.table.address, 0), old, data)
+        for action in actions:
+            cycles += self.act(action, when, before, old, data)
         return cycles
 
-    def act(self, action: str, when: int, address: int, old: int, data: int) -> list[Cycle]:
+    def act(
+        self, action: str, when: int, before: tuple[int, ...], old: int, data: int
+    ) -> list[Cycle]:
         """Return the cycle that ends by an action."""
         if action not in ("take", "write"):
             return []
+        address = before[self.PINS.index(self.table.address)]
         return [Cycle(when, action == "write", address, old if action == "write" else data)]
 
     def reading(self, levels: tuple[int, ...]) -> bool:
         """Tell whether the chip, not the host, drives the data bus."""
-        return any(row.action == "begin" for row in self.table.holding(levels))
+        return self._phase(levels)[0]
 
     def idle(self, levels: tuple[int, ...]) -> bool:
         """Tell whether no cycle is under way."""
-        rows = self.table.holding(levels)
-        return not any(row.level == HIGH and row.action != "release" for row in rows)
+        return self._phase(levels)[1]
+
+    def _phase(self, levels: tuple[int, ...]) -> tuple[bool, bool]:
+        """Return what :meth:`reading` and :meth:`idle` tell."""
+        phase = self._phases.get(levels)
+        if phase is None:
+            named = self.table.named(levels)
+            rows = [row for row in self.table.strobes if row.holds(named)]
+            reads = any(row.action == "begin" for row in rows)
+            busy = any(row.level == HIGH and row.action != "release" for row in rows)
+            phase = self._phases[levels] = reads, not busy
+        return phase
 
     def busy(self, levels: tuple[int, ...]) -> bool:
         """Tell whether lines may move from these levels so that :meth:`edges` has work to do."""
@@ -254,7 +267,9 @@ class LatchedWatch(BusWatch):
         self._closed: bool = True
         self._read: int = -1
 
-    def act(self, action: str, when: int, address: int, old: int, data: int) -> list[Cycle]:
+    def act(
+        self, action: str, when: int, before: tuple[int, ...], old: int, data: int
+    ) -> list[Cycle]:
         """Return the cycle that ends by an action; follow the latch."""
         if action == "open":
             self._closed = False

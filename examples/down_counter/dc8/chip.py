@@ -47,7 +47,7 @@ class DC8(Chip):
         counts = self.load_value - (0 if kind == OUTPUT else self.count - 1)
         return self.clock.ps(self.start + ds.COUNT_CLK * counts)
 
-    # -- bus cycles: whole ones and those of edges at the pins ---------------------
+    # -- bus cycles: whole ones, and those of edges at the pins ------------------------------
 
     def begin_read(self, address):
         self.advance()
