@@ -28,6 +28,7 @@ class Option(Struct, frozen=True):
         extremes: values, as a board file writes them, by which silicon may legally differ from
             the default: what a host must live with. The mildest comes first.
         evidence: of a choice between readings of a manual: what speaks for each of them.
+        ref: of a key of a board file whose value is a name: what it is the name of.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Option(Struct, frozen=True):
     clause: str = ""
     extremes: tuple[Value, ...] = ()
     evidence: str = ""
+    ref: str = ""
 
 
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:

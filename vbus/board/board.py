@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgpack
+from mypy_extensions import mypyc_attr
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
@@ -15,6 +16,7 @@ from vbus.circuit.circuit import Circuit
 from vbus.protocols.quantities import picoseconds
 from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
+from vbus.state.kinds import Load
 
 if TYPE_CHECKING:
     from vbus.faults.armed import LinkActs
@@ -22,6 +24,31 @@ if TYPE_CHECKING:
 
 
 """Version of the state hash: 1 is over nested tuples, 2 over fields by name."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Beyond:
+    """What leads from the board of a node to other boards; see :class:`~vbus.nodes.node.Node`."""
+
+    def replay(self, what: str, values: tuple[Any, ...]) -> None:
+        """Take from a journal what came from beyond the board.
+
+        Raises:
+            ValueError: it names what is not here.
+        """
+        raise NotImplementedError
+
+    def save(self) -> Saved:
+        """Return the state beside that of the board."""
+        raise NotImplementedError
+
+    def prepare(self, saved: Any) -> Load:
+        """Check what :meth:`save` gave; return what loads it.
+
+        Raises:
+            SnapshotError: it does not fit.
+        """
+        raise NotImplementedError
 
 
 class Board(Circuit):
@@ -76,8 +103,8 @@ class Board(Circuit):
             HostBus
         )
         """What makes a port; a journal puts a recording one in its place."""
-        self.beyond: Callable[[str, tuple[Any, ...]], None] | None = None
-        """Takes what a journal has of the node whose board this is: what came from beyond it."""
+        self.beyond: Beyond | None = None
+        """What leads to other boards, where this one is a node."""
         self.waits: Callable[[str, int | str], int] = self._wait
         """What :meth:`wait_until` does; a test that counts its hosts' time puts its own there."""
         self._trace: TraceHash | None = None

@@ -54,7 +54,7 @@ def build(file: BoardFile, source: Source) -> Board:
 
     Raises:
         ConfigError: a part or a model refuses its settings, or two of them do not fit together;
-            or the board has nodes: :func:`vbus.nodes.plan.build_nodes` makes a board of each.
+            or the board has nodes: :func:`vbus.nodes.machine.build_nodes` makes a board of each.
     """
     if file.nodes:
         names = ", ".join(node.name for node in file.nodes)

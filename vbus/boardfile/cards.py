@@ -2,8 +2,7 @@
 
 from typing import Annotated, Final
 
-from vbus.boardfile.key import NAMES, Section
-from vbus.boardfile.key import key as _key
+from vbus.boardfile.key import Names, Section, Wires, row
 from vbus.glue.card_buses import BUSES
 
 SENSES: Final = ("level", "edge")
@@ -16,132 +15,112 @@ REGISTER_KINDS: Final = ("latch", "status", "fixed", "pending")
 class CardPortSection(Section, frozen=True, kw_only=True):
     """One row of a card's ``ports``: what answers at an offset."""
 
-    offset: Annotated[int, _key("count", "distance from the base, in strides", low=0)]
-    chip: Annotated[str, _key("text", "the chip that answers")]
-    address: Annotated[int, _key("count", "address at that chip", low=0)]
-
-
-NO_PORT: Final = CardPortSection(offset=0, chip="", address=0)
-"""Stands for a row that could not be read, so that the others keep their places."""
+    offset: Annotated[int, row("distance from the base, in strides", low=0)]
+    chip: Annotated[str, row("the chip that answers", ref="chips")]
+    address: Annotated[int, row("address at that chip", low=0)]
 
 
 class CardRegisterSection(Section, frozen=True, kw_only=True):
     """``[cards.NAME.registers.REGISTER]``: a register of the card itself."""
 
     name: str
-    at: Annotated[
-        int, _key("count", "distance of its address from the base, in strides", low=0, high=255)
-    ]
+    at: Annotated[int, row("distance of its address from the base, in strides", low=0, high=255)]
     kind: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "latch: holds the byte written last, on Q0 to Q7; status: a read gives I0 to I7; fixed:"
             " a read gives values; pending: edges at I0 to I7 set bits, which a written 1 clears",
-            REGISTER_KINDS,
+            choices=REGISTER_KINDS,
         ),
     ] = "latch"
-    reset: Annotated[
-        int, _key("count", "what a latch holds after power-on and RESET", low=0, high=0xFF)
-    ] = 0
-    read_back: Annotated[bool, _key("flag", "a latch can be read, too")] = True
+    reset: Annotated[int, row("what a latch holds after power-on and RESET", low=0, high=0xFF)] = 0
+    read_back: Annotated[bool, row("a latch can be read, too")] = True
     values: Annotated[
-        str, _key("text", 'bytes that a fixed register gives from this address on, such as "5A 01"')
+        str, row('bytes that a fixed register gives from this address on, such as "5A 01"')
     ] = ""
     sense: Annotated[
-        str, _key("choice", "what sets a pending bit: its input being high, or going high", SENSES)
+        str, row("what sets a pending bit: its input being high, or going high", choices=SENSES)
     ] = "edge"
-    low: Annotated[tuple[str, ...], _key(NAMES, "its inputs that are tied to ground")] = ()
-    high: Annotated[tuple[str, ...], _key(NAMES, "its inputs that are tied to the supply")] = ()
-    hosts: Annotated[
-        tuple[str, ...], _key(NAMES, 'its pins that hosts drive or see, as "REGISTER.pin"')
-    ] = ()
-    pins: dict[str, tuple[str, ...]] = {}
+    low: Annotated[Names, row("its inputs that are tied to ground")] = ()
+    high: Annotated[Names, row("its inputs that are tied to the supply")] = ()
+    hosts: Annotated[Names, row('its pins that hosts drive or see, as "REGISTER.pin"')] = ()
+    pins: Wires = {}
 
 
 class CardSection(Section, frozen=True, kw_only=True):
     """``[cards.NAME]``: which card address reaches which address of which chip."""
 
     name: str
-    base: Annotated[int, _key("count", "address of the card's first port", low=0)] = 0
-    stride: Annotated[int, _key("count", "distance between neighbouring ports", low=1)] = 1
-    decode: Annotated[str, _key("text", "a decode circuit known by name, in place of ports")] = ""
+    base: Annotated[int, row("address of the card's first port", low=0)] = 0
+    stride: Annotated[int, row("distance between neighbouring ports", low=1)] = 1
+    decode: Annotated[str, row("a decode circuit known by name, in place of ports")] = ""
     chips: Annotated[
-        tuple[str, ...], _key(NAMES, "the chips behind the decode circuit, one block each")
+        Names, row("the chips behind the decode circuit, one block each", ref="chips")
     ] = ()
     block: Annotated[
-        int, _key("count", "ports from one chip's block to the next; 0: the circuit's own", low=0)
+        int, row("ports from one chip's block to the next; 0: the circuit's own", low=0)
     ] = 0
     memory: Annotated[
-        bool, _key("flag", "its addresses are memory, not I/O ports (for programs: vbus exec)")
+        bool, row("its addresses are memory, not I/O ports (for programs: vbus exec)")
     ] = False
     fixed: Annotated[
         int,
-        _key(
-            "count",
+        row(
             "where a program expects the memory page of its first port without mapping it; 0:"
             " nowhere",
             low=0,
         ),
     ] = 0
     big_endian: Annotated[
-        bool,
-        _key("flag", "in wide accesses the byte at the lowest address is the most significant"),
+        bool, row("in wide accesses the byte at the lowest address is the most significant")
     ] = False
     interrupt: Annotated[
         str,
-        _key(
-            "text",
-            'output that interrupts the program, as "chip.pin"; several with spaces: wired-OR',
-        ),
+        row('output that interrupts the program, as "chip.pin"; several with spaces: wired-OR'),
     ] = ""
     signal: Annotated[
-        str, _key("choice", "signal an interrupt sends to the program", tuple(SIGNALS))
+        str, row("signal an interrupt sends to the program", choices=tuple(SIGNALS))
     ] = ""
     sense: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "whether the interrupt follows the level of its line, or comes at an edge",
-            SENSES,
+            choices=SENSES,
         ),
     ] = "level"
     acknowledge: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
-            ACCESSES,
+            choices=ACCESSES,
         ),
     ] = ""
     acknowledge_at: Annotated[
-        int, _key("count", "distance of its address from the base, in strides", low=0)
+        int, row("distance of its address from the base, in strides", low=0)
     ] = 0
     line: Annotated[
-        str, _key("text", "name of an interrupt line that cards share; they pull it low together")
+        str, row("name of an interrupt line that cards share; they pull it low together")
     ] = ""
     bus: Annotated[
         str,
-        _key("choice", "its connector, wired by pins, in place of ports and decode", tuple(BUSES)),
+        row("its connector, wired by pins, in place of ports and decode", choices=tuple(BUSES)),
     ] = ""
-    size: Annotated[int, _key("count", "ports of a card with a bus", low=1, high=256)] = 16
+    size: Annotated[int, row("ports of a card with a bus", low=1, high=256)] = 16
     setup: Annotated[
-        int,
-        _key("s", "how long address and data stand before the strobe; 0 s: as usual", low=0),
+        int, row("how long address and data stand before the strobe; 0 s: as usual", "s", low=0)
     ] = 0
     strobe: Annotated[
-        int, _key("s", "how long the strobe of a cycle on its bus is low; 0 s: as usual", low=0)
+        int, row("how long the strobe of a cycle on its bus is low; 0 s: as usual", "s", low=0)
     ] = 0
     wait_states: Annotated[
-        int,
-        _key("count", "by how many cycles of the bus clock strobes are longer", low=0, high=1000),
+        int, row("by how many cycles of the bus clock strobes are longer", low=0, high=1000)
     ] = 0
     hold: Annotated[
-        int, _key("s", "how long written data stays after the strobe; 0 s: as usual", low=0)
+        int, row("how long written data stays after the strobe; 0 s: as usual", "s", low=0)
     ] = 0
     ports: tuple[CardPortSection, ...] = ()
-    pins: dict[str, tuple[str, ...]] = {}
-    selects: dict[str, tuple[str, ...]] = {}
+    pins: Wires = {}
+    selects: Wires = {}
     registers: tuple[CardRegisterSection, ...] = ()
 
     def address(self, port: int) -> int:

@@ -1,10 +1,19 @@
 """Where each key of a TOML text stands: the line numbers behind messages about a board file."""
 
+import re
 import tomllib
-from bisect import bisect_left
+from typing import Final
 
 Path = tuple[str | int, ...]
 """Keys and array places from the top of the file: ``("hosts", 0, "transport")``."""
+
+_TOKEN: Final = re.compile(
+    r'#[^\n]*|"""(?:\\.|[^\\])*?""""{0,2}|"(?:\\.|[^"\\])*"'
+    r"|'''.*?''''{0,2}|'[^']*'"
+    r"""|[^\s#"'\[\]{},=.]+|[\n\[\]{},=.]""",
+    re.DOTALL,
+)
+"""A comment, a string (which may end in two quotes of its own), a word, or a mark."""
 
 
 class TomlLines:
@@ -17,137 +26,80 @@ class TomlLines:
     """
 
     def __init__(self, text: str) -> None:
-        self._text: str = text.replace("\r\n", "\n")
-        self._ends: list[int] = [n for n, char in enumerate(self._text) if char == "\n"]
-        self._at: int = 0
+        self._tokens: list[tuple[str, int]] = []
+        """What is still to be read, the next token last, each with its line."""
         self._lines: dict[Path, int] = {}
-        self._arrays: dict[Path, int] = {}
-        self._read()
-
-    def line(self, path: Path) -> int:
-        """Return the line of ``path``, or of the nearest table above it that has one."""
-        while path:
-            if path in self._lines:
-                return self._lines[path]
-            path = path[:-1]
-        return 1
-
-    # -- reading ------------------------------------------------------------------------------
-
-    def _read(self) -> None:
+        line, behind = 1, 0
+        for match in _TOKEN.finditer(text):
+            line += text.count("\n", behind, match.start())
+            behind = match.start()
+            if match[0][0] != "#":
+                self._tokens.append((match[0], line))
+        self._tokens.reverse()
         table: Path = ()
-        while self._skip(" \t\n"):
-            if self._text.startswith("[[", self._at):
-                self._at += 2
-                table = self._header(array=True)
-                self._at += 2
-            elif self._text[self._at] == "[":
-                self._at += 1
-                table = self._header(array=False)
-                self._at += 1
+        arrays: dict[Path, int] = {}
+        while mark := self._next("\n"):
+            if mark == "[":
+                table = self._header(arrays)
             else:
                 self._pair(table)
 
-    def _skip(self, blanks: str) -> bool:
-        """Pass blanks and comments; tell whether anything is left."""
-        text = self._text
-        while self._at < len(text):
-            if text[self._at] == "#":
-                end = text.find("\n", self._at)
-                self._at = len(text) if end < 0 else end
-            elif text[self._at] in blanks:
-                self._at += 1
-            else:
-                return True
-        return False
+    def line(self, path: Path) -> int:
+        """Return the line of ``path``, or of the nearest table above it that has one."""
+        while path and path not in self._lines:
+            path = path[:-1]
+        return self._lines.get(path, 1)
 
-    def _note(self, path: Path) -> None:
-        if path not in self._lines:
-            self._lines[path] = bisect_left(self._ends, self._at) + 1
+    def _next(self, passed: str) -> str:
+        """Pass some marks; return the token behind them, which is not taken; empty at the end."""
+        while self._tokens and self._tokens[-1][0] in passed:
+            self._tokens.pop()
+        return self._tokens[-1][0] if self._tokens else ""
 
-    def _header(self, array: bool) -> Path:
-        keys = self._keys()
+    def _keys(self) -> tuple[list[str], int]:
+        """Take a key, dotted or not, and the mark behind it; return its parts and its line."""
+        line, keys = self._tokens[-1][1], []
+        while (token := self._tokens.pop()[0]) not in "=]":
+            if token != ".":
+                keys.append(str(tomllib.loads(f"k = {token}")["k"]) if token[0] in "\"'" else token)
+        return keys, line
+
+    def _header(self, arrays: dict[Path, int]) -> Path:
+        array = self._tokens[-2][0] == "["
+        self._next("[")
+        keys, line = self._keys()
+        self._next("]")
         path: Path = ()
         for depth, key in enumerate(keys):
             path += (key,)
-            last = depth == len(keys) - 1
-            self._note(path)
-            if last and array:
-                self._arrays[path] = self._arrays.get(path, -1) + 1
-            if path in self._arrays:
-                path += (self._arrays[path],)
-                self._note(path)
+            self._lines.setdefault(path, line)
+            if array and depth == len(keys) - 1:
+                arrays[path] = arrays.get(path, -1) + 1
+            if path in arrays:
+                path += (arrays[path],)
+                self._lines.setdefault(path, line)
         return path
 
-    def _keys(self) -> list[str]:
-        """Read a key, dotted or not; stop behind it."""
-        keys = []
-        while True:
-            self._skip(" \t")
-            start = self._at
-            if self._text[start] in "\"'":
-                self._string()
-                keys.append(_unquote(self._text[start : self._at]))
-            else:
-                while self._text[self._at] not in " \t.=]":
-                    self._at += 1
-                keys.append(self._text[start : self._at])
-            self._skip(" \t")
-            if self._text[self._at] != ".":
-                return keys
-            self._at += 1
-
-    def _pair(self, table: Path) -> None:
-        start = self._at
-        keys = self._keys()
-        behind, self._at = self._at, start
-        path = table
+    def _pair(self, path: Path) -> None:
+        keys, line = self._keys()
         for key in keys:
             path += (key,)
-            self._note(path)
-        self._at = behind + 1  # the "="
-        self._skip(" \t")
+            self._lines.setdefault(path, line)
         self._value(path)
 
     def _value(self, path: Path) -> None:
-        first = self._text[self._at]
-        if first in "\"'":
-            self._string()
-        elif first == "[":
-            self._array(path)
-        elif first == "{":
-            self._inline(path)
-        else:
-            while self._at < len(self._text) and self._text[self._at] not in ",]}\n#":
-                self._at += 1
-
-    def _string(self) -> None:
-        quote = self._text[self._at]
-        fence = quote * 3 if self._text.startswith(quote * 3, self._at) else quote
-        self._at += len(fence)
-        while not self._text.startswith(fence, self._at):
-            escaped = quote == '"' and self._text[self._at] == "\\"
-            self._at += 2 if escaped else 1
-        self._at += len(fence)
-        # A multi-line string may end in one or two quotes of its own.
-        while len(fence) == 3 and self._text.startswith(quote, self._at):
-            self._at += 1
-
-    def _array(self, path: Path) -> None:
-        self._at += 1
+        mark = self._tokens[-1][0]
+        if mark not in "[{":
+            while self._tokens and self._tokens[-1][0] not in ",]}\n":
+                self._tokens.pop()
+            return
+        self._tokens.pop()
         place = 0
-        while self._skip(" \t\n,") and self._text[self._at] != "]":
-            self._note((*path, place))
-            self._value((*path, place))
-            place += 1
-        self._at += 1
-
-    def _inline(self, path: Path) -> None:
-        self._at += 1
-        while self._skip(" \t\n,") and self._text[self._at] != "}":
-            self._pair(path)
-        self._at += 1
-
-
-def _unquote(text: str) -> str:
-    return str(tomllib.loads(f"k = {text}")["k"])
+        while self._next(",\n") not in "]}":
+            if mark == "[":
+                self._lines.setdefault((*path, place), self._tokens[-1][1])
+                self._value((*path, place))
+                place += 1
+            else:
+                self._pair(path)
+        self._tokens.pop()

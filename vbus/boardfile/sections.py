@@ -4,13 +4,19 @@ These declarations are what the reader checks against, what its messages list, a
 of ``docs/board-file`` are made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
 """
 
+import re
+from collections.abc import Iterator
 from typing import Annotated, Final
 
+from vbus import plugins
 from vbus.boardfile.cards import CardSection
-from vbus.boardfile.key import NAMES, GlueSection, Section
-from vbus.boardfile.key import key as _key
-from vbus.options import Value
+from vbus.boardfile.key import NAME, Further, Kinds, Names, Section, Wires, row
+from vbus.chips.base import Chip
+from vbus.errors import ConfigError
+from vbus.options import Option, Value
 from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
+from vbus.signals.axis import SWITCHES
+from vbus.values.settings import among, quoted
 
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
@@ -23,53 +29,59 @@ NO_PLANT: Final = "none"
 class BoardSection(Section, frozen=True, kw_only=True):
     """``[board]``: the whole board, and how its time passes."""
 
-    name: Annotated[str, _key("text", "name of the board; else the name of the file")] = ""
+    name: Annotated[str, row("name of the board; else the name of the file", NAME)] = ""
     time: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "what moves time: the wall clock, the bus cycles, or the host's own time stamps",
-            TIMES,
+            choices=TIMES,
         ),
     ] = "realtime"
     rate: Annotated[
-        float, _key("rate", "chip seconds per second of wall time (real time only)", low=0.001)
+        float, row("chip seconds per second of wall time (real time only)", "rate", low=0.001)
     ] = 1.0
     clock_step: Annotated[
-        int, _key("s", "how far reading a clock moves time (lockstep and slaved)", low=1)
+        int, row("how far reading a clock moves time (lockstep and slaved)", "s", low=1)
     ] = 1_000_000
     stall: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "after the machine was too slow: make up the lost time, or leave it out",
-            ("catch_up", "slip"),
+            choices=("catch_up", "slip"),
         ),
     ] = "catch_up"
-    seed: Annotated[int, _key("count", "seed of everything random", low=0, high=(1 << 63) - 1)] = 0
+    seed: Annotated[int, row("seed of everything random", low=0, high=(1 << 63) - 1)] = 0
     power_on: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "start with the reset that follows power-on, or with the reset over",
-            ("reset", "done"),
+            choices=("reset", "done"),
         ),
     ] = "reset"
+
+
+def _parts() -> Iterator[Further]:
+    names: dict[type[Chip], list[str]] = {}
+    for name in plugins.names(plugins.CHIPS):
+        names.setdefault(plugins.chip_class(name), []).append(re.escape(name))
+    return ((f"^({'|'.join(own)})", chip.PARTS, chip.OPTIONS) for chip, own in names.items())
 
 
 class ChipSection(Section, frozen=True, kw_only=True):
     """``[chips.NAME]``: one chip; the part adds keys of its own."""
 
+    KINDS = Kinds("part", lambda part: plugins.chip_class(part).OPTIONS, _parts)
     name: str
-    part: Annotated[str, _key("text", "part number as ordered")]
-    clock: Annotated[int, _key("Hz", "frequency at the CLK pin", low=1)]
+    part: Annotated[str, row("part number as ordered")]
+    clock: Annotated[int, row("frequency at the CLK pin", "Hz", low=1)]
     plant: Annotated[
-        str, _key("text", 'the plant of a part with one axis; "none": no mechanics')
+        str,
+        row('the plant of a part with one axis; "none": no mechanics', ref="plants|none"),
     ] = ""
     plants: Annotated[
-        tuple[str, ...], _key(NAMES, "the plants of a part with several axes, in order")
+        Names, row("the plants of a part with several axes, in order", ref="plants|none")
     ] = ()
-    node: Annotated[str, _key("text", "the node of the chip, on a board that has nodes")] = ""
+    node: Annotated[str, row("the node of the chip, on a board that has nodes", ref="nodes")] = ""
     settings: dict[str, Value] = {}
 
     @property
@@ -81,32 +93,38 @@ class ChipSection(Section, frozen=True, kw_only=True):
 class SwitchSection(Section, frozen=True, kw_only=True):
     """``[plants.NAME.switches.SWITCH]``: a home or limit switch on the way of an axis."""
 
-    first: Annotated[int, _key("count", "first encoder count at which it is closed")]
-    last: Annotated[int, _key("count", "last encoder count at which it is closed")]
-    closed: Annotated[str, _key("choice", "electrical level while closed", ("low", "high"))] = "low"
+    first: Annotated[int, row("first encoder count at which it is closed")]
+    last: Annotated[int, row("last encoder count at which it is closed")]
+    closed: Annotated[str, row("electrical level while closed", choices=("low", "high"))] = "low"
+
+
+def _models() -> Iterator[Further]:
+    for name in plugins.names(plugins.PLANTS):
+        yield f"^{re.escape(name)}$", (name,), plugins.plant_class(name).OPTIONS
 
 
 class PlantSection(Section, frozen=True, kw_only=True):
     """``[plants.NAME]``: motor, load and encoder; the model adds keys of its own."""
 
+    KINDS = Kinds("model", lambda model: plugins.plant_class(model).OPTIONS, _models)
     name: str
-    model: Annotated[str, _key("text", "model of the mechanics, such as dc_motor")]
+    model: Annotated[str, row("model of the mechanics, such as dc_motor")]
     settings: dict[str, Value] = {}
-    switches: dict[str, SwitchSection] = {}
+    switches: Annotated[dict[str, SwitchSection], row("switch", choices=SWITCHES)] = {}
 
 
 class NetSection(Section, frozen=True, kw_only=True):
     """``[nets]``: ``"NAME" = ["chip.pin", ...]``, or a table with these keys."""
 
+    SHORT = "pins"
+    ANY_NAME = True
     name: str
-    pins: Annotated[tuple[str, ...], _key(NAMES, 'the pins soldered to it, as "chip.pin"')]
+    pins: Annotated[Names, row('the pins soldered to it, as "chip.pin"')]
     rest: Annotated[
         str,
-        _key("choice", "level while nothing drives it; else that of the first pin at rest", RESTS),
+        row("level while nothing drives it; else that of the first pin at rest", choices=RESTS),
     ] = ""
-    delay: Annotated[
-        int, _key("s", "how long an edge takes from one node to the others", low=0)
-    ] = 0
+    delay: Annotated[int, row("how long an edge takes from one node to the others", "s", low=0)] = 0
 
 
 class NodeSection(Section, frozen=True, kw_only=True):
@@ -115,21 +133,17 @@ class NodeSection(Section, frozen=True, kw_only=True):
     name: str
     deadline: Annotated[
         int,
-        _key(
-            "s",
+        row(
             "silence after which the other nodes give this node up (wall time)",
+            "s",
             low=100_000_000_000,
         ),
     ] = 3_000_000_000_000
     listen: Annotated[
-        str,
-        _key(
-            "text",
-            'where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one node listens',
-        ),
+        str, row('where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one node listens')
     ] = ""
     process: Annotated[
-        str, _key("text", "nodes with the same name here share a process; else each has its own")
+        str, row("nodes with the same name here share a process; else each has its own", NAME)
     ] = ""
 
 
@@ -137,7 +151,7 @@ class BusSection(Section, frozen=True, kw_only=True):
     """``[buses.NAME]``: chips that share D0-D7 and the strobes, each with its own select."""
 
     name: str
-    chips: Annotated[tuple[str, ...], _key(NAMES, "chips of one family")]
+    chips: Annotated[Names, row("chips of one family", ref="chips")]
 
 
 class PinMapSection(Section, frozen=True, kw_only=True):
@@ -145,64 +159,59 @@ class PinMapSection(Section, frozen=True, kw_only=True):
 
     name: str
     chips: Annotated[
-        tuple[str, ...], _key(NAMES, "the chips that a pin without a chip's name means; else all")
+        Names, row("the chips that a pin without a chip's name means; else all", ref="chips")
     ] = ()
-    low: Annotated[tuple[str, ...], _key(NAMES, "pins tied to ground")] = ()
-    high: Annotated[tuple[str, ...], _key(NAMES, "pins tied to the supply")] = ()
-    pins: dict[str, tuple[str, ...]] = {}
+    low: Annotated[Names, row("pins tied to ground")] = ()
+    high: Annotated[Names, row("pins tied to the supply")] = ()
+    pins: Wires = {}
 
 
 class HostSection(Section, frozen=True, kw_only=True):
     """``[[hosts]]``: a link on which a host may attach."""
 
-    transport: Annotated[str, _key("text", 'the link, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"')]
+    transport: Annotated[str, row('the link, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"')]
     protocol: Annotated[
-        str, _key("text", "the protocol of the link; else the usual one of such a link")
+        str,
+        row("the protocol of the link; else the usual one of such a link", ref=plugins.PROTOCOLS),
     ] = ""
     chips: Annotated[
-        tuple[str, ...],
-        _key(NAMES, "chips that the host reaches, in the order of SELECT's bits; else all"),
+        Names,
+        row("chips that the host reaches, in the order of SELECT's bits; else all", ref="chips"),
     ] = ()
     cycle: Annotated[
-        int, _key("s", "duration of a whole bus cycle; 0 s: as the time policy has it", low=0)
+        int, row("duration of a whole bus cycle; 0 s: as the time policy has it", "s", low=0)
     ] = 0
-    card: Annotated[str, _key("text", "the card whose addresses the host uses")] = ""
+    card: Annotated[str, row("the card whose addresses the host uses", ref="cards")] = ""
     pinmap: Annotated[
-        str, _key("text", "the pin map of a microcontroller whose port bits are the host")
+        str, row("the pin map of a microcontroller whose port bits are the host", ref="pinmaps")
     ] = ""
     remote: Annotated[
-        bool,
-        _key("flag", "other computers may attach (tcp and rfc2217, which ask for no password)"),
+        bool, row("other computers may attach (tcp and rfc2217, which ask for no password)")
     ] = False
     awaited: Annotated[
-        bool,
-        _key("flag", "on a board with nodes: time does not begin before this host uses the link"),
+        bool, row("on a board with nodes: time does not begin before this host uses the link")
     ] = False
     baud: Annotated[
-        int,
-        _key(
-            "count", "bits per second of a serial line, in chip time; 0: bytes take no time", low=0
-        ),
+        int, row("bits per second of a serial line, in chip time; 0: bytes take no time", low=0)
     ] = 0
     frame: Annotated[
-        str, _key("choice", "data bits, parity and stop bits of the line", tuple(FRAMES))
+        str, row("data bits, parity and stop bits of the line", choices=tuple(FRAMES))
     ] = USUAL_FRAME
-    dtr: Annotated[tuple[str, ...], _key(NAMES, "pins that are low while DTR is on")] = ()
-    rts: Annotated[tuple[str, ...], _key(NAMES, "pins that are low while RTS is on")] = ()
-    breaks: Annotated[tuple[str, ...], _key(NAMES, "pins that are low during a break")] = ()
+    dtr: Annotated[Names, row("pins that are low while DTR is on")] = ()
+    rts: Annotated[Names, row("pins that are low while RTS is on")] = ()
+    breaks: Annotated[Names, row("pins that are low during a break")] = ()
     reset: Annotated[
-        tuple[str, ...],
-        _key(NAMES, "pins that are low for change_time when DTR goes on, as on an Arduino"),
+        Names, row("pins that are low for change_time when DTR goes on, as on an Arduino")
     ] = ()
     change_time: Annotated[
         int,
-        _key("s", "how long a change of DTR, RTS or break takes before anything follows", low=0),
+        row("how long a change of DTR, RTS or break takes before anything follows", "s", low=0),
     ] = 1_000_000_000
-    cts: Annotated[str, _key("text", "pin that turns CTS on while it is low; else it is on")] = ""
-    dsr: Annotated[str, _key("text", "pin that turns DSR on while it is low; else it is on")] = ""
+    cts: Annotated[str, row("pin that turns CTS on while it is low; else it is on")] = ""
+    dsr: Annotated[str, row("pin that turns DSR on while it is low; else it is on")] = ""
 
     @property
-    def driven(self) -> dict[str, tuple[str, ...]]:
+    def driven(self) -> Wires:
         """The pins that follow the host's own lines, by key."""
         return {"dtr": self.dtr, "rts": self.rts, "breaks": self.breaks, "reset": self.reset}
 
@@ -216,49 +225,39 @@ class ZenohSection(Section, frozen=True, kw_only=True):
     """``[zenoh]``: where the board is on the network, and who may use it."""
 
     listen: Annotated[
-        tuple[str, ...],
-        _key(NAMES, 'endpoints on which hosts and others connect, such as ["tcp/127.0.0.1:7447"]'),
+        Names, row('endpoints on which hosts and others connect, such as ["tcp/127.0.0.1:7447"]')
     ] = ()
-    connect: Annotated[tuple[str, ...], _key(NAMES, "endpoints of routers to connect to")] = ()
-    certificate: Annotated[str, _key("text", "PEM file of the board's own certificate")] = ""
-    key: Annotated[str, _key("text", "PEM file of its private key")] = ""
-    authority: Annotated[
-        str, _key("text", "PEM file of the authority whose certificates are accepted")
-    ] = ""
+    connect: Annotated[Names, row("endpoints of routers to connect to")] = ()
+    certificate: Annotated[str, row("PEM file of the board's own certificate")] = ""
+    key: Annotated[str, row("PEM file of its private key")] = ""
+    authority: Annotated[str, row("PEM file of the authority whose certificates are accepted")] = ""
     grace: Annotated[
-        int, _key("s", "how long the session of a host that has vanished waits for the host", low=0)
+        int, row("how long the session of a host that has vanished waits for the host", "s", low=0)
     ] = 2_000_000_000_000
     remote: Annotated[
-        bool, _key("flag", "other computers may attach without certificates, with all rights")
+        bool, row("other computers may attach without certificates, with all rights")
     ] = False
-    allow: dict[str, tuple[str, ...]] | None = None
+    allow: Wires | None = None
 
 
 class RecordSection(Section, frozen=True, kw_only=True):
     """``[record]``: files that tell what happened."""
 
-    journal: Annotated[
-        str, _key("text", "file that takes every call of every host, for vbus replay")
-    ] = ""
+    journal: Annotated[str, row("file that takes every call of every host, for vbus replay")] = ""
     durable: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "what the journal holds whenever a host has its answer: all but the last 0.2 s, all"
             " even if the process is killed, or all even if the machine fails",
-            ("no", "process", "machine"),
+            choices=("no", "process", "machine"),
         ),
     ] = "no"
     report: Annotated[
-        str,
-        _key("text", "file that takes the violations at the end: .txt, .json, .xml or .sarif"),
+        str, row("file that takes the violations at the end: .txt, .json, .xml or .sarif")
     ] = ""
-    suppress: Annotated[
-        str, _key("text", "file of violations that are accepted, each with a reason")
-    ] = ""
+    suppress: Annotated[str, row("file of violations that are accepted, each with a reason")] = ""
     coverage: Annotated[
-        str,
-        _key("text", "file that takes what hosts exercise, at the end: .txt, .json, .html, .xml"),
+        str, row("file that takes what hosts exercise, at the end: .txt, .json, .html, .xml")
     ] = ""
 
 
@@ -266,28 +265,22 @@ class MetricsSection(Section, frozen=True, kw_only=True):
     """``[metrics]``: numbers for Prometheus."""
 
     listen: Annotated[
-        str,
-        _key("text", 'address such as "127.0.0.1:9100", port 0 for any free one; else none'),
+        str, row('address such as "127.0.0.1:9100", port 0 for any free one; else none')
     ] = ""
-    remote: Annotated[bool, _key("flag", "other computers may be let in")] = False
+    remote: Annotated[bool, row("other computers may be let in")] = False
 
 
 class ScopeSection(Section, frozen=True, kw_only=True):
     """``[scope]``: the board in a browser."""
 
     listen: Annotated[
-        str,
-        _key(
-            "text", 'address of the page, such as "127.0.0.1:0", port 0 for any free one; else none'
-        ),
+        str, row('address of the page, such as "127.0.0.1:0", port 0 for any free one; else none')
     ] = ""
-    remote: Annotated[
-        bool, _key("flag", "other computers may open the page; needs a certificate")
-    ] = False
-    certificate: Annotated[str, _key("text", "file of the certificate for TLS (PEM)")] = ""
-    key: Annotated[str, _key("text", "file of its key (PEM)")] = ""
+    remote: Annotated[bool, row("other computers may open the page; needs a certificate")] = False
+    certificate: Annotated[str, row("file of the certificate for TLS (PEM)")] = ""
+    key: Annotated[str, row("file of its key (PEM)")] = ""
     sparse: Annotated[
-        bool, _key("flag", "in real time, record four samples a second while no page is open")
+        bool, row("in real time, record four samples a second while no page is open")
     ] = False
 
 
@@ -295,66 +288,91 @@ class WaveSection(Section, frozen=True, kw_only=True):
     """``[waves.NAME]``: a waveform file."""
 
     name: str
-    file: Annotated[str, _key("text", "the VCD file")]
+    file: Annotated[str, row("the VCD file")]
     profile: Annotated[
         str,
-        _key(
-            "choice",
+        row(
             "vectors, values and packets for GTKWave and Surfer; or single bits for sigrok",
-            ("full", "sigrok"),
+            choices=("full", "sigrok"),
         ),
     ] = "full"
     signals: Annotated[
-        tuple[str, ...],
-        _key(NAMES, 'patterns such as "x.*"; else the buses and all pins but fast ones'),
+        Names, row('patterns such as "x.*"; else the buses and all pins but fast ones')
     ] = ()
-    trigger: Annotated[
-        str, _key("text", "condition at which recording begins; else it begins at once")
-    ] = ""
-    before: Annotated[int, _key("s", "how much to show from before the trigger", low=0)] = 0
-    duration: Annotated[int, _key("s", "how long to record; 0 s: to the end", low=0)] = 0
+    trigger: Annotated[str, row("condition at which recording begins; else it begins at once")] = ""
+    before: Annotated[int, row("how much to show from before the trigger", "s", low=0)] = 0
+    duration: Annotated[int, row("how long to record; 0 s: to the end", "s", low=0)] = 0
     sample: Annotated[
-        int, _key("s", "interval at which values such as positions are sampled", low=1_000_000)
+        int, row("interval at which values such as positions are sampled", "s", low=1_000_000)
     ] = 1_000_000_000
+
+
+def _fault_keys(name: str) -> tuple[Option, ...]:
+    from vbus.faults.table import faults
+
+    known = faults()
+    if name not in known:
+        raise ConfigError(f"there is no fault {quoted(name)}; {among(name, known, 'known are')}")
+    return known[name].parameters
+
+
+def _faults() -> Iterator[Further]:
+    from vbus.faults.table import faults
+
+    return ((f"^{re.escape(name)}$", (name,), row.parameters) for name, row in faults().items())
 
 
 class FaultSection(Section, frozen=True, kw_only=True):
     """``[[faults]]``: a fault that is armed from the beginning; it adds keys of its own."""
 
-    fault: Annotated[str, _key("text", "name of the fault, such as jam")]
+    KINDS = Kinds("fault", _fault_keys, _faults)
+    fault: Annotated[str, row("name of the fault, such as jam")]
     target: Annotated[
-        str, _key("text", 'chip "x", axis "x.2" or link "host0"; may be left out if there is one')
+        str, row('chip "x", axis "x.2" or link "host0"; may be left out if there is one')
     ] = ""
-    when: Annotated[
-        str, _key("text", 'trigger at which it begins, such as "at 5 ms"; else now')
-    ] = ""
-    until: Annotated[str, _key("text", 'when it ends, such as "for 2 ms"; else as is usual')] = ""
+    when: Annotated[str, row('trigger at which it begins, such as "at 5 ms"; else now')] = ""
+    until: Annotated[str, row('when it ends, such as "for 2 ms"; else as is usual')] = ""
     settings: dict[str, Value] = {}
     place: int = 0
     """Which of the file's ``[[faults]]`` it is."""
 
 
-NO_HOST: Final = HostSection(transport="")
+NO_HOST: Final = HostSection.blank()
 """Stands for a host that could not be read, so that the others keep their places."""
+
+
+class GlueSection(Section, frozen=True, kw_only=True):
+    """``[glue.NAME]``: one part; ``pins`` and ``equations`` say what its pins are wired to."""
+
+    name: str
+    part: Annotated[str, row('part number without package, such as "74HC138"; "PLD": equations')]
+    delay: Annotated[
+        int, row("how long its outputs take to follow its inputs", "s", low=0, high=10**15)
+    ] = 0
+    low: Annotated[Names, row("its inputs that are tied to ground")] = ()
+    high: Annotated[Names, row("its inputs that are tied to the supply")] = ()
+    hosts: Annotated[Names, row('its pins that hosts drive or see, as side pins "NAME.pin"')] = ()
+    pins: Wires = {}
+    equations: dict[str, Annotated[str, row('write an equation in quotes, such as "A & !B"')]] = {}
 
 
 class BoardFile(Section, frozen=True, kw_only=True):
     """A whole board file, checked: names resolve, quantities are plain numbers."""
 
     path: str
-    board: BoardSection
-    violations: dict[str, str]
-    chips: tuple[ChipSection, ...]
-    plants: tuple[PlantSection, ...]
-    nets: tuple[NetSection, ...]
+    board: BoardSection = BoardSection()
+    violations: dict[str, Annotated[str, row("", choices=LEVELS)]] = {}
+    chips: tuple[ChipSection, ...] = ()
+    plants: tuple[PlantSection, ...] = ()
+    nets: tuple[NetSection, ...] = ()
     glue: tuple[GlueSection, ...] = ()
-    buses: tuple[BusSection, ...]
-    cards: tuple[CardSection, ...]
-    pinmaps: tuple[PinMapSection, ...]
-    hosts: tuple[HostSection, ...]
+    buses: tuple[BusSection, ...] = ()
+    cards: tuple[CardSection, ...] = ()
+    pinmaps: tuple[PinMapSection, ...] = ()
+    nodes: tuple[NodeSection, ...] = ()
+    hosts: tuple[HostSection, ...] = ()
     record: RecordSection = RecordSection()
     waves: tuple[WaveSection, ...] = ()
-    nodes: tuple[NodeSection, ...] = ()
     zenoh: ZenohSection = ZenohSection()
     metrics: MetricsSection = MetricsSection()
     scope: ScopeSection = ScopeSection()

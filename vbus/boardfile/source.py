@@ -1,13 +1,21 @@
 """Mistakes in a board file: collected with their lines, raised together."""
 
 import re
+import tomllib
+from collections.abc import Iterable, Iterator
 from functools import cached_property
+from pathlib import Path as FilePath
+from typing import Any, Self
 
 from msgspec import Struct
 
 from vbus.boardfile.lines import Path, TomlLines
 from vbus.errors import ConfigError
+from vbus.file_kinds import foreign, no_text, unreadable
+from vbus.values.settings import among
 
+Mistakes = Iterator[tuple[Path, str]]
+"""Where a mistake is, and what is wrong there."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -55,6 +63,11 @@ def key_text(path: Path) -> str:
     return text
 
 
+def absent(kind: str, name: str, names: Iterable[str]) -> str:
+    """Return what to say of a name that is none of the ``names`` of a section."""
+    return f"there is no [{kind}.{name}]; {among(name, names, 'this file has')}"
+
+
 class Source:
     """A board file being read: its name, where its keys stand, and what is wrong so far."""
 
@@ -67,6 +80,49 @@ class Source:
     def _lines(self) -> TomlLines:
         """Where keys stand: nobody asks about a file without mistakes."""
         return TomlLines(self.text)
+
+    @classmethod
+    def of_file(cls, path: str | FilePath) -> Self:
+        """Return the source in a file.
+
+        Raises:
+            BoardFileError: it cannot be read, or is no text.
+        """
+        name = str(path)
+        try:
+            return cls(name, FilePath(path).read_bytes().decode())
+        except OSError as error:
+            raise BoardFileError([Problem(name, 0, "", unreadable(path, error))]) from None
+        except UnicodeDecodeError as error:
+            line = error.object.count(b"\n", 0, error.start) + 1
+            reason = no_text(path, error.object)
+            raise BoardFileError([Problem(name, line, "", reason)]) from None
+
+    def parsed(self, meant: str = "board file") -> dict[str, Any]:
+        """Return its tables.
+
+        Args:
+            meant: what the file should be.
+
+        Raises:
+            BoardFileError: it is no TOML.
+        """
+        try:
+            return tomllib.loads(self.text)
+        except RecursionError:
+            line, reason = 0, "nested too deeply"
+        except ValueError as error:
+            line, reason = self._no_toml(str(error), meant)
+        raise BoardFileError([Problem(self.file, line, "", reason)])
+
+    def _no_toml(self, reason: str, meant: str) -> tuple[int, str]:
+        if other := foreign(self.file, self.text.encode()):
+            return 0, f"this is no {meant}: {other}"
+        match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
+        if match is not None:
+            return int(match[2]), f"no TOML: {match[1]} (column {match[3]})"
+        begun, at_end, _ = reason.partition(" (at end of document)")
+        return self.text.count("\n") + 1 if at_end else 0, f"no TOML: {begun}"
 
     def fail(self, path: Path, message: str) -> None:
         """Note a mistake at ``path``."""

@@ -9,7 +9,7 @@ from vbus.chips.bus_watch import BusTable
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
-from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
+from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Reading, Rule, ValueTable, Violation
 from vbus.state import UNDECLARED, Names
 
 OUTPUT: Final = 0
@@ -63,6 +63,7 @@ class Chip:
     BUS: ClassVar[BusTable | None] = None
     """The protocol of its host bus; None: its cycles can neither be played nor seen as edges."""
     RULES: ClassVar[tuple[Rule, ...]] = ()
+    VALUES: ClassVar[ValueTable] = ValueTable()
     FREE_READS: ClassVar[tuple[int, ...]] = ()
     """Addresses at which reading has no effect a host could see; see :data:`POLL`."""
     TRACELESS: ClassVar[bool] = False
@@ -80,7 +81,7 @@ class Chip:
     WIRING: ClassVar[Names] = (
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
         "read_low_ps", "cycle_ps", "on_levels", "pins", "bus_pins", "data_pin", "_file", "_timer",
-        "standing",
+        "_tell", "standing",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
@@ -121,6 +122,7 @@ class Chip:
         """Lines of a connector that stay as they are when a host has gone."""
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
+        self._tell: Callable[[Chip], dict[str, Reading]] | None = None
         self._timer = kernel.timer(self._due)
         self.on_node: bool = False
         """Whether other nodes wait for its outputs: an :data:`EDGE` sets its timer then."""
@@ -209,19 +211,7 @@ class Chip:
         """
         raise NotImplementedError
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows of this chip, by name."""
-        return {}
-
-    def peek(self, address: int) -> int:
-        """Return the byte that the register at ``address`` holds; nothing changes.
-
-        Raises:
-            ValueError: this chip's registers cannot be looked at.
-        """
-        raise ValueError(f"{self.part}: its registers cannot be looked at")
-
-    # -- what few families answer otherwise ---------------------------------------------------
+    # -- what few families answer otherwise --------------------------------------------------
 
     def undriven(self, axis: int) -> str:
         """Return why the chip cannot move an axis as it is set up now; "" if it can.
@@ -279,16 +269,6 @@ class Chip:
         assert self.BUS is not None
         return self.BUS.edges(write, address, data)
 
-    def lane_steps(self) -> list[int]:
-        """Return what :meth:`telemetry` tells for the lanes of its family, without the names.
-
-        Axis by axis, in the order of the family's rows, each in the nearest whole number of its
-        row's steps (:func:`~vbus.signals.nearest`), and last its ``"interrupt"``, 0 of a chip that
-        tells of none. Empty: ask for telemetry.
-        """
-        # The fast way of a scope: 1.7 to 20 times (tests/unit/scope/test_look.py holds it equal).
-        return []
-
     def before_save(self) -> None:
         """Come to now."""
         self.advance()
@@ -309,6 +289,13 @@ class Chip:
         date later takes no longer than now: a server need not do it.
         """
         return self.due(SAMPLE) == NEVER
+
+    def telemetry(self) -> dict[str, Reading]:
+        """Return the values of :attr:`VALUES` that have a key, by their keys, as they are now."""
+        self.advance()
+        if self._tell is None:
+            self._tell = self.VALUES.telemetry(self.axis_count)
+        return self._tell(self)
 
     def report(
         self, rule: Rule, measured: int = 0, limit: int = 0, detail: str = "", when: int = -1

@@ -8,10 +8,10 @@ import msgspec
 
 from vbus.boardfile.sections import BoardFile
 from vbus.circuit.orders import LEAD, Order
-from vbus.cluster.saving import NO_ROUNDS, SavedNode
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
+from vbus.nodes.machine_snapshot import NO_ROUNDS, SavedNode
 from vbus.nodes.messages import LARGEST
 from vbus.nodes.node import Node
 from vbus.nodes.plan import pins_of, plan_of

@@ -18,8 +18,8 @@ from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
-from vbus.nodes.messages import Mark, Message, Ping, Pong, WireEdges
-from vbus.nodes.node import Edge, Node
+from vbus.nodes.messages import Edge, Mark, Message, Ping, Pong, WireEdges
+from vbus.nodes.node import Node
 from vbus.server.pacer import Pacer
 
 KEPT: Final = 64

@@ -8,13 +8,14 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
+from vbus.board.snapshot import write
 from vbus.boardfile.sections import BoardFile
 from vbus.cluster.node_link import LARGEST_ANSWER
 from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
-from vbus.cluster.peers import Group, Peers
-from vbus.cluster.saving import saved
+from vbus.cluster.peers import LET_IN, Group, Peers
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
+from vbus.nodes.machine_snapshot import saved
 from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
@@ -24,8 +25,6 @@ LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
-LET_IN: Final = 10.0
-"""Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 WAITS_FOR_OTHERS: Final = "waits for the others"
@@ -213,7 +212,7 @@ class Timebase(Peers):
         """Write a snapshot of a node that has just reported; the file is replaced in one step."""
         assert self._snapshot is not None
         try:
-            self._snapshot.write(conductor.save(), sync=False)
+            self._snapshot.write(write(conductor.save()), sync=False)
         except VbusError as error:
             self.lost.append(str(error))
             self._report(f"{error}; no more snapshots are written")
@@ -365,7 +364,7 @@ def _answer_of(conductor: Conductor) -> bytes:
         if len(data) <= LARGEST_ANSWER:
             return data
         why = (
-            f"node {name} has a part of {len(data)} bytes, and at most {LARGEST_ANSWER} go to"
-            " another computer; save where all nodes are on one"
+            f"node {name} has a part of {len(data)} bytes, and an answer has at most"
+            f" {LARGEST_ANSWER}"
         )
     return msgspec.json.encode(Answer(name, now, error=why))

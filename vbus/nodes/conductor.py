@@ -3,19 +3,14 @@
 from collections.abc import Callable
 from typing import Final
 
-import msgpack
-
-from vbus.errors import SnapshotError
+from vbus.board.snapshot import Snapshot, restore, take
 from vbus.kernel import MS, NEVER
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
-from vbus.state import save
 
 SLICE: Final = 20 * MS
 """Chip time that is computed in one go."""
-FORMAT: Final = 1
-"""Version of snapshots."""
 
 RUNS: Final = "runs"
 WAITS: Final = "waits"
@@ -31,8 +26,6 @@ class Conductor:
 
     Args:
         node: the node, at instant 0.
-        lookahead: the shortest delay between nodes (ps).
-        digest: of the board file.
         until: how far time is to run whatever hosts want (ps); -1: as far as hosts want.
 
     Attributes:
@@ -43,9 +36,12 @@ class Conductor:
             round that will do, and the deed.
     """
 
-    def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
+    def __init__(self, node: Node, until: int) -> None:
         self.node: Node = node
-        self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
+        self.participant: Participant = Participant(
+            node.names, node.rank, node.plan.lookahead, node.plan.digest
+        )
+        node.agreed = self.participant
         self.until: int = until
         self.state: str = RUNS
         self.awaited: set[str] = set()
@@ -55,11 +51,7 @@ class Conductor:
         other node has been promised that nothing happens yet."""
         self.at_round: list[tuple[int, Callable[[], None]]] = []
         self._wanted: int = -2
-
-    def begin(self) -> "Conductor":
-        """Hold the node's time until it is granted."""
-        self.node.board.limit = -1
-        return self
+        node.board.limit = -1  # until time is granted
 
     # -- what its hosts want ------------------------------------------------------------------
 
@@ -149,32 +141,16 @@ class Conductor:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> bytes:
+    def save(self) -> Snapshot:
         """Return a snapshot, to be taken after a report: what this node needs to rejoin."""
-        state = (FORMAT, self.node.name, save(self.participant), self.node.save())
-        return bytes(msgpack.packb(state))
+        return take(self.node.board)
 
-    def load(self, data: bytes) -> None:
+    def load(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot.
 
         Raises:
-            SnapshotError: it is none, or was made by another node or board.
+            SnapshotError: it was made by another node or board.
         """
-        try:
-            form, name, participant, node = msgpack.unpackb(
-                data, use_list=False, strict_map_key=False
-            )
-        except (ValueError, TypeError, msgpack.UnpackException) as error:
-            raise SnapshotError(f"this is no snapshot of a node ({error})") from None
-        if form != FORMAT or name != self.node.name:
-            raise SnapshotError(
-                f"the snapshot is of node {name}, format {form}; this is node {self.node.name},"
-                f" format {FORMAT}"
-            )
-        agreed = self.participant.check(participant)
-        if not self.participant.log:
-            self.node.check_scenario(node)
-        self.node.load(node)
-        agreed.apply()
+        restore(self.node.board, snapshot)
         self.node.board.limit = self.participant.granted - 1
         self._wanted = self.wants()

@@ -12,7 +12,7 @@ import msgspec
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
-from vbus.board.metrics_checks import metrics_address
+from vbus.board.network_checks import metrics_address
 from vbus.boardfile.sections import BoardFile, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
 from vbus.collection import keep_what_is_made

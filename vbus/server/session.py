@@ -18,28 +18,9 @@ from vbus.server.pace import Pace
 from vbus.server.patience import LATE_NS, SpinPolicy
 from vbus.server.statistics import Histogram
 from vbus.server.turns import Turns
+from vbus.transports import states
 from vbus.transports.base import Link, LinkFilter
-from vbus.transports.states import (
-    BEGIN,
-    CLOSED,
-    DEPARTED,
-    DONE,
-    DRAINING,
-    END,
-    FINISH,
-    FULL,
-    GIVE_UP,
-    GO_ON,
-    GONE,
-    HELD,
-    HOLD,
-    LEAVING,
-    NEW,
-    PAUSED,
-    READING,
-    ROOM,
-    SESSION,
-)
+from vbus.transports.states import SESSION
 
 READ_SIZE: Final = 448
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs.
@@ -118,7 +99,7 @@ class Session:
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
         self._pending: bytearray = bytearray()
-        self.state: str = NEW
+        self.state: str = states.NEW
         self.open: bool = True
         self._reading: bool = False
         self._waiting: int = 0
@@ -137,7 +118,7 @@ class Session:
         self.link.on_data = self._take
         self.link.on_end = self._host_gone
         self.port.on_resume = self.resume_soon
-        self._move(BEGIN)
+        self._move(states.BEGIN)
 
     # -- states -------------------------------------------------------------------------------
 
@@ -146,10 +127,10 @@ class Session:
         before = self.state
         state = self.state = SESSION.after(before, event, self.link.peer)
         if state != before:
-            self._reading = state == READING
-            self._deaf = state == LEAVING or state == DEPARTED
-            self.open = state != DEPARTED and state != CLOSED
-            self._attend(before == READING, state == HELD or state == PAUSED or state == DRAINING)
+            self._reading = state == states.READING
+            self._deaf = state in (states.LEAVING, states.DEPARTED)
+            self.open = state not in (states.DEPARTED, states.CLOSED)
+            self._attend(before == states.READING, state in states.UNREAD)
 
     def _attend(self, read: bool, watch: bool) -> None:
         """Read the link, or watch for its end, as the state has it.
@@ -179,12 +160,12 @@ class Session:
     def _block(self) -> None:
         """Read nothing if that is to be so, and no request waits."""
         if self._reading and self._blocked:
-            self._move(FULL)
+            self._move(states.FULL)
 
     def _unblock(self) -> None:
         """Read again if that may be."""
-        if self.state == PAUSED and not self._blocked:
-            self._move(ROOM)
+        if self.state == states.PAUSED and not self._blocked:
+            self._move(states.ROOM)
 
     # -- reading ------------------------------------------------------------------------------
 
@@ -233,7 +214,7 @@ class Session:
 
     def _finish(self) -> None:
         """The host will send no more, but may still read what it asked for."""
-        self._move(FINISH)
+        self._move(states.FINISH)
         if not self._pending:
             self._leave()
 
@@ -276,16 +257,16 @@ class Session:
 
     def _wait(self) -> None:
         """The port is held: read no more until what it waits for has come."""
-        if self.state == LEAVING or self.state == CLOSED:
+        if self.state in (states.LEAVING, states.CLOSED):
             return  # the rest of what the host had sent is read first
-        if self.state != DRAINING:  # nothing is read
-            self._move(HOLD)
+        if self.state != states.DRAINING:  # nothing is read
+            self._move(states.HOLD)
         self._wake_in_time()
 
     def _wake_in_time(self) -> None:
         """Have the session resumed when the instant that is waited for has come."""
         until = self.port.hold_until
-        if self.state == DEPARTED:
+        if self.state == states.DEPARTED:
             until = self._departures.look_at(until)
         if until != NEVER and self._waiting != until:
             self._waiting = until
@@ -302,7 +283,7 @@ class Session:
 
         Of a link that does not tell, every host may have.
         """
-        if not self.open or self.state == DRAINING or self._stopped_reading or self._fd < 0:
+        if not self.open or self.state == states.DRAINING or self._stopped_reading or self._fd < 0:
             return False
         if by_claim(self.port):
             return False
@@ -314,7 +295,7 @@ class Session:
 
     def resume(self) -> None:
         """What the session waited for may have come."""
-        if self.state == CLOSED:
+        if self.state == states.CLOSED:
             return
         self._waiting = 0
         self._pacer.catch_up()
@@ -322,13 +303,13 @@ class Session:
             self.hold()
         elif self.port.go_on():
             self._serve(b"")
-            if self.state == HELD and not self.port.held:
-                self._move(GO_ON)
+            if self.state == states.HELD and not self.port.held:
+                self._move(states.GO_ON)
                 self._block()
-            elif self.state == DEPARTED and not self.port.held:
+            elif self.state == states.DEPARTED and not self.port.held:
                 report_half(self.link.peer, self.protocol)
-                self._close(DONE)
-        elif self.state == DEPARTED and self._departures.gives_up(self.port):
+                self._close(states.DONE)
+        elif self.state == states.DEPARTED and self._departures.gives_up(self.port):
             self.give_up("another host waits to be let in")
         else:
             self._wait()
@@ -386,7 +367,7 @@ class Session:
 
     def _settled(self) -> bool:
         """Whether what is about to be answered may be; else the session ends."""
-        if self._settle is None or self.state == DEPARTED or self._settle():
+        if self._settle is None or self._deaf or self._settle():
             return True
         self.end("the journal takes no more, and what it does not hold is not answered", True)
         return False
@@ -419,7 +400,7 @@ class Session:
             return 0
         except OSError:
             if not self._deaf:
-                self._move(GONE)
+                self._move(states.GONE)
                 self._loop.call_soon(self.hung_up)
             return len(data)
         self.sent += sent
@@ -435,7 +416,7 @@ class Session:
 
     def _all_sent(self) -> None:
         """The host has taken all there is."""
-        if self.state == DRAINING:
+        if self.state == states.DRAINING:
             self._leave()
 
     # -- what may be wrong with the link ------------------------------------------------------
@@ -467,10 +448,10 @@ class Session:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
         if not self.open:
             return
-        if self.state != LEAVING:
-            self._move(GONE)
+        if self.state != states.LEAVING:
+            self._move(states.GONE)
         reset = False
-        while carry_out and self.state == LEAVING:
+        while carry_out and self.state == states.LEAVING:
             try:
                 data = self._read(self._fd, READ_SIZE)
             except OSError as error:
@@ -499,16 +480,17 @@ class Session:
             reason: why, for people.
             hang_up: whether the host is to notice that the link has ended.
         """
-        if self.state == DEPARTED:
-            self._close(DONE)
+        if self.state == states.DEPARTED:
+            self._close(states.DONE)
         elif self.open:
-            self._part(reason, partial(self._close, END), hang_up)
+            event = states.DONE if self.state == states.LEAVING else states.END
+            self._part(reason, partial(self._close, event), hang_up)
 
     def _leave(self) -> None:
         """The host has gone, and what it had sent is read; what waits is carried out later."""
         if self.open:
-            if self.state != LEAVING:
-                self._move(GONE)
+            if self.state != states.LEAVING:
+                self._move(states.GONE)
             self._part("closed by the host", self._depart)
 
     def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
@@ -529,9 +511,9 @@ class Session:
         """Carry out what the host waits for, if that is to be; see :class:`Departures`."""
         why = self._departures.take(self)
         if why is None:
-            self._close(DONE)
+            self._close(states.DONE)
             return
-        self._move(HOLD)
+        self._move(states.HOLD)
         if why:
             self.give_up(why)
         else:
@@ -544,11 +526,11 @@ class Session:
             " discarded", self.link.peer,
             "another host's claim" if by_claim(self.port) else "chip time", why,
         )  # fmt: skip
-        self._close(GIVE_UP)
+        self._close(states.GIVE_UP)
 
     def _close(self, event: str) -> None:
         """Let go of everything."""
-        departed = self.state == DEPARTED
+        departed = self.state == states.DEPARTED
         self._move(event)
         self._pacer.forget(self.resume)
         for step in (self.protocol.reset, self.port.close):

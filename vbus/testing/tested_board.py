@@ -2,10 +2,10 @@
 
 import io
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
-from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.testing.clock import BoardClock
@@ -31,6 +31,7 @@ class TestedBoard:
         strict: whether a breach of a datasheet fails the test.
         budget: what its hosts may take.
         covered: whether what they exercise is counted.
+        bring: see :class:`~vbus.testing.clock.BoardClock`.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class TestedBoard:
         strict: bool,
         budget: Limits,
         covered: bool = False,
+        bring: Callable[[int], None] | None = None,
     ) -> None:
         self.board = board
         self.file = file
@@ -65,7 +67,8 @@ class TestedBoard:
         self.address: str = ""
         self._wave: Any = None
         self._wave_text: TextIO = io.StringIO()
-        self.clock = BoardClock(board, self.call, self.watch.excused)
+        excused = nullcontext if bring is not None else self.watch.excused
+        self.clock = BoardClock(board, self.call, excused, bring)
         board.waits = self.clock.wait_until
 
     def call(self, what: Callable[[], _T]) -> _T:
@@ -86,16 +89,12 @@ class TestedBoard:
 
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""
+        from vbus.nodes.machine import board_of
         from vbus.scope.page_file import one_file
         from vbus.scope.replayed import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
-        if self.file.nodes:
-            from vbus.nodes.recorded import RebuiltBoard
-
-            board = RebuiltBoard(reader.header, self.file.path).board
-        else:
-            board = build(self.file, self.source)
+        board = board_of(reader.header, self.file.path)
         recorded = replayed(board, reader, reader.header.families)
         return one_file(recorded.description, recorded.frames)
 

@@ -51,7 +51,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     try:
         file, source = read_board_file(path)
         if file.nodes:
-            from vbus.nodes.plan import build_nodes
+            from vbus.nodes.machine import build_nodes
 
             boards = [node.board for node in build_nodes(file, source)]
         else:

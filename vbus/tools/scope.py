@@ -185,7 +185,7 @@ class PagePlace:
         plain: bool = False,
     ) -> None:
         from vbus.addresses import loopback_like, stays_here
-        from vbus.board.metrics_checks import metrics_address
+        from vbus.board.network_checks import metrics_address
 
         try:
             self.host, self.port = metrics_address(listen, remote=True)

@@ -80,7 +80,8 @@ def _output(name: str, whole: bool) -> Iterator[TextIO]:
 
 def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
     """Write one file of the journals of several nodes, in the order of the nodes."""
-    from vbus.nodes.recorded import RebuiltBoard
+    from vbus.nodes.machine import board_of
+    from vbus.nodes.node import Node
     from vbus.tools.journal_lines import opened
     from vbus.trace.wave.merge import merge_waves
     from vbus.trace.wave.signals import FULL
@@ -96,14 +97,13 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
         if not path.is_file():
             raise VbusError(f"{path}: no such journal; a running board is recorded alone")
         with opened(path) as reader:
-            recorded = RebuiltBoard(reader.header, str(path))
-        node, plan = recorded.node, recorded.plan
-        if node is None or plan is None:
+            node = board_of(reader.header, str(path)).beyond
+        if not isinstance(node, Node):
             raise VbusError(f"{path}: it is of a board without nodes; record it alone")
         if node.rank in nodes:
             raise VbusError(f"{path}: it is of node {node.name}, as {nodes[node.rank][1]} is")
         nodes[node.rank] = node.name, path
-        plans.add(plan.digest)
+        plans.add(node.plan.digest)
     if len(plans) > 1:
         raise VbusError("these journals are of different machines; name those of one run")
     with ExitStack() as stack:

@@ -11,23 +11,12 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
+from vbus.transports import states
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 from vbus.transports.open_watch import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
-from vbus.transports.states import (
-    CLOSED,
-    FREE,
-    FRESH,
-    LEFT,
-    OPENED,
-    OVER,
-    SHARED,
-    STOP,
-    TERMINAL,
-    UNUSED,
-    WROTE,
-)
+from vbus.transports.states import TERMINAL
 
 _READ_SIZE: Final = 1 << 16
 _MOST_READ: Final = 1 << 18
@@ -84,7 +73,7 @@ class _Terminal:
     def __init__(
         self, loop: asyncio.AbstractEventLoop, notice: Callable[["_Terminal"], None]
     ) -> None:
-        self.state: str = FRESH
+        self.state: str = states.FRESH
         self.link: PtyLink | None = None
         self._loop: asyncio.AbstractEventLoop = loop
         self._clients: int = 0
@@ -124,7 +113,7 @@ class _Terminal:
     @property
     def named(self) -> bool:
         """Whether the name leads to it."""
-        return self.state in (FRESH, SHARED)
+        return self.state in (states.FRESH, states.SHARED)
 
     def move(self, event: str) -> None:
         """Go on to the state after an event."""
@@ -271,7 +260,7 @@ class PtyTransport(Transport):
                 unmade.callback(terminal.close)
                 if terminal.named:
                     unmade.callback(self._remove_name, terminal)
-                terminal.move(STOP)
+                terminal.move(states.STOP)
 
     def _remove_name(self, terminal: _Terminal) -> None:
         """Remove the name, if it is not another's by now."""
@@ -287,13 +276,13 @@ class PtyTransport(Transport):
 
     def _retire(self, terminal: _Terminal) -> None:
         """Let the name lead to a new terminal; whoever has this one open keeps it."""
-        self._renew(terminal, LEFT)
+        self._renew(terminal, states.LEFT)
         terminal.unwatch()
 
     def _move(self, terminal: _Terminal, event: str) -> None:
         """Go on with a terminal; one without a session is closed, if no client is opening it."""
         terminal.move(event)
-        if terminal.state == UNUSED:
+        if terminal.state == states.UNUSED:
             self._loop.call_later(REST_SECONDS, self._free_unused, terminal)
 
     def _name_new(self, terminal: _Terminal) -> None:
@@ -317,7 +306,7 @@ class PtyTransport(Transport):
 
     def _free(self, terminal: _Terminal) -> None:
         """Close a terminal; whoever has it open finds it hung up."""
-        terminal.move(FREE)
+        terminal.move(states.FREE)
         self._terminals.remove(terminal)
         terminal.close()
 
@@ -325,7 +314,7 @@ class PtyTransport(Transport):
 
     def _notice(self, terminal: _Terminal) -> None:
         """Begin and end the session of a terminal as clients open and close it."""
-        if terminal.state == CLOSED:
+        if terminal.state == states.CLOSED:
             return
         came = terminal.learn()
         state, fresh = terminal.look(), terminal.named
@@ -367,7 +356,7 @@ class PtyTransport(Transport):
         data = terminal.read()
         terminal.learn()
         mixed = terminal.mixed
-        self._renew(terminal, WROTE)
+        self._renew(terminal, states.WROTE)
         if mixed or not terminal.followed:
             terminal.unwatch()
             return data
@@ -383,7 +372,7 @@ class PtyTransport(Transport):
 
     def pass_on(self, terminal: _Terminal, data: bytes) -> None:
         """Give what has been read to the session of those who have the terminal open."""
-        if terminal.state == CLOSED:  # they have been hung up on
+        if terminal.state == states.CLOSED:  # they have been hung up on
             return
         link = terminal.link
         if link is None and (data or not terminal.look() & select.POLLHUP):
@@ -396,7 +385,7 @@ class PtyTransport(Transport):
         for other in tuple(self._terminals):
             if other is not terminal:
                 self._end_if_gone(other)
-        terminal.move(OPENED)
+        terminal.move(states.OPENED)
         link = terminal.link = PtyLink(self, terminal)
         self._on_link(link)
         return link
@@ -407,16 +396,16 @@ class PtyTransport(Transport):
         if terminal.link is not link:
             return
         terminal.link = None
-        if self.closing or terminal.state == CLOSED:
+        if self.closing or terminal.state == states.CLOSED:
             return
-        if terminal.named and terminal.look() & select.POLLHUP:
+        if terminal.named:
             self._retire(terminal)
-        self._move(terminal, OVER)
+        self._move(terminal, states.OVER)
         self._loop.call_soon(self._notice, terminal)
 
     def _free_unused(self, terminal: _Terminal) -> None:
         """Close a terminal that has had its clients, but for one that is opening it just now."""
-        if terminal.state == UNUSED:
+        if terminal.state == states.UNUSED:
             if terminal.look() & select.POLLHUP:
                 self._free(terminal)
             else:
@@ -428,8 +417,8 @@ class PtyTransport(Transport):
         if terminal.link is not link:
             return
         if terminal.named and not self.closing:
-            self._renew(terminal, LEFT)
+            self._renew(terminal, states.LEFT)
         terminal.link = None
         if not self.closing:
-            self._move(terminal, OVER)
+            self._move(terminal, states.OVER)
             self._free(terminal)

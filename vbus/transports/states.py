@@ -1,7 +1,8 @@
 """The states of a session and of a terminal, and the events that lead from one to another.
 
-The server runs by :data:`SESSION` and :data:`TERMINAL`; ARCHITECTURE.md draws them. A host comes and
-goes by both: the end of a generation of clients of a terminal is the event :data:`GONE` of its session.
+The server runs by :data:`SESSION` and :data:`TERMINAL`; ARCHITECTURE.md draws them. A host comes
+and goes by both: where a generation of clients of a terminal ends, its session has the event
+:data:`GONE`.
 """
 
 import logging
@@ -15,6 +16,9 @@ DRAINING: Final = "draining"
 LEAVING: Final = "leaving"
 DEPARTED: Final = "departed"
 CLOSED: Final = "closed"
+
+UNREAD: Final = (HELD, PAUSED, DRAINING)
+"""While nothing is read, a host that goes is noticed by its descriptor alone."""
 
 FRESH: Final = "fresh"
 SHARED: Final = "shared"
@@ -64,12 +68,13 @@ EVENTS: Final = {
     ROOM: "neither is so any more",
     FINISH: "the end of what the host sends: it has closed its half of the link",
     GONE: "the link is hung up, reset or closed; a terminal's clients have gone; all is sent",
-    DONE: "nothing is left to be carried out",
+    DONE: "nothing is left to be carried out, or an error has ended that",
     GIVE_UP: "another host waits to be let in, others go on in real time, or the board stops",
     END: "the server ends the session: a fault, an error, the board stops",
     OPENED: "a client has the terminal open: a session begins",
     WROTE: "the first byte has come: the name leads to a new terminal before the byte is read",
-    LEFT: "the clients have gone and have written nothing: the name leads to a new terminal",
+    LEFT: "the clients have written nothing, and have gone or are hung up on: the name leads to a"
+    " new terminal",
     OVER: "the session has ended",
     FREE: "no client has it open, or they are hung up on",
     STOP: "the transport is closed",
@@ -130,7 +135,6 @@ SESSION: Final = Machine(
     (DRAINING, END, CLOSED),
     (LEAVING, HOLD, DEPARTED),
     (LEAVING, DONE, CLOSED),
-    (LEAVING, END, CLOSED),
     (DEPARTED, HOLD, DEPARTED),
     (DEPARTED, DONE, CLOSED),
     (DEPARTED, GIVE_UP, CLOSED),
@@ -145,7 +149,6 @@ TERMINAL: Final = Machine(
     (FRESH, STOP, CLOSED),
     (SHARED, WROTE, OWNED),
     (SHARED, LEFT, OWNED),
-    (SHARED, OVER, FRESH),
     (SHARED, STOP, CLOSED),
     (OWNED, OVER, UNUSED),
     (OWNED, STOP, CLOSED),

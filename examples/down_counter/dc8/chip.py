@@ -17,16 +17,17 @@ class DC8(Chip):
     PINS = ds.PINS
     BUS = ds.BUS
     RULES = ds.RULES
-    STATE = ("load_value", "start", "taken")
+    VALUES = ds.VALUES
+    STATE = ("load", "start", "taken")
     WIRING = ("front",)
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
-        self.load_value = self.start = self.taken = 0
+        self.load = self.start = self.taken = 0
         self.front = BusFrontEnd(self)
 
     def power_on(self, done):
-        self.load_value = 0
+        self.load = 0
         self.advance()
         self.touched()
 
@@ -36,7 +37,7 @@ class DC8(Chip):
     def count(self):
         """What is left now: it follows from when it was started."""
         gone = (self.clock.cycle_at(self.kernel.now) - self.start) // ds.COUNT_CLK
-        return max(0, self.load_value - gone)
+        return max(0, self.load - gone)
 
     def advance(self):
         self.pins["DONE"].drive(LOW if self.count else HIGH)
@@ -44,14 +45,14 @@ class DC8(Chip):
     def due(self, kind):
         if not self.count:
             return NEVER
-        counts = self.load_value - (0 if kind == OUTPUT else self.count - 1)
+        counts = self.load - (0 if kind == OUTPUT else self.count - 1)
         return self.clock.ps(self.start + ds.COUNT_CLK * counts)
 
     # -- bus cycles: whole ones, and those of edges at the pins ------------------------------
 
     def begin_read(self, address):
         self.advance()
-        self.taken = self.count if address else self.load_value
+        self.taken = self.count if address else self.load
 
     def end_read(self):
         return self.taken
@@ -60,11 +61,6 @@ class DC8(Chip):
         self.advance()
         if address or (self.count and self.report(ds.RUNNING)):
             return
-        self.load_value, self.start = data, self.clock.cycle_at(self.kernel.now)
+        self.load, self.start = data, self.clock.cycle_at(self.kernel.now)
         self.advance()
         self.touched()
-
-    # -- looking in, and snapshots ----------------------------------------------------------
-
-    def telemetry(self):
-        return {"load": self.load_value, "count": self.count}

@@ -9,8 +9,6 @@ FAMILY = Family(
     title="DC-8",
     kind="down counter",
     datasheet="datasheet",
-    packets="packets:Dc8Packets",
-    calls="generated.calls:Dc8Calls",
     clock="1 MHz",
     outputs=("DONE",),
 )

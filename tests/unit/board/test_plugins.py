@@ -50,9 +50,9 @@ def test_what_a_family_leaves_out_is_none_and_what_is_broken_says_so() -> None:
         parts.FAMILY.object("packets")
     with pytest.raises(
         PluginError,
-        match=r"^family acme: calls = 'parts:Motor' is not a subclass of Chip$",
+        match=r"^family acme: upsets = 'parts:Motor' is not a subclass of Chip$",
     ):
-        parts.FAMILY.load("calls", Chip)
+        parts.FAMILY.load("upsets", Chip)
 
 
 def test_a_family_is_found_by_its_name_and_broken_plugins_are_passed_over(acme: None) -> None:

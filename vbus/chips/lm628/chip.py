@@ -19,7 +19,7 @@ from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, ValueTable, Violation, Watcher
 from vbus.state import Names
 
 _RUNNING: Final = 0
@@ -60,6 +60,7 @@ class LM628(FrontEndHost):
     PINS_OF: ClassVar[Mapping[str, tuple[PinRow, ...]]] = ds.PINS_OF
     BUS: ClassVar[BusTable | None] = ds.BUS
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    VALUES: ClassVar[ValueTable] = ds.VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     PERIOD_CLK: ClassVar[int] = ds.SAMPLE_CLK
@@ -399,22 +400,9 @@ class LM628(FrontEndHost):
             due = min(due, self._sample_at)
         return due if kind == EDGE or self._still else min(due, self._sample_at)
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return desired and real motion, filter and output, status and signals by name."""
-        self.advance()
-        return self.axis.telemetry() | {
-            "output": self.output.command, "code": self.output.code(), "status": self.status(),
-            "interrupt": self._hi.level,
-        }  # fmt: skip
-
     def undriven(self, axis: int) -> str:
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
-
-    def lane_steps(self) -> list[int]:
-        """Return what the lanes have of that."""
-        self.advance()
-        return self.axis.lane_steps(self.output.command, self._hi.level)
 
     def after_load(self) -> None:
         """Work out what is due."""

@@ -44,10 +44,6 @@ class Pid:
         phase: samples since the last derivative sample began, 0..ds.
     """
 
-    __slots__ = (
-        "_limits_sum", "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error",
-        "limited", "loaded", "phase", "sent", "sum", "term",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "kp", "ki", "kd", "il", "ds", "loaded: list[i64]", "sent: list[i64]", "sum", "term",
         "derivative", "last_error", "phase", "limited: bool",

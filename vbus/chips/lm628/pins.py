@@ -60,6 +60,7 @@ class BusPins(BusFrontEnd):
         "_data", "_host", "_kernel", "_late", "_limits", "_live", "_owner", "_read_undone",
         "_timer", "_write_undone",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_levels",)
 
     def __init__(self, chip: FrontEndHost, host: PortState) -> None:
         super().__init__(chip)
@@ -130,21 +131,22 @@ class BusPins(BusFrontEnd):
         """Carry out one action of the table."""
         # No machine word: the end of time less an edge long ago does not fit one.
         now: int = self._kernel.now
-        if action == "write":
-            self._end_write(now, ds.DATA_PORT if before & _PS else ds.COMMAND_PORT, not after & _WR)
+        if action == "begin":
+            port: i64 = after >> 2 & 1
+            self._begin(now, self._rd_fell)
+            if port and self._chip.judged:
+                self._judge("T17", now - self._data_read)
+            self._begin_read(now, port, not after & _WR)
         elif action == "take":
-            self._end_read(now, ds.DATA_PORT if before & _PS else ds.COMMAND_PORT, not after & _RD)
+            self._end_read(now, before >> 2 & 1, not after & _RD)
+        elif action == "write":
+            self._end_write(now, before >> 2 & 1, not after & _WR)
         elif action == "place":
             self._port_moved(now, not after & _CS and after & (_RD | _WR) != _RD | _WR)
         elif action == "enter":
             self._begin(now, self._wr_fell)
-            if after & _PS:
+            if after & _PS and self._chip.judged:
                 self._judge("T18", now - self._data_wrote)
-        elif action == "begin":
-            self._begin(now, self._rd_fell)
-            if after & _PS:
-                self._judge("T17", now - self._data_read)
-            self._begin_read(now, ds.DATA_PORT if after & _PS else ds.COMMAND_PORT, not after & _WR)
         elif action == "clash" and not self._fought:
             self._fought = True
             self._lost |= self._chip.report(ds.CONTENTION)
@@ -156,10 +158,11 @@ class BusPins(BusFrontEnd):
         self._began = now
         self._lost = False
         self._fought = False
-        self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
-        self._judge("T8", now - self._ps_moved)
+        if self._chip.judged:
+            self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
+            self._judge("T8", now - self._ps_moved)
 
-    def _begin_read(self, now: int, port: int, writing: bool) -> None:
+    def _begin_read(self, now: int, port: i64, writing: bool) -> None:
         chip = self._chip
         self.driving = True
         # From here on D0-D7 are the chip's own again.
@@ -175,7 +178,7 @@ class BusPins(BusFrontEnd):
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
         limit = self._limits[symbol]
-        if measured < limit and self._chip.judged:
+        if measured < limit:
             self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
 
     def _judge_hold(self, symbol: str, hold: int, when: int = -1) -> None:
@@ -198,7 +201,7 @@ class BusPins(BusFrontEnd):
 
     # -- ends of cycles -----------------------------------------------------------------------
 
-    def _end_write(self, now: int, port: int, early: bool) -> None:
+    def _end_write(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         net = self._data.net
         byte = net.before
@@ -213,7 +216,7 @@ class BusPins(BusFrontEnd):
             self._wrote = _LONG_AGO if floats else now
             self._byte = byte
             self._undo = keep(chip) if self._write_undone else {}
-            if port == ds.DATA_PORT:
+            if port:
                 self._data_wrote = now
             self._timer.at(now + self._limits["T16"])
         if not self._lost:
@@ -223,7 +226,7 @@ class BusPins(BusFrontEnd):
         if byte != net.value:
             self.settle()
 
-    def _end_read(self, now: int, port: int, early: bool) -> None:
+    def _end_read(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         if chip.judged:
             if early:
@@ -233,7 +236,7 @@ class BusPins(BusFrontEnd):
                 self._judge("T11", -1)
             self._ended = self._read = now
             self._undo = keep(chip) if self._read_undone else {}
-            if port == ds.DATA_PORT:
+            if port:
                 self._data_read = now
             self._timer.at(now + self._limits["T12"])
         if self._lost:

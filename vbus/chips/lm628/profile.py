@@ -89,11 +89,6 @@ class Trajectory:
         started: what an STT that waits for its sample has taken of :attr:`control`.
     """
 
-    __slots__ = (
-        "_newer", "_sent_raw", "_sent_relative", "accel", "accel_loaded", "control", "done",
-        "forward", "position", "raw", "relative", "started", "stopping", "target", "top",
-        "velocity", "velocity_mode", "wrapped",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "position", "velocity", "target", "top", "accel", "velocity_mode: bool", "forward: bool",
         "stopping: bool", "done: bool", "wrapped: bool", "control", "raw: list[i64]",

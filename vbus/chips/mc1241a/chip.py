@@ -26,6 +26,7 @@ from vbus.chips.mc1241a.datasheet import (
     SLOT_CLK,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
+    VALUES,
 )
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
@@ -36,7 +37,7 @@ from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import Plant, Policy, Rule, Violation
+from vbus.signals import Plant, Policy, Rule, ValueTable, Violation
 from vbus.state import Names
 
 
@@ -60,6 +61,7 @@ class MC1241A(ChipSet):
     PINS: ClassVar[tuple[PinRow, ...]] = PINS
     BUS: ClassVar[BusTable | None] = BUS
     RULES: ClassVar[tuple[Rule, ...]] = RULES
+    VALUES: ClassVar[ValueTable] = VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     PERIOD_CLK: ClassVar[int] = SLOT_CLK
@@ -341,28 +343,9 @@ class MC1241A(ChipSet):
 
     # -- state --------------------------------------------------------------------------------
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows, per axis with its number in front."""
-        self.advance()
-        values: dict[str, int | float | str] = {
-            "time": self.shared.time,
-            "ready": int(self.kernel.now >= self.port.busy_until),
-            "interrupt": self.interrupts.axis + 1,
-        }
-        for axis in self.axes:
-            n = axis.number + 1
-            a, b = self.cycles.phase_outputs(axis.number)
-            values |= {
-                f"target {n}": axis.profile.target_position,
-                f"velocity {n}": axis.profile.velocity / (1 << 32),
-                f"actual {n}": axis.encoder.actual,
-                f"error {n}": axis.position_error,
-                f"status {n}": axis.status,
-                f"mode {n}": axis.mode,
-                f"phase A {n}": a,
-                f"phase B {n}": b,
-            }
-        return values
+    def ready(self) -> int:
+        """Return the level of HostRdy."""
+        return int(self.kernel.now >= self.port.busy_until)
 
     def undriven(self, axis: int) -> str:
         """Return that the amplitude of the windings is 0, as after a reset (PMD-CMD-66)."""
@@ -370,15 +353,3 @@ class MC1241A(ChipSet):
         if axis >= len(self.axes) or self.axes[axis].active.motor_command:
             return ""
         return "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
-
-    def lane_steps(self) -> list[int]:
-        """Return what the lanes have of that."""
-        self.advance()
-        steps: list[int] = []
-        for axis in self.axes:
-            steps += [
-                axis.profile.target_position, axis.encoder.actual, axis.position_error,
-                axis.profile.velocity,
-            ]  # fmt: skip
-        steps.append(self.interrupts.axis + 1)
-        return steps

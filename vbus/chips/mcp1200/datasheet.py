@@ -11,7 +11,7 @@ from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
-from vbus.signals import HIGH, LOW, Rule, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")
@@ -456,4 +456,21 @@ OPTIONS: Final = (
     Option("clock_edge", "s", 0, "rise and fall time of the clock", low=0, clause="MCP-TIM-3"),
     Option("input_edge", "s", 0, "rise and fall time of the other inputs", low=0,
            clause="MCP-TIM-9"),
+)  # fmt: skip
+
+# -- Values: what is told of the chip; its other registers are found as the map names them ------
+
+VALUES: Final = ValueTable(
+    Value("mode", "mode()", key="mode", text=True),
+    Value("command position", key="command", lane="desired", register="COMMAND_POSITION"),
+    Value("actual position", "axis.counter.position(chip.cycle_now())", key="actual", lane="real",
+          register="ACTUAL_POSITION"),
+    Value("position error", key="error", lane="error", register="POSITION_ERROR"),
+    Value("actual velocity", key="velocity", lane="velocity", register="ACTUAL_VELOCITY"),
+    Value("motor output", "drive()", key="drive", lane="output", step=1e-4),
+    Value("flags", key="flags", register="FLAG"),
+    Value("status", key="status", register="STATUS"),
+    Value("profile phase", key="phase", register="PHASE"),
+    Value("sample timer", "axis.timer.count(chip.cycle_now())", register="SAMPLE_TIMER"),
+    registers=REGISTERS, file="axis.registers.",
 )  # fmt: skip

@@ -1,115 +1,106 @@
-# Made from aio_calls.py by vbus.tools.generate; change that file.
-# Made from the command table by vbus.tools.generate; change the table or the generator.
-"""Calls for the LM628 and LM629, one for each command, blocking."""
+# Made from the chip's tables by vbus.tools.generate; change that.
+"""Calls for the LM628 and LM629, one for each command, for asyncio."""
 
-from vbus.bits import sign_extend
-from vbus.chips.lm628.generated.access import Lm628Packets
-from vbus.client.words import words_of
-
+from vbus.chips.lm628.access import Lm628Packets
 
 class Lm628Calls(Lm628Packets):
-    """Every command by its mnemonic, in lower case.
+    """A call for each row of the chip's tables, under the manual's name in lower case.
 
-    Values are plain integers in the chip's own units; a word is 16 bits, a long value two words,
-    high word first.
+    Values are plain integers in the chip's own units. Of several words or bytes, the most
+    significant one is written first.
     """
 
-    def reset(self) -> None:
+    async def reset(self) -> None:
         """Reset LM628 (RESET, 00H, LM-CMD-1).
 
         Commands may be executed on the fly during motion.
         """
-        self.command(0x00)
 
-    def port8(self) -> None:
+    async def port8(self) -> None:
         """Select 8-Bit Output (PORT8, 05H, LM-CMD-6).
 
         Commands not applicable to execution during motion.
         """
-        self.command(0x05)
 
-    def port12(self) -> None:
+    async def port12(self) -> None:
         """Select 12-Bit Output (PORT12, 06H, LM-CMD-7).
 
         Commands not applicable to execution during motion.
         """
-        self.command(0x06)
 
-    def dfh(self) -> None:
+    async def dfh(self) -> None:
         """Define Home (DFH, 02H, LM-CMD-3).
 
         Commands may be executed on the fly during motion.
         """
-        self.command(0x02)
 
-    def sip(self) -> None:
+    async def sip(self) -> None:
         """Set Index Position (SIP, 03H, LM-CMD-4).
 
         Commands may be executed on the fly during motion.
         """
-        self.command(0x03)
 
-    def lpei(self, value: int) -> None:
+    async def lpei(self, value: int) -> None:
         """Interrupt on Error (LPEI, 1BH, LM-CMD-16).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 16 bits, unsigned.
+            value: 16 bits, unsigned, in cnt,
+                0 to 65535.
         """
-        self.command(0x1B, value)
 
-    def lpes(self, value: int) -> None:
+    async def lpes(self, value: int) -> None:
         """Stop on Error (LPES, 1AH, LM-CMD-15).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 16 bits, unsigned.
+            value: 16 bits, unsigned, in cnt,
+                0 to 65535.
         """
-        self.command(0x1A, value)
 
-    def sbpa(self, value: int) -> None:
+    async def sbpa(self, value: int) -> None:
         """Set Breakpoint, Absolute (SBPA, 20H, LM-CMD-21).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 32 bits, two's complement.
+            value: 32 bits, two's complement, in cnt,
+                -2147483648 to 2147483647.
         """
-        self.command(0x20, *words_of(value))
 
-    def sbpr(self, value: int) -> None:
+    async def sbpr(self, value: int) -> None:
         """Set Breakpoint, Relative (SBPR, 21H, LM-CMD-22).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 32 bits, two's complement.
+            value: 32 bits, two's complement, in cnt,
+                -2147483648 to 2147483647.
         """
-        self.command(0x21, *words_of(value))
 
-    def mski(self, value: int) -> None:
+    async def mski(self, value: int) -> None:
         """Mask Interrupts (MSKI, 1CH, LM-CMD-17).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 16 bits, unsigned.
+            value: 16 bits, unsigned,
+                0 to 65535.
         """
-        self.command(0x1C, value)
 
-    def rsti(self, value: int) -> None:
+    async def rsti(self, value: int) -> None:
         """Reset Interrupts (RSTI, 1DH, LM-CMD-18).
 
         Commands may be executed on the fly during motion.
 
         Args:
-            value: 16 bits, unsigned.
+            value: 16 bits, unsigned,
+                0 to 65535.
         """
-        self.command(0x1D, value)
 
-    def lfil(self, control: int, *words: int) -> None:
+    async def lfil(self, control: int, *words: int) -> None:
         """Load Filter Parameters (LFIL, 1EH, LM-CMD-19).
 
         Commands may be executed on the fly during motion.
@@ -118,16 +109,14 @@ class Lm628Calls(Lm628Packets):
             control: the control word, which says what follows.
             words: 0 to 4 data words.
         """
-        self.command(0x1E, control, *words)
 
-    def udf(self) -> None:
+    async def udf(self) -> None:
         """Update Filter (UDF, 04H, LM-CMD-5).
 
         Commands may be executed on the fly during motion.
         """
-        self.command(0x04)
 
-    def ltrj(self, control: int, *words: int) -> None:
+    async def ltrj(self, control: int, *words: int) -> None:
         """Load Trajectory (LTRJ, 1FH, LM-CMD-20).
 
         Commands may be executed on the fly during motion.
@@ -136,74 +125,65 @@ class Lm628Calls(Lm628Packets):
             control: the control word, which says what follows.
             words: 0 to 6 data words.
         """
-        self.command(0x1F, control, *words)
 
-    def stt(self) -> None:
+    async def stt(self) -> None:
         """Start Motion (STT, 01H, LM-CMD-2).
 
         Command may be executed during motion if acceleration parameter was not changed.
         """
-        self.command(0x01)
 
-    def rdsigs(self) -> int:
+    async def rdsigs(self) -> int:
         """Read Signals Register (RDSIGS, 0CH, LM-CMD-13).
 
         Commands may be executed on the fly during motion.
 
         Returns 16 bits, unsigned.
         """
-        return self.query(0x0C, 1)
 
-    def rdip(self) -> int:
+    async def rdip(self) -> int:
         """Read Index Position (RDIP, 09H, LM-CMD-10).
 
         Commands may be executed on the fly during motion.
 
-        Returns 32 bits, two's complement.
+        Returns 32 bits, two's complement, in cnt.
         """
-        return sign_extend(self.query(0x09, 2), 32)
 
-    def rddp(self) -> int:
+    async def rddp(self) -> int:
         """Read Desired Position (RDDP, 08H, LM-CMD-9).
 
         Commands may be executed on the fly during motion.
 
-        Returns 32 bits, two's complement.
+        Returns 32 bits, two's complement, in cnt.
         """
-        return sign_extend(self.query(0x08, 2), 32)
 
-    def rdrp(self) -> int:
+    async def rdrp(self) -> int:
         """Read Real Position (RDRP, 0AH, LM-CMD-11).
 
         Commands may be executed on the fly during motion.
 
-        Returns 32 bits, two's complement.
+        Returns 32 bits, two's complement, in cnt.
         """
-        return sign_extend(self.query(0x0A, 2), 32)
 
-    def rddv(self) -> int:
+    async def rddv(self) -> int:
         """Read Desired Velocity (RDDV, 07H, LM-CMD-8).
 
         Commands may be executed on the fly during motion.
 
-        Returns 32 bits, two's complement, in 1/65536.
+        Returns 32 bits, two's complement, in 1/65536 cnt/sample.
         """
-        return sign_extend(self.query(0x07, 2), 32)
 
-    def rdrv(self) -> int:
+    async def rdrv(self) -> int:
         """Read Real Velocity (RDRV, 0BH, LM-CMD-12).
 
         Commands may be executed on the fly during motion.
 
-        Returns 16 bits, two's complement.
+        Returns 16 bits, two's complement, in cnt/sample.
         """
-        return sign_extend(self.query(0x0B, 1), 16)
 
-    def rdsum(self) -> int:
+    async def rdsum(self) -> int:
         """Read Integration Sum (RDSUM, 0DH, LM-CMD-14).
 
         Commands may be executed on the fly during motion.
 
         Returns 16 bits, two's complement.
         """
-        return sign_extend(self.query(0x0D, 1), 16)
