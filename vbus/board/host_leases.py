@@ -3,6 +3,7 @@
 from typing import ClassVar, Final
 
 from vbus.board.host_selection import Selection
+from vbus.chips.base import OUTPUT, POLL
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.kernel import END, US
@@ -44,12 +45,12 @@ class HostLeases:
         if board.policy == "realtime" or board.granted or board.disturbed:
             return None
         outputs = self._pins.output_word()
-        chip, place = found
+        chip, _ = found
         until = min(board.kernel.next_due, END)
         if chip is not None:
-            until = min(until, chip.steady_until(place))
+            until = min(until, chip.due(POLL))
         for neighbour in self._selection.chips:
-            until = min(until, neighbour.next_event())
+            until = min(until, neighbour.due(OUTPUT))
         now: int = board.kernel.now
         if until <= now + self._selection.cycle:
             return None
@@ -67,7 +68,7 @@ class HostLeases:
         until = min(min(until, kernel.next_due), min(kernel.now + LONGEST_LEASE, END))
         for neighbour in self._selection.chips:
             if neighbour is not chip:
-                until = min(until, neighbour.next_event())
+                until = min(until, neighbour.due(OUTPUT))
         if until <= when + self._selection.cycle:
             return None
         self.until = until

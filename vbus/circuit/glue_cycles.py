@@ -5,9 +5,8 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.glue.part import Glue
 from vbus.kernel import Kernel
 from vbus.signals import Net, Watcher
@@ -88,10 +87,9 @@ class GlueCycles:
         ]  # fmt: skip
         watcher = Watcher(kernel, self._moved)
         for chip in self.chips:
-            follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
-            if follow is None:
+            if chip.BUS is None:
                 continue
-            row = BusLines(chip, follow())
+            row = BusLines(chip, watch_by(chip.BUS))
             row.levels = row.look()
             self.rows.append(row)
             for net in row.nets:

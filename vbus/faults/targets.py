@@ -1,6 +1,5 @@
 """Which chip, axis or link a fault is about."""
 
-from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.faults.armed import LinkActs
@@ -53,7 +52,7 @@ def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | Non
     if fault.target == CHIP:
         if number:
             raise ValueError(f'{fault.name} is a fault of the chip: write "{chip.name}"')
-        if fault.family == "bus" and not plugins.family(chip.FAMILY).strobes:
+        if fault.family == "bus" and chip.BUS is None:
             raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
         return chip.name
     return _axis(board, fault, chip, number or "1")

@@ -6,7 +6,7 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.chips.base import Chip
+from vbus.chips.base import SAMPLE, Chip
 from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
 from vbus.scope.frames import SAMPLES, numbers, read
@@ -90,7 +90,7 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
     give(board, part)
     seen = set()
     for _ in range(400):
-        due = board.chips[0].next_sample()
+        due = board.chips[0].due(SAMPLE)
         board.run_until(due if due != NEVER else board.now + MS)
         for values, told in named(board):
             assert values == told
@@ -138,7 +138,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
         told = chip.telemetry()
         for key, lane in rows:
             lane.note(board.now, told[key])  # type: ignore[arg-type]
-        due = chip.next_sample()
+        due = chip.due(SAMPLE)
         for plant, key, lane in behind:
             first = lane.untold or due == NEVER
             value = plant.telemetry()[key]

@@ -6,6 +6,7 @@ or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
@@ -175,6 +176,8 @@ _PWM: Final = (
 
 PINS_LM628: Final[tuple[PinRow, ...]] = _HOST + _DAC
 PINS_LM629: Final[tuple[PinRow, ...]] = _HOST + _PWM
+PINS_OF: Final = {part: PINS_LM629 if part.startswith("LM629") else PINS_LM628 for part in PARTS}
+"""An LM629 has a PWM instead of the converter's lines."""
 PINS: Final[tuple[PinRow, ...]] = _HOST + _DAC + _PWM
 """Pins of either part."""
 
@@ -221,12 +224,12 @@ BUSY_CAP: Final = 100 * US
 """Busy is never longer (ps)."""
 RESET_TIME: Final = MS
 """Default duration of a reset (ps); the manual says less than 1.5 ms."""
-READ_LOW: Final = 180 * NS
-"""How long /RD is low in a whole bus cycle (ps): the access time."""
-WRITE_LOW: Final = 100 * NS
-"""How long /WR is low in a whole bus cycle (ps)."""
-CYCLE: Final = 360 * NS
-"""Shortest whole bus cycle (ps): /RD low, then the bus let go."""
+BUS: Final = strobed_bus(
+    ("/CS", "/PS", "/RD", "/WR"), setup=AC["T8"].min_ps, read_low=AC["T10"].max_ps,
+    write_low=AC["T14"].min_ps, hold=AC["T9"].min_ps, data_setup=AC["T14"].min_ps,
+    data_hold=AC["T16"].min_ps, cycle_ps=AC["T10"].max_ps + AC["T12"].max_ps,
+)  # fmt: skip
+"""The host bus (LM-BUS-1 to LM-BUS-3), in whole cycles at the shortest times the manual allows."""
 
 # -- Motor output -------------------------------------------------------------------------------
 

@@ -2,11 +2,12 @@
 
 from typing import Final
 
+from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
 from vbus.options import Option
-from vbus.signals import LOW, Rule, Value, ValueTable, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mc1241a"
 
@@ -382,6 +383,36 @@ VERSIONS: Final = {
 """The manual's worked word with the first version of "A" parts, 2.0 (PMD-VER-2, NOTES 22)."""
 
 # -- pins ----------------------------------------------------------------------------------------
+
+BUS: Final = BusTable(
+    ("~HostSlct", "HostCmd", "~HostRead", "~HostWrite"),
+    strobes=(
+        Strobe(("~HostSlct", "~HostWrite"), HIGH, "write"),
+        Strobe(("~HostSlct", "~HostRead"), HIGH, "take", (("HostCmd", LOW),)),
+        Strobe(("~HostSlct", "~HostRead"), HIGH, "empty", (("HostCmd", HIGH),)),
+        Strobe(("HostCmd",), EITHER, "place"),
+        Strobe(("~HostSlct",), HIGH, "release"),
+        Strobe(("~HostSlct", "~HostRead", "~HostWrite"), LOW, "clash"),
+        Strobe(("~HostSlct", "~HostRead", "HostCmd"), LOW, "begin", (("~HostWrite", HIGH),)),
+    ),
+    read=(
+        (-110_000, "HostCmd", LOW), (-110_000, "~HostSlct", LOW), (-100_000, "~HostRead", LOW),
+        (0, "~HostRead", HIGH), (25_000, "~HostSlct", HIGH), (25_000, "HostCmd", Z),
+    ),
+    write=(
+        (-110_000, "HostCmd", ADDRESS), (-110_000, "~HostSlct", LOW),
+        (-100_000, "~HostWrite", LOW), (-100_000, "D0-D7", BYTE), (0, "~HostWrite", HIGH),
+        (30_000, "~HostSlct", HIGH), (30_000, "HostCmd", Z), (30_000, "D0-D7", Z),
+    ),
+    address="HostCmd",
+    # The adapter answers by itself: it has a status byte, and a write that pulses ~Reset.
+    special={
+        **dict.fromkeys(((COMMAND_PORT, False), (RESET_PORT, False)), ()),
+        (RESET_PORT, True): ((-1_000_000, "~Reset", LOW), (0, "~Reset", Z)),
+    },
+    cycle_ps=200_000,
+)  # fmt: skip
+"""The host bus (PMD-BUS-2 to PMD-BUS-4)."""
 
 PINS: Final = (
     PinRow("~HostSlct", "in", strobe=True, select=True, title="Host Port Select"),
