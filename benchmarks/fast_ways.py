@@ -23,6 +23,7 @@ import core
 from in_process import board, moving_lm629, moving_mc1241a, moving_mcp1200
 
 from benchmarks import journal
+from tests.unit.trace.plain_recorder import recorded
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.compiled import is_compiled
@@ -33,7 +34,6 @@ from vbus.tools import journal_lines
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.recorder import recorded
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import Sessions, show
 
@@ -155,7 +155,7 @@ def named(make: Callable[[], Board]) -> tuple[Work, Work]:
     made.run_for(SECOND)
     made.catch_up()
     chip = made.chips[0]
-    return chip.lane_steps, chip.telemetry
+    return partial(chip.VALUES.steps(chip.axis_count), chip), chip.telemetry
 
 
 def at_rest() -> tuple[Work, Work]:
@@ -194,11 +194,11 @@ WAYS = (
         lambda: replayed(journal.moves)),
     Way("tools/journal_lines.py", "a driver's journal explained",
         "unit/tools/test_journal_lines.py", explained),
-    Way("chips/base.py", "lanes of an LM629", "unit/scope/test_look.py",
+    Way("signals/values.py", "lanes of an LM629", "unit/scope/test_look.py",
         lambda: named(moving_lm629)),
-    Way("chips/base.py", "lanes of an MCP-1200", "unit/scope/test_look.py",
+    Way("signals/values.py", "lanes of an MCP-1200", "unit/scope/test_look.py",
         lambda: named(moving_mcp1200)),
-    Way("chips/base.py", "lanes of an MC1241A", "unit/scope/test_look.py",
+    Way("signals/values.py", "lanes of an MC1241A", "unit/scope/test_look.py",
         lambda: named(moving_mc1241a)),
 )  # fmt: skip
 

@@ -33,8 +33,14 @@ class Asking:
     def __init__(self, recorder: Recorder, chip: Any, look: Any, levels: list[Any]) -> None:
         self.chip, self.registers = chip, look.registers
         self.now = lambda: recorder.board.now
-        self.told = recorder.lanes.telemetry[chip.name]
-        self.plants = recorder.lanes.plants[chip.name]
+        lanes = recorder.lanes
+        rows = zip(chip.VALUES.lanes(chip.axis_count), lanes.values[chip.name], strict=True)
+        self.told = [(row.key.format(axis + 1), lane) for (row, axis), lane in rows]
+        self.plants = [
+            (plant, row.key, lane)
+            for plant, behind in lanes.plants[chip.name]
+            for (row, _), lane in zip(plant.VALUES.lanes(1), behind, strict=True)
+        ]
         self.levels = levels
         self.timer = recorder.board.kernel.onlooker(self.look)
 

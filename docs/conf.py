@@ -104,12 +104,6 @@ def make_pages(app: Sphinx) -> None:
     for package in PACKAGES:
         names = [module.name for module in pkgutil.iter_modules(import_module(package).__path__)]
         modules = [package, *(f"{package}.{name}" for name in names if name != "aio")]
-        if package == "vbus.client":
-            modules += [
-                f"{family.home}.generated.{name}"
-                for family in own_families()
-                for name in ("host", "calls")
-            ]
         lines = []
         for module in modules:
             found = import_module(module)

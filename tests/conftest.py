@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 
 import vbus
-from tests import costs, left_out, repeat
+from tests import costs, left_out, left_running, repeat
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
 from vbus.compiled import core, is_compiled, why
 
@@ -40,6 +40,7 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     config.pluginmanager.register(repeat)
     config.pluginmanager.register(left_out)
+    config.pluginmanager.register(left_running)
     config.pluginmanager.register(costs)
     config.stash[CLAUSES] = read_clauses(Path(__file__).parents[1] / "vbus" / "chips")
     config.stash[MARKED] = set()

@@ -1,7 +1,7 @@
 """What a test sees of the inside of a chip, and sets there, by the manual's names.
 
 A test asks ``probe(chip).desired_position``; where the chip has it, this file alone says. Registers
-that a family declares (``Family.inner_registers``) have their declared names, with ``_`` for a
+that a family declares (``Family.values``) have their declared names, with ``_`` for a
 space; an MCP-1200's register file has those of its data sheet in lower case. :data:`PLACES` has
 what no register shows.
 """
@@ -98,6 +98,11 @@ PLACES = {
 }
 
 
+def _way(place: str) -> str:
+    """Return a place as attributes and numbers: ``axes[{}].mode`` as ``axes.{}.mode``."""
+    return place.replace("[", ".").replace("]", "").removesuffix("()")
+
+
 class Probe:
     """The inside of one axis of a chip.
 
@@ -109,7 +114,8 @@ class Probe:
     def __init__(self, chip: Chip, axis: int = 1) -> None:
         family = plugins.family(chip.FAMILY)
         named = {row.name.lower(): f"axis.registers.{row.name.lower()}" for row in family.registers}
-        named |= {row.name.replace(" ", "_"): row.path for row in family.inner_registers}
+        rows = [row for row in family.values.rows if row.group]
+        named |= {row.name.replace(" ", "_"): _way(row.place) for row in rows}
         assert not named.keys() & PLACES[chip.FAMILY].keys()
         named |= PLACES[chip.FAMILY]
         self.__dict__.update(_chip=chip, _axis=axis, _places=named)

@@ -30,16 +30,16 @@ def texts(*folders: Path) -> list[Path]:
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
 ORDER = (
     "file_kinds", "errors", "bits", "collection", "options", "addresses", "version", "wall_clock",
-    "runtime", "native", "entry_points", "compiled", "state", "kernel", "values", "signals",
-    "protocols", "chips", "plant", "glue", "plugins", "network", "client", "circuit", "events",
-    "faults", "board", "trace", "scope", "nodes", "transports", "server", "attach", "cluster",
-    "tools", "testing", "__init__", "__main__",
+    "runtime", "native", "entry_points", "compiled", "instants", "state", "kernel", "values",
+    "signals", "protocols", "chips", "plant", "glue", "plugins", "network", "client", "circuit",
+    "events", "faults", "boardfile", "board", "trace", "scope", "nodes", "transports", "server",
+    "attach", "cluster", "tools", "testing", "__init__", "__main__",
 )  # fmt: skip
 """Rooms, the lowest first: a room imports those before it, for type checkers and in functions too.
 A folder is a room, a file beside the folders too; see :data:`ROLES` for the folder of a chip."""
 PURE = {
     "state", "kernel", "values", "signals", "protocols", "chips", "plant", "glue", "circuit",
-    "events", "faults", "board", "trace", "scope", "nodes",
+    "events", "faults", "boardfile", "board", "trace", "scope", "nodes",
 }  # fmt: skip
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
 ROLES = {
@@ -48,6 +48,7 @@ ROLES = {
     "upsets": "faults",
     "host": "client",
     "access": "client",
+    "calls": "client",
     "demo": "client",
     "generated": "client",
 }
@@ -182,6 +183,21 @@ def test_a_client_brings_no_behaviour_of_a_chip(module: str) -> None:
     files = [parts for parts in names if len(parts) > 2 and room(parts) == "chips"]
     assert {"datasheet"} <= {parts[-1] for parts in files} <= DATA
     assert ["chips", "base"] not in names
+
+
+def test_importing_the_client_loads_little() -> None:
+    code = "import sys; old = {*sys.modules}; import vbus.client; print(*{*sys.modules} - old)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(told.stdout.split())
+    # Each of these costs more than all of the client: msgspec alone takes half of what it did.
+    slow = {"msgspec", "typing_extensions", "inspect", "dataclasses", "asyncio", "uuid", "ssl"}
+    assert modules & slow == set()
+    rooms = {name.split(".")[1] for name in modules if name.startswith("vbus.")}
+    assert rooms == {
+        "client", "compiled", "errors", "file_kinds", "instants", "protocols", "runtime", "version",
+        "wall_clock",
+    }  # fmt: skip
+    assert len(modules) <= 90
 
 
 NAMED = re.compile(r"lm62[89]|mcp_?-?1200|mc1[12]41a", re.IGNORECASE)

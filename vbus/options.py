@@ -28,6 +28,7 @@ class Option(Struct, frozen=True):
         extremes: values, as a board file writes them, by which silicon may legally differ from
             the default: what a host must live with. The mildest comes first.
         evidence: of a choice between readings of a manual: what speaks for each of them.
+        ref: of a key of a board file whose value is a name: what it is the name of.
     """
 
     name: str
@@ -40,12 +41,13 @@ class Option(Struct, frozen=True):
     clause: str = ""
     extremes: tuple[Value, ...] = ()
     evidence: str = ""
+    ref: str = ""
 
 
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:
     """Return every setting of ``options``: as given, or its default.
 
-    For parts made in Python. Board files are checked, with units, by :mod:`vbus.board.config`.
+    For parts made in Python. Board files are checked, with units, by :mod:`vbus.boardfile.walker`.
 
     Raises:
         ValueError: a key nobody knows, a required one missing, or a value out of range.

@@ -12,7 +12,7 @@ import msgpack
 from multi_axis.chips import Cycle
 from multi_axis.score import MS, PIN, READ, US, Event, Score
 from vbus.board.config import read_board_file
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.client.aio.bus import Bus, connect
 from vbus.client.message import Later
 from vbus.cluster.ordering import order

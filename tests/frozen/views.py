@@ -16,7 +16,7 @@ from zlib import crc32
 
 from tests.frozen.frozen import FOLDER, RUNS, board_of, read_journal
 from vbus.board.checks import all_rules
-from vbus.board.sections import WaveSection
+from vbus.boardfile.sections import WaveSection
 from vbus.kernel import MS
 from vbus.scope.replayed import replayed
 from vbus.scope.rows import Rows

@@ -1,6 +1,7 @@
 """What a node is asked by another process for a snapshot, and how the answer travels."""
 
 import asyncio
+import base64
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -13,18 +14,20 @@ import zenoh
 from tests.nodes.four_chips import BOARD
 from tests.ports import free_endpoint
 from tests.waiting import PATIENCE
+from vbus.board.board import Board
 from vbus.board.config import read_board_text
-from vbus.cluster import node_link, timebase
-from vbus.cluster.elsewhere import Elsewhere
+from vbus.board.snapshot import Snapshot, take
+from vbus.board.snapshot import read as read_board
+from vbus.board.snapshot import write as write_board
+from vbus.cluster import node_link, peers, timebase
 from vbus.cluster.node_link import PIECE, NodeLink, Receiver
 from vbus.cluster.ordering import Answer, NodeRequest, read_answer
 from vbus.cluster.peers import Group
-from vbus.cluster.saving import SavedNode
 from vbus.cluster.timebase import Timebase
 from vbus.errors import SnapshotError, VbusError
 from vbus.network.session import close_session, open_session
 from vbus.nodes.machine import conductor_of
-from vbus.nodes.machine_snapshot import read
+from vbus.nodes.machine_snapshot import SavedNode, read
 from vbus.nodes.plan import plan_of
 from vbus.server.registry import ORDER_SECONDS
 from vbus.tools.snap_machine import save_machine
@@ -94,8 +97,8 @@ FILE, SOURCE = read_board_text(BOARD)
 PLAN = plan_of(FILE)
 
 
-def machine(nodes: str = "abcd") -> Timebase:
-    return Timebase(Group(PLAN), [conductor_of(FILE, SOURCE, name, None) for name in nodes])
+def machine(nodes: str = "abcd", link: NodeLink | None = None) -> Timebase:
+    return Timebase(Group(PLAN, link), [conductor_of(FILE, SOURCE, name, None) for name in nodes])
 
 
 def ordered(base: Timebase, data: bytes) -> Answer:
@@ -118,11 +121,12 @@ def test_a_node_answers_with_its_part_when_the_round_has_ended() -> None:
     answer = ordered(machine(), msgspec.json.encode(NodeRequest(PLAN.digest, save=7)))
     assert answer.part is not None
     assert (answer.node, answer.error, answer.part.round) == ("b", "", 7)
-    assert answer.now == answer.part.when_ps
-    assert answer.part.text == BOARD
+    snapshot = read_board(answer.part.data)
+    assert answer.now == snapshot.when
+    assert snapshot.text == BOARD
     other = conductor_of(FILE, SOURCE, "b", None)
-    other.load(answer.part.data)
-    assert other.node.board.now == answer.part.when_ps
+    other.load(snapshot)
+    assert other.node.board.now == snapshot.when
     again = ordered(machine(), msgspec.json.encode(NodeRequest(PLAN.digest)))
     assert (again.node, again.error, again.part) == ("b", "", None)
 
@@ -141,18 +145,16 @@ def test_a_part_that_cannot_be_had_is_refused_in_words(monkeypatch: pytest.Monke
     ):
         base = machine()
 
-        def fail(error: Exception = error) -> bytes:
+        def fail(error: Exception = error) -> Snapshot:
             raise error
 
         monkeypatch.setattr(base.conductors[1], "save", fail)
         assert ordered(base, data).error == f"node b cannot be saved: {said}"
-    monkeypatch.setattr(timebase, "LARGEST_ANSWER", 500)
+    monkeypatch.setattr(peers, "LARGEST_ANSWER", 500)
     refused = ordered(machine(), data)
     assert refused.part is None
-    assert refused.error.startswith("node b has a part of ")
-    assert refused.error.endswith(
-        " bytes, and at most 500 go to another computer; save where all nodes are on one"
-    )
+    assert refused.error.startswith("node b: its answer has ")
+    assert refused.error.endswith(" bytes, and at most 500 are sent")
 
 
 class Line:
@@ -168,7 +170,7 @@ class Line:
         take(self.answer)
 
 
-PART = SavedNode(7, 5, "f", "t", (("h", ("x",), 3),), b"state")
+PART = SavedNode(7, b"state")
 
 
 @pytest.mark.parametrize(
@@ -177,8 +179,7 @@ PART = SavedNode(7, 5, "f", "t", (("h", ("x",), 3),), b"state")
         (
             {"node": "c", "round": 7},
             msgspec.json.encode(Answer("c", 5, part=PART)),
-            {"done": {"round": 7, "when_ps": 5, "file": "f", "text": "t",
-                      "hosts": (("h", ("x",), 3),), "data": "c3RhdGU="}},
+            {"done": {"round": 7, "data": "c3RhdGU="}},
         ),
         ({"node": "c"}, b"", {"done": {"answers": False, "state": "not here yet"}}),
         (
@@ -221,7 +222,7 @@ def test_what_a_node_elsewhere_answers_is_checked(
 ) -> None:
     line = Line(answer or b"")
     replies: list[dict[str, Any]] = []
-    Elsewhere(machine("ab"), cast("NodeLink", line)).order(request_, replies.append)
+    machine("ab", cast("NodeLink", line)).save_node(request_, replies.append)
     assert replies == [reply]
     expected = [(2, NodeRequest(PLAN.digest, save=request_.get("round", -1)))]
     assert line.asked == ([] if answer is None else expected)
@@ -230,8 +231,8 @@ def test_what_a_node_elsewhere_answers_is_checked(
 @pytest.mark.parametrize("answer", [b"x", b"[]", b"\xff", b'{"node":"c","part":{"round":1}}'])
 def test_an_answer_that_is_none_is_refused(answer: bytes) -> None:
     replies: list[dict[str, Any]] = []
-    elsewhere = Elsewhere(machine("ab"), cast("NodeLink", Line(answer)))
-    elsewhere.order({"node": "c", "round": 7}, replies.append)
+    base = machine("ab", cast("NodeLink", Line(answer)))
+    base.save_node({"node": "c", "round": 7}, replies.append)
     assert replies[0]["error"].startswith("node c gives an answer that is none: ")
 
 
@@ -242,19 +243,15 @@ def test_nodes_elsewhere_that_were_asked_too_late_are_asked_for_a_later_round(
 
     def order(board: str, do: str, **values: Any) -> dict[str, Any]:
         if "round" not in values:
-            assert (board, do, values) == ("m.a", "snap.elsewhere", {"node": "b"})
+            assert (board, do, values) == ("m.a", "snap.node", {"node": "b"})
             return {"answers": True, "state": "runs"}
         late = 0
-        if do == "snap.elsewhere":
-            assert (board, values["node"]) == ("m.a", "b")
+        assert (board, do) == ("m.a", "snap.node")
+        if values["node"] == "b":
             numbers.append(values["round"])
             late = 900 * (len(numbers) < 4)
-        else:
-            assert (board, do) == ("m.a", "snap.node")
-        return {
-            "round": values["round"] + late, "when_ps": 5, "file": f"{late} {do}", "text": do,
-            "hosts": [], "data": "",
-        }  # fmt: skip
+        data = write_board(take(Board(values["node"])))
+        return {"round": values["round"] + late, "data": base64.b64encode(data).decode()}
 
     monkeypatch.setattr("vbus.server.registry.order", order)
     file = tmp_path / "m.snap"
@@ -262,17 +259,17 @@ def test_nodes_elsewhere_that_were_asked_too_late_are_asked_for_a_later_round(
     found = read(file.read_bytes())
     assert len(numbers) == 4
     assert all(later > before + 900 for before, later in pairwise(numbers))
-    assert (found.round, [part.node for part in found.nodes]) == (numbers[-1], ["a", "b"])
-    assert found.text == "snap.node"  # of here
+    assert (found.round, list(found.nodes)) == (numbers[-1], ["a", "b"])
+    assert [part.board for part in found.nodes.values()] == ["a", "b"]
 
 
 def test_of_several_refusals_that_which_is_no_consequence_is_told(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def order(board: str, do: str, **values: Any) -> dict[str, Any]:
-        if do == "snap.elsewhere" and "round" in values:
+        if values["node"] == "b" and "round" in values:
             raise VbusError("node b waits for its host")
-        if do == "snap.node":
+        if values["node"] == "a":
             raise VbusError("node a waits for the others, so")
         return {"answers": True, "state": "runs"}
 

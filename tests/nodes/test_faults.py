@@ -11,12 +11,12 @@ from tests.nodes.four_chips import scenario
 from tests.nodes.processes import Bench, ended
 from tests.nodes.test_hosts import BOARD, both
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
+from vbus.circuit.orders import PIN, Order, Orders
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
-from vbus.nodes.machine import Machine
-from vbus.nodes.orders import PIN, Order, Orders
-from vbus.nodes.plan import build_nodes, part_of, pins_of, plan_of
+from vbus.nodes.machine import Machine, build_nodes
+from vbus.nodes.plan import part_of, pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 from vbus.server.registry import order
 

@@ -9,8 +9,10 @@ from tests.nodes.four_chips import BOARD as FOUR
 from tests.nodes.processes import Bench, ended
 from tests.nodes.test_faults import JAMMED, run
 from tests.nodes.test_hosts import BOARD, both
+from vbus.board.board import Board
 from vbus.kernel import MS
-from vbus.nodes.recorded import RebuiltBoard
+from vbus.nodes.machine import board_of
+from vbus.nodes.node import Node
 from vbus.server.registry import order
 from vbus.tools.replay import machine_hash
 from vbus.trace.journal.format import Entry, JournalReader
@@ -22,14 +24,14 @@ def entries(path: Path) -> list[Entry]:
         return list(JournalReader(file))
 
 
-def replayed(path: Path, traced: bool = False) -> tuple[RebuiltBoard, Outcome]:
+def replayed(path: Path, traced: bool = False) -> tuple[Board, Outcome]:
     with path.open("rb") as file:
         reader = JournalReader(file)
-        recorded = RebuiltBoard(reader.header, str(path))
-        assert recorded.node is not None
+        board = board_of(reader.header, str(path))
+        assert isinstance(board.beyond, Node)
         if traced:
-            recorded.node.start_trace()
-        return recorded, Replay(recorded.board, reader, reader.header.families).run()
+            board.beyond.start_trace()
+        return board, Replay(board, reader, reader.header.families).run()
 
 
 def test_a_machine_of_two_processes_replays_in_one_to_the_same_hash(tmp_path: Path) -> None:
@@ -58,7 +60,7 @@ def test_a_machine_of_two_processes_replays_in_one_to_the_same_hash(tmp_path: Pa
         numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
         with path.open("rb") as file:
             header = JournalReader(file).header
-        again = Replay(RebuiltBoard(header, "").board, numbered, header.families).run()
+        again = Replay(board_of(header, ""), numbered, header.families).run()
         assert again.divergence is not None
     finally:
         bench.close()
@@ -84,7 +86,7 @@ def test_what_hosts_and_faults_did_to_nodes_is_replayed(
             assert outcome.divergence is None
             assert outcome.ended
             assert outcome.cycles > 400
-            assert recorded.board.now >= 40 * MS
+            assert recorded.now >= 40 * MS
         assert len(machine_hash([recorded for recorded, _ in played])) == 64
         assert machine_hash([played[0][0]]) == ""
         assert len(seen[0]) == 22
@@ -100,7 +102,7 @@ def test_what_hosts_and_faults_did_to_nodes_is_replayed(
         assert any(entry.op == "arm" for entry in changed)
         with path.open("rb") as file:
             header = JournalReader(file).header
-        outcome = Replay(RebuiltBoard(header, "").board, changed, header.families).run()
+        outcome = Replay(board_of(header, ""), changed, header.families).run()
         assert outcome.divergence is not None
         assert outcome.divergence.what == "reply"
     finally:

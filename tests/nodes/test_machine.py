@@ -4,6 +4,7 @@ import heapq
 import random
 import re
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -12,11 +13,12 @@ from hypothesis import strategies as st
 from tests.nodes.four_chips import BOARD, scenario
 from vbus import state
 from vbus.board.config import read_board_text
+from vbus.board.snapshot import Snapshot
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
-from vbus.nodes.machine import Machine, conductor_of, trace_hash
+from vbus.nodes.machine import Machine, build_nodes, conductor_of, trace_hash
 from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
-from vbus.nodes.plan import build_nodes, pins_of, plan_of
+from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import merged
@@ -238,7 +240,7 @@ def test_time_waits_for_a_host_that_has_begun_to_use_it_until_it_waits_itself() 
 def test_a_node_that_rejoins_from_a_snapshot_changes_nothing(machine: Machine) -> None:
     """It dies after a snapshot, has lost what it did since, and catches up from the others."""
     made = Machine(FILE, SOURCE, played())
-    saved = b""
+    saved: Snapshot | None = None
     while made.conductors[2].participant.granted < 14_000 * US:
         for conductor in made.conductors:
             made.poll(conductor)
@@ -246,6 +248,7 @@ def test_a_node_that_rejoins_from_a_snapshot_changes_nothing(machine: Machine) -
                 if conductor.participant.granted > 9_000 * US:
                     saved = conductor.save()
     reborn = conductor_of(FILE, SOURCE, "c", played())
+    assert saved is not None
     reborn.load(saved)
     assert reborn.node.board.limit == reborn.participant.granted - 1
     made.conductors[2] = reborn
@@ -274,7 +277,7 @@ def test_a_node_that_starts_anew_lives_through_it_all_again(machine: Machine) ->
 @pytest.mark.parametrize("until", [3, 12, 24, 36, 48, 60, 72, 78, 80])
 def test_all_nodes_go_on_from_snapshots_taken_anywhere(machine: Machine, until: int) -> None:
     made = Machine(FILE, SOURCE, played())
-    saved: dict[int, bytes] = {}
+    saved: dict[int, Snapshot] = {}
     while len(saved) < len(made.conductors):
         for rank, conductor in enumerate(made.conductors):
             if rank not in saved:
@@ -298,10 +301,20 @@ def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
     while not made.conductors[0].participant.reported:
         made.conductors[0].poll()
     other = conductor_of(FILE, SOURCE, "b", played(8))
-    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 1; this is node b"):
-        other.load(made.conductors[0].save())
-    with pytest.raises(SnapshotError, match="this is no snapshot of a node"):
-        other.load(b"\xc1")
+    snapshot = made.conductors[0].save()
+    with pytest.raises(SnapshotError, match=r'the snapshot is of board "four.a" with .*"four.b"'):
+        other.load(snapshot)
+    mine = conductor_of(FILE, SOURCE, "a", played(8))
+    state = {name: field for name, field in snapshot.state.items() if name != "beyond"}
+    before = mine.node.board.state_hash()
+    for beyond in ({}, {"beyond": {}}, {"beyond": {**snapshot.state["beyond"], "agreed": None}}):
+        with pytest.raises(SnapshotError, match=r"node a|leave --trace out"):
+            mine.load(replace(snapshot, state={**state, **beyond}))
+        assert mine.node.board.state_hash() == before
+    agreed = {**snapshot.state["beyond"]["agreed"], "round": 9}
+    beyond = {**snapshot.state["beyond"], "agreed": agreed}
+    with pytest.raises(SnapshotError, match="no report of its round 9"):
+        mine.load(replace(snapshot, state={**state, "beyond": beyond}))
 
 
 def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
@@ -459,7 +472,7 @@ def test_every_attribute_of_a_node_is_state_wiring_or_derived() -> None:
         ({"wire_ends": ()}, "node a.wire_ends: wants "),
         ({"trace": None}, "node a.trace: wants the fields of NodeTrace by name, not None"),
         ({"more": 1}, "node a.more: is no field of Node"),
-        ({"board": None}, "this is no saved board"),
+        ({"agreed": None}, "node a.agreed: wants the fields of Participant by name, not None"),
     ],
 )
 def test_a_bad_state_of_a_node_is_named_and_changes_nothing(
@@ -468,9 +481,10 @@ def test_a_bad_state_of_a_node_is_named_and_changes_nothing(
     made = Machine(FILE, SOURCE, played(8))
     made.run()
     node = made.conductors[0].node
+    made.conductors[0].participant.report(NEVER, -1, [])
     before = node.save()
     with pytest.raises(SnapshotError, match=re.escape(text)):
-        node.load({**before, "number": 7, **change})
+        node.prepare({**before, "number": 7, **change}).apply()
     assert state.differences(node.save(), before) == []
 
 

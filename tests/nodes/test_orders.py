@@ -5,9 +5,8 @@ import pytest
 from vbus import state
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.circuit.orders import PIN, READ, WRITE, Order, Orders
 from vbus.kernel import US
-from vbus.nodes.host import NodeBus
-from vbus.nodes.orders import PIN, READ, WRITE, Order, Orders
 from vbus.signals import Observer
 from vbus.state import save
 
@@ -236,12 +235,11 @@ def test_a_read_of_several_chips_is_the_fight_a_host_would_cause(
 
 def test_a_host_that_only_makes_cycles_uses_time_too() -> None:
     board, _ = made(False)
-    board.port_type = NodeBus
+    board.granted = True
     port = board.open_port("h", ["m"])
-    assert isinstance(port, NodeBus)
-    assert not port.uses_time
+    assert not port.clock.used
     board.limit = 100 * US
     port.write(0x20, 1)
-    assert port.uses_time
+    assert port.clock.used
     port.write(0x20, 2)
     assert port.read(0x20) == 2

@@ -18,13 +18,13 @@ from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from tests.unit.scope.decoded import Seen
 from tests.waiting import Starved
-from vbus.board.config import read_board_text
+from vbus.board.config import read_board_file, read_board_text
 from vbus.cluster import ordering
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group
 from vbus.cluster.realtime_nodes import ClockEstimate, RealTime
 from vbus.cluster.skew import BOUNDS_NS, Skew
-from vbus.errors import NodeError
+from vbus.errors import ConfigError, NodeError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
 from vbus.nodes.messages import WireEdges
@@ -103,12 +103,10 @@ def test_without_late_edges_real_time_gives_the_hash_of_virtual_time(tmp_path: P
 
 
 def order(
-    bench: Bench, lines: str, *options: str, board: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "vbus", "order", str(board or bench.board), "-", *options],
-        input=lines, capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+    bench: Bench, lines: str, ahead: int = 100 * MS, align: int = 1, board: Path | None = None
+) -> tuple[int, list[ordering.Answer]]:
+    file, _ = read_board_file(str(board or bench.board))
+    return ordering.order(file, lines, "script", ahead, align=align)
 
 
 def shown(bench: Bench) -> "tuple[subprocess.Popen[str], str]":
@@ -138,29 +136,25 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 0 for n in "abcd"))
 
         lines = "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1"
-        done = order(bench, lines, "--ahead", "500ms", "--align", "256us")
+        ordered, answers = order(bench, lines, 500 * MS, 256 * US)
 
-        assert done.returncode == 0, done.stderr
-        assert "node a: 1 requests" in done.stdout
-        assert "node c: 2 requests" in done.stdout
-        ordered = float(done.stdout.splitlines()[-1].split()[-2])
-        assert round(ordered * 1e9) % (256 * US) == 0
-        never = order(bench, "0us x w 0 1", "--align", "0us")
-        assert never.returncode == 2
-        assert '"0us" is no period' in never.stderr
+        assert [(answer.node, answer.taken) for answer in answers] == [("a", 1), ("b", 1), ("c", 2)]
+        assert ordered % (256 * US) == 0
+        with pytest.raises(ConfigError, match=r"^0 ps is no period to align to; give a time from"):
+            order(bench, "0us x w 0 1", align=0)
         other = tmp_path / "other.toml"
         other.write_text(bench.board.read_text().replace('"6 MHz"', '"5 MHz"'))
-        wrong = order(bench, lines, board=other)
-        assert wrong.returncode == 1, wrong
-        assert "node a runs another board file or version of vbus" in wrong.stderr
-        late = order(bench, "0us x w 0 1", "--ahead", "0us")
-        if re.search(r"node a: 1 requests, \d+\.\d+ ms ahead", late.stdout):
-            raise Starved(f"the computer keeps node a behind its time: {late.stdout}")
-        assert late.returncode == 1
-        assert "node a refuses: it comes" in late.stderr
-        wrong = order(bench, "0us x w 0")
-        assert wrong.returncode == 3
-        assert "-:1: unknown request 'w 0'" in wrong.stderr
+        with pytest.raises(NodeError, match="node a runs another board file or version of vbus"):
+            order(bench, lines, board=other)
+        try:
+            at, (answer,) = order(bench, "0us x w 0 1", 0)
+        except NodeError as error:
+            refused = str(error)
+        else:
+            raise Starved(f"the computer keeps node a behind its time: {at - answer.now} ps")
+        assert refused.startswith("node a refuses: it comes")
+        with pytest.raises(ConfigError, match=r"^script:1: unknown request 'w 0'"):
+            order(bench, "0us x w 0")
         listed = bench.vbus("ls")
         assert "keeps the epoch" in listed.stdout
         assert "goes by the same clock" in listed.stdout
@@ -182,7 +176,7 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
             ended(process)
         starts = when(bench, "a", "w x 0 1") + when(bench, "b", "w y 0 1")
         assert len(starts) == 2
-        assert starts[0] == starts[1] == round(ordered * 1e9)
+        assert starts[0] == starts[1] == ordered
         assert min(when(bench, "cd", "2 e /SYNC 0")) == starts[0] + 5 * US
     finally:
         bench.close()
@@ -281,7 +275,7 @@ def test_nothing_is_ordered_while_a_clock_is_not_known_to_the_sample(
         ordering.order(file, "0us x+y w 0 1", "s", align=256 * US, connect=("tcp/x:1",))
     assert str(refused.value) == (
         "node b knows the time of all to 300 us only, which is more than the 256 us to align to,"
-        " and nothing has been ordered; wait until vbus ls shows less, or give a longer --align"
+        " and nothing has been ordered; wait until vbus ls shows less, or align to a longer time"
     )
     assert asked == [-1] * 4
     at, _ = ordering.order(file, "0us x+y w 0 1", "s", align=512 * US, connect=("tcp/x:1",))

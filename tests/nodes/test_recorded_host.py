@@ -6,16 +6,13 @@ import pytest
 from msgspec.structs import replace
 
 from vbus.board.config import read_board_text
+from vbus.circuit.orders import READ, WRITE, Order
 from vbus.kernel import END, MS, US
-from vbus.nodes.host import NodeBus
-from vbus.nodes.machine import node_of
+from vbus.nodes.machine import board_of, node_of
 from vbus.nodes.node import Node
-from vbus.nodes.orders import READ, WRITE, Order
-from vbus.nodes.recorded import RebuiltBoard
 from vbus.protocols.port import NotYet
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorder import recorded
 from vbus.trace.journal.replay import Divergence, Replay
 
 BOARD = """\
@@ -52,7 +49,7 @@ class Journalled:
         file, source = read_board_text(BOARD)
         self.node: Node = node_of(file, source, "left")
         self.data = BytesIO()
-        self._journal = Journal(self.node.board, self.data, BOARD, "b.toml", port=recorded(NodeBus))
+        self._journal = Journal(self.node.board, self.data, BOARD, "b.toml")
         self.node.board.limit = END
         self.port = self.node.board.open_port("host", ["x"])
 
@@ -61,8 +58,7 @@ class Journalled:
         self._journal.close()
         found = list(JournalReader(BytesIO(self.data.getvalue())))
         reader = JournalReader(BytesIO(self.data.getvalue()))
-        recorded = RebuiltBoard(reader.header, "run")
-        outcome = Replay(recorded.board, reader, reader.header.families).run()
+        outcome = Replay(board_of(reader.header, "run"), reader, reader.header.families).run()
         assert outcome.divergence is None
         return found
 
@@ -105,7 +101,7 @@ def test_orders_from_beyond_are_replayed_for_whom_they_were_given() -> None:
     assert [entry.op for entry in entries if entry.op.startswith("order")] == ["orders", "order"]
     (order,) = [entry for entry in entries if entry.op == "order"]
     assert order.args[:3] == ("boss", 3 * MS, ["x"])
-    again = RebuiltBoard(JournalReader(BytesIO(made.data.getvalue())).header, "run").node
+    again = board_of(JournalReader(BytesIO(made.data.getvalue())).header, "run").beyond
     assert again is not None
     with pytest.raises(ValueError, match="no chip called 'z'"):
         again.replay("order", ("boss", 3 * MS, ["z"], WRITE, 0, 6, ""))
@@ -117,7 +113,7 @@ def replayed_with(entries: list[Entry], data: bytes) -> Divergence | None:
     numbered = [replace(entry, number=number) for number, entry in enumerate(entries)]
     end = numbered[-1]
     numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
-    return Replay(RebuiltBoard(header, "run").board, numbered, header.families).run().divergence
+    return Replay(board_of(header, "run"), numbered, header.families).run().divergence
 
 
 def test_an_ordered_cycle_that_differs_is_told_with_both_cycles() -> None:

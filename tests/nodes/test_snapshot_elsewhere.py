@@ -93,8 +93,8 @@ def test_one_command_saves_the_nodes_of_all_computers(
         assert code == 0, out
     assert bench.merged(groups) == reference  # they were looked at only
     snapshot = read((bench.folder / "four.snap").read_bytes())
-    assert [part.node for part in snapshot.nodes] == [*"abcd"]
-    assert snapshot.text == bench.board.read_text()
+    assert list(snapshot.nodes) == [*"abcd"]
+    assert snapshot.nodes["d"].text == bench.board.read_text()
     for trace in bench.folder.glob("*.trace"):
         trace.unlink()
     code, out = ended(bench.start("abcd", "--from", "four.snap"))
@@ -249,7 +249,7 @@ def test_with_certificates_nodes_are_asked_and_nobody_else_may_ask(tmp_path: Pat
             done = bench.vbus("snap", "save", "four", "four.snap")
             assert done.returncode == 0, done.stderr
             found = read((bench.folder / "four.snap").read_bytes())
-            assert [part.node for part in found.nodes] == ["a", "b"]
+            assert list(found.nodes) == ["a", "b"]
         plan = plan_of(read_board_text(left.board.read_text())[0])
         for name, heard in (("visitor", 0), ("all", 0), ("stranger", 0), ("right", 1)):
             folder = computers.bench(name).folder

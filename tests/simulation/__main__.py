@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 from tests.simulation.failures import failures
 from tests.simulation.run import simulate
+from vbus.transports.states import SESSION, TERMINAL
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m tests.simulation")
@@ -20,10 +21,12 @@ if __name__ == "__main__":
     began = time.monotonic()
     seeds = range(asked.first, asked.first + asked.seeds)
     counts: Counter[str] = Counter()
+    moves: Counter[str] = Counter()
     failed = 0
     with ProcessPoolExecutor(asked.jobs) as pool:
         for outcome in pool.map(failures if asked.failures else simulate, seeds, chunksize=4):
             counts.update(outcome.counts)
+            moves.update(outcome.moves)
             if outcome.wrong:
                 failed += 1
                 print(f"seed {outcome.seed}: {outcome.wrong}")
@@ -31,6 +34,9 @@ if __name__ == "__main__":
                 print(f"  again: python -m tests.simulation --first {outcome.seed} --seeds 1{also}")
             elif asked.seeds == 1:
                 print(f"seed {outcome.seed}: {outcome.digest}")
+    for machine in () if asked.failures else (SESSION, TERMINAL):
+        for row in machine.rows:
+            print(f"{moves[', '.join((machine.name, *row))]:9} {machine.name}: {', '.join(row)}")
     told = ", ".join(f"{number} {what}" for what, number in counts.items())
     print(f"{len(seeds)} seeds, {failed} failed; {told}; {time.monotonic() - began:.0f} s")
     sys.exit(bool(failed))

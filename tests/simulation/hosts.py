@@ -45,6 +45,8 @@ class Host:
         self._half_closed = False
         self._left: Terminal | None = None
         """The terminal it has had last."""
+        self.unheard = False
+        """Whether answers may be lost: from the first broken link on."""
         self.done = False
         """Whether it comes no more."""
         self.transcripts: list[Transcript] = []
@@ -67,12 +69,21 @@ class Host:
                 self._random.choice(GAPS_NS) + self._random.randrange(1000), self._turn
             )
 
+    def lose_answers(self, entry: str) -> None:
+        """A fault acts on a link: if it is this host's, what is answered is not all it hears."""
+        if self._name.startswith(entry):
+            self.unheard = True
+            for transcript in self.transcripts:
+                transcript.whole = False
+
     # -- what it does ---------------------------------------------------------------------------
 
     def act(self) -> None:
         """Do one thing."""
         if self._end is None:
             self.connect()
+            return
+        if self._half_closed and self._random.random() < 0.7:
             return
         draw = self._random.random()
         for name, chance in self._manners.items():
@@ -93,6 +104,7 @@ class Host:
             self._end = end
             self.transcripts.append(Transcript(f"{self._name}.{len(self.transcripts)}"))
             end.transcript = self.transcript
+            self.transcript.whole = not self.unheard
             if isinstance(end, Slave) and end.terminal is self._left:
                 # The server has not looked since the one before came; see PtyTransport.
                 for transcript in self.transcripts[-2:]:
@@ -149,8 +161,10 @@ class Host:
         self.transcript.garbage(bytes((0xFF, self._random.randrange(256))))
 
     def half_close(self) -> None:
-        """Send no more, and read on."""
+        """Ask for a lot, send no more, and read on, slowly."""
         if isinstance(self._end, End):
+            for _ in range(self._random.choice((0, 20))):
+                self._wants(self.transcript)
             self.send(1 << 16)
             self._half_closed = True
             if self._end is not None:

@@ -44,7 +44,7 @@ class Network:
         return self
 
     def declare_token(self, key: str) -> object:
-        return key
+        return SimpleNamespace(undeclare=lambda: None)
 
     def get(self, key: str, timeout: float) -> list[Any]:
         return []

@@ -9,12 +9,14 @@ serial devices and processes are left out; hosts that lose and reorder messages 
 import asyncio
 import errno
 import io
+import json
 import logging
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from random import Random
@@ -38,7 +40,7 @@ from tests.unit.faults.bench import DC, LM, MC, MCP, STEPPER
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.sections import RecordSection
+from vbus.boardfile.sections import RecordSection
 from vbus.kernel import END, MS, SECOND, US
 from vbus.network import session as network_session
 from vbus.protocols.byte import ByteProtocol
@@ -53,6 +55,7 @@ from vbus.trace.journal.format import JournalError, JournalReader
 from vbus.trace.journal.replay import Replay
 from vbus.transports import zenoh as zenoh_transport
 from vbus.transports.base import Link
+from vbus.transports.states import DRAINING
 from vbus.transports.zenoh_host import ZenohLink
 
 SECOND_CHIP: Final = (
@@ -63,8 +66,14 @@ POLICIES: Final = ("lockstep", "realtime", "slaved")
 PLACE: Final = network_session.Network(grace_seconds=0.05)
 STEPS: Final = 30_000
 """Looks of the event loop after which a run is taken for one that does not end."""
+LINK_FAULTS: Final = ("link_dead", "link_closed")
 PATIENCE_NS: Final = 20 * 10**9
 """How long the last requests may take."""
+
+
+def _fault(name: str, place: int) -> dict[str, str]:
+    """Return the order that breaks a link."""
+    return {"do": "fault.arm", "name": name, "target": f"host{place}"}
 
 
 class SimulatedFile(io.RawIOBase):
@@ -97,8 +106,12 @@ class _Heard(logging.Handler):
     def __init__(self) -> None:
         super().__init__()
         self.tracebacks: list[str] = []
+        self.moves: Counter[str] = Counter()
+        """How often each transition of a session or terminal was taken."""
 
     def emit(self, record: logging.LogRecord) -> None:
+        if record.name == "vbus.states" and isinstance(record.args, tuple):
+            self.moves[", ".join(map(str, record.args[1:]))] += 1
         if record.exc_info or record.levelno >= logging.ERROR:
             self.tracebacks.append(logging.Formatter().format(record))
 
@@ -124,12 +137,14 @@ class Outcome:
         wrong: what does not hold; "" if everything does.
         digest: of everything that happened.
         counts: how much of what.
+        moves: how often each transition of sessions and terminals was taken.
     """
 
     seed: int
     wrong: str = ""
     digest: str = ""
     counts: dict[str, int] = field(default_factory=dict)
+    moves: Counter[str] = field(default_factory=Counter)
 
 
 @cache
@@ -273,9 +288,12 @@ class Simulation:
         sessions = list(server.sessions())
         ports = [session.port for session in sessions]
         under_way = server.departures.under_way
-        ports += [departure.port for departure in under_way]
+        ports += [session.port for session in under_way]
         if {id(port) for port in board.ports} != {id(port) for port in ports}:
             raise Wrong(f"{len(board.ports)} ports are open, and {len(ports)} are held")
+        for session in sessions:
+            if session.state == DRAINING and self.random.random() < 0.2:
+                session.hang_up_soon("closed by a fault")
         for chip, owner in board.hosts.claims.items():
             if owner not in ports:
                 raise Wrong(f"{chip} is claimed by a session that is over")
@@ -349,13 +367,15 @@ class Simulation:
 
     @contextmanager
     def _logged(self) -> Iterator[None]:
-        logger = logging.getLogger("vbus")
+        logger, states = logging.getLogger("vbus"), logging.getLogger("vbus.states")
         propagates, logger.propagate = logger.propagate, False
+        states.setLevel(logging.DEBUG)
         logger.addHandler(self.heard)
         try:
             yield
         finally:
             logger.removeHandler(self.heard)
+            states.setLevel(logging.NOTSET)
             logger.propagate = propagates
 
     def _raised(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
@@ -402,6 +422,8 @@ class Simulation:
             host.begin()
         for _ in range(random.choice((0, 0, 1, 3))):
             system.after(random.randrange(60_000_000), self._stall)
+        for _ in range(random.choice((0, 0, 1, 3))):
+            system.after(random.randrange(60_000_000), self._order)
         self._run_until(lambda: self.ended, random.choice((5, 30, 80)) * 1_000_000)
         for host in self.hosts:
             host.done = True
@@ -415,6 +437,21 @@ class Simulation:
         if not self.ended:
             self._run_until(lambda: False, 300_000_000)
             self._nothing_is_left()
+
+    def _order(self) -> None:
+        """The board is paused, or a link is broken, for a while."""
+        place, name = self.random.randrange(len(self.specs)), self.random.choice(LINK_FAULTS)
+        begin, end = {"do": "pause"}, {"do": "go"}
+        if self.random.random() < 0.5:
+            begin, end = _fault(name, place), {"do": "fault.clear"}
+        self._give(begin)
+        if name == "link_dead" and begin != {"do": "pause"}:
+            for host in self.hosts:
+                host.lose_answers(f"host{place}")
+        self.system.after(self.random.randrange(20_000_000), partial(self._give, end))
+
+    def _give(self, order: dict[str, str]) -> None:
+        self.server.control.carry_out(json.dumps(order).encode())
 
     def _stall(self) -> None:
         """The machine does nothing for a while."""
@@ -447,6 +484,7 @@ class Simulation:
         if self._full:
             return
         for host in self.hosts:
+            host.unheard = False
             host.connect()
             if not host.connected:
                 raise Wrong(f"{host._name}: nobody is let in any more; {self.reports}")
@@ -548,7 +586,7 @@ class Simulation:
             again.take(wire.take())
             wire.reset()
             port.close()
-            sides = [[one for one in side.said if one[0] != "I"] for side in (heard, again)]
+            sides = [[one for one in side.said if one[0] not in "IH"] for side in (heard, again)]
             if sides[0] != sides[1]:
                 raise Wrong(f"{heard.name}: without a server the answers are others: {sides}")
             self.said_again += 1
@@ -579,6 +617,7 @@ def simulate(seed: int) -> Outcome:
         except Exception:
             outcome.wrong = traceback.format_exc()
         if simulation is not None:
+            outcome.moves = simulation.heard.moves
             said = [one for host in simulation.hosts for one in host.transcripts]
             outcome.counts = {
                 "steps": simulation.steps, "connections": len(said),

@@ -9,6 +9,17 @@ from tests.simulation.run import simulate
 from vbus.board.host_bus import HostBus
 from vbus.server.session import Session
 from vbus.transports.sockets import SocketLink
+from vbus.transports.states import SESSION, TERMINAL
+
+
+@pytest.mark.slow
+def test_every_transition_of_sessions_and_terminals_is_taken_within_1000_seeds() -> None:
+    left = {", ".join((one.name, *row)) for one in (SESSION, TERMINAL) for row in one.rows}
+    for seed in range(1000):
+        if not left:
+            return
+        left -= set(simulate(seed).moves)
+    assert not left
 
 
 @pytest.mark.slow

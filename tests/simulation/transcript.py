@@ -186,7 +186,7 @@ def compare(transcript: Transcript, heard: list[Said], entries: list[Any], ended
         Wrong: they differ.
     """
     journal = told(entries)
-    left_out = "I" + ("STW" if any(name == "PASS" for name, *_ in transcript.asked) else "W")
+    left_out = "IH" + ("STW" if any(name == "PASS" for name, *_ in transcript.asked) else "W")
     events = [[one for one in side if one[0] == "I"] for side in (heard, journal)]
     if transcript.events and events[0] != events[1][: len(events[0])]:
         raise Wrong(f"{transcript.name}: events {events[0]}, and in the journal {events[1]}")

@@ -6,7 +6,7 @@ import pytest
 
 from tests.e2e.command import vbus
 from vbus.board.config import read_board_text, read_zenoh_file
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.network.session import Network
 from vbus.server.serving import network_of
 
@@ -30,7 +30,7 @@ FILES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
             f'[zenoh]\n{FILES}[zenoh.allow]\nme = ["/x/bus"]\n',
             'zenoh.allow.me[1]: found "/x/bus"; write a key below vbus/',
         ),
-        (f'[zenoh]\n{FILES}[zenoh.allow]\nme = "x"\n', 'found "x"; write a list of names'),
+        (f"[zenoh]\n{FILES}[zenoh.allow]\nme = 3\n", "found 3; write a list of names"),
         ("[zenoh]\ngrace = 2\n", "zenoh.grace"),
         ("[zenoh]\nlissen = []\n", 'did you mean "listen"'),
         ('[[hosts]]\ntransport = "zenoh:x"\n', 'found "zenoh:x"; write "zenoh:" and nothing'),

@@ -1,6 +1,5 @@
 """A host of this computer and its session with the remote board, byte for byte."""
 
-import select
 from typing import ClassVar, Final
 
 from vbus.attach.upstream import Upstream
@@ -9,6 +8,7 @@ from vbus.protocols.port import HostPort
 from vbus.server.session import MOST_PENDING, Serving, Session
 from vbus.state import Names
 from vbus.transports.base import Link
+from vbus.transports.states import DONE, FINISH
 
 SOME_TIME: Final = 1
 """An instant: what is held until then is not held for ever."""
@@ -76,17 +76,13 @@ class RelaySession(Session):
         super().__init__(serving, link, port, protocol)
         self._upstream: Upstream = port.upstream
         self._relay: RelayPort = port
+        self._over: bool = False
         self._upstream.on_data = self.deliver
         self._upstream.on_room = self.resume
 
-    @property
-    def open(self) -> bool:
-        """Whether the host is served."""
-        return self._open
-
     def deliver(self, data: bytes) -> None:
         """Send the host what has come from the board; the board waits for a host that is slow."""
-        if self._open:
+        if self.open:
             self.protocol.out += data
             self._send()
             self._throttle()
@@ -97,26 +93,28 @@ class RelaySession(Session):
 
     def _writable(self) -> None:
         super()._writable()
-        if self._open and len(self._pending) <= MOST_PENDING:
+        if self.open and len(self._pending) <= MOST_PENDING:
             self._upstream.read_on()
 
     def _finish(self) -> None:
         """The host will send no more, and may be there for what it has asked for."""
-        self._read_off()
-        self._finished = True
-        watch = select.poll()
-        watch.register(self.link.fd, 0)
-        if watch.poll(0):  # it has gone
-            self.end("closed by the host")
-            return
-        self._listen_for_the_end()
-        self._relay.finish()
+        self._move(FINISH)
+        if self._hang_ups.gone_of([self.link.fd]):
+            self._leave()
+        else:
+            self._relay.finish()
 
     def _depart(self) -> None:
         self._relay.depart(self.protocol)
+        self._move(DONE)
+
+    def _all_sent(self) -> None:
+        """The host has all there is by now; the board may send more while it is there."""
+        if self._over:
+            self.end("the board has ended the session", True)
 
     def board_done(self) -> None:
         """The session with the board is over, as it was to be: the host gets what is left."""
-        self._finished = True
-        if self._open and not self._pending:
-            self.end("the board has ended the session", True)
+        self._over = True
+        if not self._pending:
+            self._all_sent()

@@ -9,13 +9,13 @@ from contextlib import suppress
 from typing import Final, TypeVar
 
 from vbus.attach.meter import Meter
-from vbus.client.bus import until_ready_to_write
 from vbus.client.link import BoardLink
 from vbus.client.links import open_link
+from vbus.client.ready import until_ready
 from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
 from vbus.transports.sockets import KEEP_ALIVE
-from vbus.wall_clock import monotonic_ns
+from vbus.wall_clock import monotonic, monotonic_ns
 
 T = TypeVar("T")
 
@@ -78,8 +78,9 @@ def opened(where: str) -> BoardLink:
     """
     link = open_link(where)
     try:
-        if not until_ready_to_write(link, OPEN_SECONDS):
+        if not until_ready(link.fd, True, monotonic() + OPEN_SECONDS):
             raise TransportError(f"{link.where} cannot be opened within {OPEN_SECONDS:g} s")
+        link.check()
         if link.where.startswith("tcp:"):
             _keep_alive(link)
     except BaseException:

@@ -5,16 +5,18 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgpack
+from mypy_extensions import mypyc_attr
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
-from vbus.board.pin_maps import PinMap
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.protocols.quantities import picoseconds
 from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
+from vbus.state.kinds import Load
 
 if TYPE_CHECKING:
     from vbus.faults.armed import LinkActs
@@ -22,6 +24,31 @@ if TYPE_CHECKING:
 
 
 """Version of the state hash: 1 is over nested tuples, 2 over fields by name."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Beyond:
+    """What leads from the board of a node to other boards; see :class:`~vbus.nodes.node.Node`."""
+
+    def replay(self, what: str, values: tuple[Any, ...]) -> None:
+        """Take from a journal what came from beyond the board.
+
+        Raises:
+            ValueError: it names what is not here.
+        """
+        raise NotImplementedError
+
+    def save(self) -> Saved:
+        """Return the state beside that of the board."""
+        raise NotImplementedError
+
+    def prepare(self, saved: Any) -> Load:
+        """Check what :meth:`save` gave; return what loads it.
+
+        Raises:
+            SnapshotError: it does not fit.
+        """
+        raise NotImplementedError
 
 
 class Board(Circuit):
@@ -46,8 +73,9 @@ class Board(Circuit):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_by_name", "_fights", "_links", "_on_clash", "_trace", "axes", "beyond", "buses",
-        "clock_step", "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants",
-        "player", "policy", "port_type", "rate", "seed", "sliced", "stream", "text", "through",
+        "clock_step", "file", "granted", "limit", "listeners", "name", "nets", "observers", "pins",
+        "plants", "player", "policy", "port_type", "rate", "seed", "sliced", "stream", "text",
+        "through",
         "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
@@ -75,8 +103,8 @@ class Board(Circuit):
             HostBus
         )
         """What makes a port; a journal puts a recording one in its place."""
-        self.beyond: Callable[[str, tuple[Any, ...]], None] | None = None
-        """Takes what a journal has of the node whose board this is: what came from beyond it."""
+        self.beyond: Beyond | None = None
+        """What leads to other boards, where this one is a node."""
         self.waits: Callable[[str, int | str], int] = self._wait
         """What :meth:`wait_until` does; a test that counts its hosts' time puts its own there."""
         self._trace: TraceHash | None = None
@@ -131,7 +159,7 @@ class Board(Circuit):
         chips: Iterable[str] | None = None,
         cycle_ps: int = 0,
         card: Card | None = None,
-        pin_map: PinMap | None = None,
+        pin_map: PinMapSection | None = None,
     ) -> HostBus:
         """Open a host's hold on some chips (default: all).
 

@@ -6,22 +6,25 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
 
+from msgspec.structs import replace
+
 from vbus import plugins
-from vbus.board import cards, pin_maps
+from vbus.board import cards
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
-from vbus.board.card_section import SIGNALS
 from vbus.board.config import read_board_file, read_board_text
-from vbus.board.sections import (
+from vbus.boardfile.cards import SIGNALS
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import (
     RESTS,
     BoardFile,
     HostSection,
     NetSection,
+    PinMapSection,
     PlantSection,
 )
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
 from vbus.collection import collection_held
@@ -54,7 +57,7 @@ def build(file: BoardFile, source: Source) -> Board:
 
     Raises:
         ConfigError: a part or a model refuses its settings, or two of them do not fit together;
-            or the board has nodes: :func:`vbus.nodes.plan.build_nodes` makes a board of each.
+            or the board has nodes: :func:`vbus.nodes.machine.build_nodes` makes a board of each.
     """
     if file.nodes:
         names = ", ".join(node.name for node in file.nodes)
@@ -258,10 +261,10 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
     return None
 
 
-def pin_map_of(file: BoardFile, name: str) -> pin_maps.PinMap | None:
-    """Return the pin map called ``name``; None if there is none or nothing was named."""
+def pin_map_of(file: BoardFile, name: str) -> PinMapSection | None:
+    """Return the pin map called ``name`` with all its chips; None if there is none."""
     for section in file.pinmaps:
         if section.name == name:
             meant = section.chips or tuple(chip.name for chip in file.chips)
-            return pin_maps.PinMap(name, section.pins, section.low, section.high, meant)
+            return replace(section, chips=meant)
     return None

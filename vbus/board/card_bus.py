@@ -5,11 +5,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.board.card_buses import BUSES, DATA, LATCH, BusRow
 from vbus.chips.base import CONNECTOR_FAMILY, Chip
 from vbus.chips.tables import PinRow
 from vbus.circuit.glue_cycles import CycleTeller
 from vbus.circuit.host_pins import HostPins
+from vbus.glue.card_buses import BUSES, DATA, LATCH, BusRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Guard, Pin, Policy, Violation, Z

@@ -8,9 +8,9 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.board.build import card_of
 from vbus.board.card_bus import CardBus
-from vbus.board.card_section import CardSection
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
-from vbus.board.sections import BoardFile
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.sections import BoardFile
 from vbus.chips.base import Chip
 from vbus.glue import logic
 from vbus.glue.part import GlueBlock

@@ -6,17 +6,17 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card_buses import BUSES, DATA, BusRow
 from vbus.board.card_interrupt import active_low
-from vbus.board.card_section import CardRegisterSection, CardSection
 from vbus.board.glue_order import Fail, Planned
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardRegisterSection, CardSection
+from vbus.boardfile.lines import Path
 from vbus.chips.tables import PinRow
 from vbus.glue import logic
+from vbus.glue.card_buses import BUSES, DATA, BusRow
 from vbus.glue.part import bundled
 from vbus.glue.table import THREE_STATE, Block, run
 from vbus.signals import HIGH, LOW
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among
 
 _READ, _WRITE, _RESET = ".read", ".write", "RESET"
 """Inside a register: the strobes where it is selected, and its reset."""
@@ -208,7 +208,7 @@ def _check(row: CardRegisterSection, path: Path, size: int, known: tuple[str, ..
                 raise CardPartError(
                     (*path, key),
                     f'a register of kind "{row.kind}" has no pin "{name}" here;'
-                    f" {suggestion(name, fits)}it has {listed(fits)}",
+                    f" {among(name, fits, 'it has')}",
                 )
             if key != "pins" and (name in row.pins or (key != "hosts" and name in row.hosts)):
                 raise CardPartError((*path, key), f'"{name}" is wired already')

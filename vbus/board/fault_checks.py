@@ -1,40 +1,36 @@
 """Checks of ``[[faults]]`` that need no board: triggers, ends, and on which node they are."""
 
 from vbus import plugins
-from vbus.board.sections import BoardFile, FaultSection
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, FaultSection
+from vbus.boardfile.source import Mistakes
 from vbus.faults.messages import misfit
-from vbus.faults.row import LINK, NET, PART, WIRE, Fault
+from vbus.faults.row import LINK, NET, PART, WIRE
 from vbus.faults.table import faults
-from vbus.faults.trigger import When, read_until, read_when
+from vbus.faults.trigger import read_until, read_when
 from vbus.values.settings import listed
 
 
-def check_fault(section: FaultSection, fault: Fault, source: Source, path: Path) -> None:
-    """Note what is wrong with the trigger or the end of one fault."""
-    when: When | None = None
-    try:
-        when = read_when(section.when or None)
-    except ValueError as error:
-        source.fail((*path, "when"), str(error).partition(": ")[2])
-    try:
-        read_until(section.until or None, when or read_when(None), fault)
-    except ValueError as error:
-        source.fail((*path, "until"), str(error))
-
-
-def check_links(file: BoardFile, scheme: str, source: Source) -> None:
-    """Note faults of links that their links cannot have; messages go over links of ``scheme``."""
+def check_faults(file: BoardFile, scheme: str) -> Mistakes:
+    """Check triggers and ends, and faults of links; messages go over links of ``scheme``."""
     for section in file.faults:
         fault = faults()[section.fault]
+        path: Path = ("faults", section.place)
+        when = read_when(None)
+        try:
+            when = read_when(section.when or None)
+        except ValueError as error:
+            yield (*path, "when"), str(error).partition(": ")[2]
+        try:
+            read_until(section.until or None, when, fault)
+        except ValueError as error:
+            yield (*path, "until"), str(error)
         number = section.target.removeprefix("host") or "0"
-        if fault.target != LINK or not number.isdecimal() or int(number) >= len(file.hosts):
-            continue
-        link = file.hosts[int(number)].transport
-        said = misfit(fault, f"host{int(number)}", link, link.partition(":")[0] == scheme)
-        if said:
-            source.fail(("faults", section.place, "target"), said)
+        if fault.target == LINK and number.isdecimal() and int(number) < len(file.hosts):
+            link = file.hosts[int(number)].transport
+            said = misfit(fault, f"host{int(number)}", link, link.partition(":")[0] == scheme)
+            if said:
+                yield (*path, "target"), said
 
 
 def homes_of(file: BoardFile, section: FaultSection) -> dict[str, str]:

@@ -5,16 +5,15 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card_buses import BUSES
 from vbus.board.card_interrupt import ACK, INT
 from vbus.board.card_parts import names_of
-from vbus.board.card_section import CardSection
 from vbus.board.glue_plan import plan_glue
-from vbus.board.section import GlueSection
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, GlueSection
+from vbus.boardfile.source import Mistakes, Source
 from vbus.chips.base import Chip
+from vbus.glue.card_buses import BUSES
 
 
 class GlueEnds(Struct, frozen=True):
@@ -85,50 +84,45 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
     )  # fmt: skip
 
 
-def check_card_without_bus(card: CardSection, source: Source) -> None:
-    """Check a card of which a table decodes the addresses."""
+def check_card(card: CardSection, chips: list[str], glue: Iterable[GlueSection]) -> Mistakes:
+    """Check which keys a card has: glue decodes the addresses of one with a bus, or a table."""
     path: Path = ("cards", card.name)
-    if bool(card.ports) == bool(card.decode):
-        source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
     usual = CardSection(name="")
-    for key in ("pins", "selects", "registers", "size", "setup", "strobe", "wait_states", "hold"):
-        if getattr(card, key) != getattr(usual, key):
-            source.fail((*path, key), f'"{key}" is for a card with a bus; write bus = "ISA"')
-
-
-def check_card_bus(
-    card: CardSection, chips: list[str], glue: Iterable[GlueSection], source: Source
-) -> None:
-    """Check a card that has a bus: glue decodes it, not ``ports`` or ``decode``."""
-    path = ("cards", card.name)
-    for key, given in (
-        ("ports", bool(card.ports)), ("decode", bool(card.decode)), ("chips", bool(card.chips)),
-        ("block", bool(card.block)),
-    ):  # fmt: skip
-        if given:
-            source.fail(
-                (*path, key), f'"{key}" is for cards without a bus; here glue decodes the addresses'
-            )
+    without_bus = "ports", "decode", "chips", "block"
+    with_bus = "pins", "selects", "registers", "size", "setup", "strobe", "wait_states", "hold"
+    for key in without_bus if card.bus else with_bus:
+        if getattr(card, key) == getattr(usual, key):
+            continue
+        if card.bus:
+            why = "is for cards without a bus; here glue decodes the addresses"
+        else:
+            why = 'is for a card with a bus; write bus = "ISA"'
+        yield (*path, key), f'"{key}" {why}'
+    if not card.bus:
+        if bool(card.ports) == bool(card.decode):
+            yield path, 'a card has either "decode" and "chips", or a list of "ports"'
+        return
     bus = BUSES[card.bus]
     last = card.last
     begins = bus.on_lines(card.base) if bus.window else card.base
     if begins + last - card.base >= 1 << bus.lines:
-        source.fail(
+        ends = (1 << bus.lines) - 1
+        yield (
             (*path, "base"),
-            f"the card ends at {last:X}H; addresses of this bus end at {(1 << bus.lines) - 1:X}H",
+            f"the card ends at {last:X}H; addresses of this bus end at {ends:X}H",
         )
     if bus.ports and not card.memory and last > 0xFFFF:
-        source.fail((*path, "base"), f"the card ends at {last:X}H; I/O ports end at FFFFH")
+        yield (*path, "base"), f"the card ends at {last:X}H; I/O ports end at FFFFH"
     if not bus.ports and not card.memory:
-        source.fail(path, f'a bus "{card.bus}" has memory alone; write memory = true')
+        yield path, f'a bus "{card.bus}" has memory alone; write memory = true'
     if card.name in chips:
-        source.fail(path, f'a chip is called "{card.name}" too; give the card another name')
+        yield path, f'a chip is called "{card.name}" too; give the card another name'
     data = f"{card.name}.D"
     wired = any(
         name.startswith(data) for part in glue for names in part.pins.values() for name in names
     )
     if not card.pins and not wired and not card.registers:
-        source.fail(
+        yield (
             path,
             'its data bus is not wired; write "D0-D7" = "x.D0-D7" in [cards.NAME.pins], or the name'
             " of a bus in place of x",

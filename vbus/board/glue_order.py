@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from msgspec import Struct
 
-from vbus.board.toml_lines import Path
+from vbus.boardfile.lines import Path
 from vbus.chips.tables import PinRow
 from vbus.glue.part import bundled
 from vbus.glue.table import Block

@@ -10,20 +10,19 @@ from functools import partial
 
 from msgspec import Struct, field
 
-from vbus.board.card_buses import BUSES, DATA
 from vbus.board.card_parts import CardPart, names_of, parts_of
-from vbus.board.card_section import CardSection
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
-from vbus.board.section import GlueSection
-from vbus.board.sections import BoardFile, NetSection
-from vbus.board.toml_lines import Path
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, GlueSection, NetSection
 from vbus.chips.tables import PinRow
+from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.part import bundled
 from vbus.glue.table import PARTS, PLD, Block, GlueRow
 from vbus.signals import HIGH, LOW
 from vbus.values.lexer import ConditionError
-from vbus.values.settings import listed, quoted, suggestion
+from vbus.values.settings import among, listed, unknown
 
 
 class GluePlan(Struct):
@@ -129,12 +128,7 @@ class _Planner:
                 )
             row = PARTS.get(section.part)
             if row is None:
-                known = [*PARTS, PLD]
-                hint = suggestion(section.part, known)
-                self._fail(
-                    (*path, "part"),
-                    f"found {quoted(section.part)}; {hint}known are {listed(known)}",
-                )
+                self._fail((*path, "part"), unknown(section.part, [*PARTS, PLD]))
             elif row.blocks[0].holds and not section.delay:
                 self._fail(path, 'a reset lasts for its "delay"; write one, such as "100 ms"')
             return row
@@ -242,10 +236,7 @@ class _Planner:
         return list(rows.values())
 
     def _no_pin(self, where: Path, name: str, known: Iterable[str], what: str) -> None:
-        known = list(known)
-        self._fail(
-            where, f'there is no {what} "{name}"; {suggestion(name, known)}it has {listed(known)}'
-        )
+        self._fail(where, f'there is no {what} "{name}"; {among(name, known, "it has")}')
 
     def _bundle(
         self,
@@ -322,15 +313,11 @@ class _Planner:
         if target in self._inputs:
             self._fail(path, f'"{target}" is an input of which no output is wired: it does nothing')
         elif mine:
-            hint = suggestion(target, mine)
-            self._fail(path, f'there is no pin "{target}"; {hint}there are {listed(mine)}')
+            self._fail(path, f'there is no pin "{target}"; {among(target, mine, "there are")}')
         else:
             known = dict.fromkeys(name.partition(".")[0] for name in (*self._rows, *self._buses))
-            self._fail(
-                path,
-                f'nothing on the board is called "{owner}"; {suggestion(owner, known)}there are'
-                f" {listed(known)}",
-            )
+            there = among(owner, known, "there are")
+            self._fail(path, f'nothing on the board is called "{owner}"; {there}')
 
     def _root(self, name: str) -> str:
         while self._joined.setdefault(name, name) != name:

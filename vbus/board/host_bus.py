@@ -11,11 +11,12 @@ from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
-from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
+from vbus.circuit.orders import READ, WRITE, Order, Orders
 from vbus.kernel import END, NEVER, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import CardAccess, HostPort, PortError, PortInfo
@@ -58,6 +59,10 @@ class HostBus(HostPort):
     cycle is played as strobes on them; otherwise only its two decisive instants are computed.
     Replies, instants and violations are the same.
 
+    **On a node** in virtual time a cycle beyond the grant is ordered for its instants, and the host
+    waits for the grant: so it happens when it would have happened, with all that reaches the node
+    before. There are no leases: an edge of another node could break what they promise.
+
     Args:
         board: the board.
         hosts: those that hold on to it, this one included once it is open.
@@ -81,8 +86,9 @@ class HostBus(HostPort):
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_card", "_hosts", "_kernel", "_places", "board", "chips", "cycle_ps", "held",
-        "hold_until", "label", "leases", "on_events", "on_resume", "pin_map", "promises",
+        "_card", "_due", "_hosts", "_kernel", "_order", "_orders", "_places", "board", "chips",
+        "cycle_ps", "held", "hold_until", "label", "leases", "on_events", "on_resume", "pin_map",
+        "promises",
     )  # fmt: skip
 
     def __init__(
@@ -98,7 +104,7 @@ class HostBus(HostPort):
         self.label: str = label
         self.chips: list[Chip] = chips
         self.cycle_ps: int = cycle_ps
-        self.pin_map: PinMap | None = None
+        self.pin_map: PinMapSection | None = None
         self.promises: bool = True
         self.held = False
         self.hold_until = 0
@@ -116,6 +122,9 @@ class HostBus(HostPort):
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
         self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
+        self._orders: Orders | None = Orders(board, label, saved=False) if board.granted else None
+        self._order: int = -1
+        self._due: int = 0
 
     def _edge_seen(self) -> None:
         if self.on_events is not None:
@@ -228,6 +237,9 @@ class HostBus(HostPort):
 
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
+        if self._orders is not None:
+            data = self._ordered(self._orders, READ, address, 0)
+            return data if self.selection.selected else self.selection.floating()
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
         chip = selection.chip
@@ -266,6 +278,9 @@ class HostBus(HostPort):
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""
+        if self._orders is not None:
+            self._ordered(self._orders, WRITE, address, data)
+            return
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
         if selection.path is not None:
@@ -283,6 +298,23 @@ class HostBus(HostPort):
             chip.writes += 1
         if board.observers:
             self._tell(when, True, address, data)
+
+    def _ordered(self, orders: Orders, kind: int, address: int, data: int) -> int:
+        """Run a cycle on a board whose time is granted; return the byte.
+
+        Raises:
+            NotYet: it lies beyond the grant.
+        """
+        board, clock = self.board, self.clock
+        if self._order < 0:
+            self._due = clock.take_stamp(self.selection.cycle)
+            names = tuple([chip.name for chip in self.selection.selected])
+            board.player.flush()
+            self._order = orders.give(Order(self._due, names, kind, address, data), keep=True)
+        clock.check_granted(self._due)
+        clock.run_until(self._due)
+        number, self._order = self._order, -1
+        return orders.result(number)
 
     def _tell(self, when: int, write: bool, address: int, data: int) -> None:
         board, names = self.board, self.selection.names
@@ -382,6 +414,7 @@ class HostBus(HostPort):
         """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
         self._arrive()
         clock = self.clock
+        clock.used = True
         if clock.target < 0:
             begun: int = self._kernel.now
             clock.target = min(begun + longest, END)
@@ -416,6 +449,8 @@ class HostBus(HostPort):
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
         try:
+            if self._orders is not None:
+                self._orders.close()
             self.board.player.flush()
             self.strobes.before()
             self.pins.unsolder()

@@ -8,7 +8,7 @@ from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.kernel import END, FAR, US, Kernel
 from vbus.protocols import codes
-from vbus.protocols.port import HostPort, PortError
+from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.state import Names
 
 APPROACH: Final = 1000 * US
@@ -28,10 +28,11 @@ class HostClock:
         timed: whether time passes between the host's strobes, so that AC limits are judged: its
             own DELAY, or whatever passes while it holds a line.
         target: what a wait or a delay under way runs to (ps); -1 if none is.
+        used: whether the host has let time pass: from then on the time of nodes waits for the host.
     """
 
     STATE: ClassVar[Names] = ("stamp", "last_at", "timed: bool", "target")
-    WIRING: ClassVar[Names] = ("_board", "_kernel", "_session")
+    WIRING: ClassVar[Names] = ("_board", "_kernel", "_session", "used")
 
     def __init__(self, board: Circuit, session: HostPort) -> None:
         self._board: Circuit = board
@@ -41,6 +42,7 @@ class HostClock:
         self.last_at: int = 0
         self.timed: bool = board.policy != "lockstep"
         self.target: int = -1
+        self.used: bool = False
 
     def judge(self, chips: list[Chip], timed: bool) -> None:
         """Have AC limits judged when the host moves lines of its chips, or not.
@@ -83,6 +85,7 @@ class HostClock:
         Raises:
             PortError: time ends before.
         """
+        self.used = True
         when = self.now() if self.stamp >= 0 else self.now() + cycle
         self.stamp = -1
         if when > FAR and when > END:
@@ -101,9 +104,22 @@ class HostClock:
         """Come to the host's instant for something that takes no time of its own."""
         if self.stamp >= 0:
             when = self.now()
+            if self._board.granted:
+                self.check_granted(when)
             self.stamp = -1
             self._board.pass_until(when)
         self._board.player.flush()
+
+    def check_granted(self, when: int) -> None:
+        """Hold the session if time is not granted to ``when`` (ps).
+
+        Raises:
+            NotYet: that is so.
+        """
+        if when > self._board.limit:
+            self.used = True
+            self.hold(when)
+            raise NotYet
 
     def pass_to(self, when: i64) -> bool:
         """Let time pass to ``when`` if the wall clock allows; else hold the session."""
@@ -128,7 +144,7 @@ class HostClock:
 
     def delay(self, duration: int) -> bool:
         """Let time pass for this host; False to be called again later."""
-        self.timed = True
+        self.timed = self.used = True
         if self.target < 0:
             until = self.now() + duration
             if until > FAR and until > END:
@@ -159,6 +175,7 @@ class HostClock:
     def at(self, when: int) -> None:
         """Set the host's own clock (slaved boards only)."""
         self.check_at(when)
+        self.used = True
         self.last_at = when
         self.stamp = when
         # Far ahead: the server brings time near it in slices, before the strobes of that cycle.

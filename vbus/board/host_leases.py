@@ -36,12 +36,12 @@ class HostLeases:
     def give(self, address: int) -> tuple[int, int, int] | None:
         """Tell how long the byte just read will be read again.
 
-        Nothing is promised in real time, nor while something is broken.
+        Nothing is promised in real time, on nodes, and while something is broken.
         """
         board, found = self._board, self._selection.steady(address)
         if found is None:
             return None
-        if board.policy == "realtime" or board.disturbed:
+        if board.policy == "realtime" or board.granted or board.disturbed:
             return None
         outputs = self._pins.output_word()
         chip, place = found

@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 
+from msgspec.structs import replace
+
 from vbus.board.card_interrupt import ACK, INT
-from vbus.board.card_section import CardSection
 from vbus.board.glue_checks import GlueEnds
-from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, roles, targets, wires
-from vbus.board.sections import BoardFile, HostSection, PinMapSection
-from vbus.board.source import Source
-from vbus.board.toml_lines import Path
+from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, below, missing, roles, targets, wires
+from vbus.boardfile.cards import CardSection
+from vbus.boardfile.lines import Path
+from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
+from vbus.boardfile.source import Mistakes, absent
 from vbus.chips.base import Chip
-from vbus.values.settings import listed, quoted, suggestion
+from vbus.values.settings import among, listed, quoted
 
 
 class PinMapChecks:
@@ -21,20 +23,13 @@ class PinMapChecks:
         known: the name of every chip, those included that could not be read.
         file: the board file: its cards, and which hosts have one beside a pin map.
         ends: where its glue ends.
-        source: takes the mistakes.
     """
 
     def __init__(
-        self,
-        chips: Mapping[str, Chip],
-        known: list[str],
-        file: BoardFile,
-        ends: GlueEnds,
-        source: Source,
+        self, chips: Mapping[str, Chip], known: list[str], file: BoardFile, ends: GlueEnds
     ) -> None:
         self._chips: Mapping[str, Chip] = chips
         self._known: list[str] = known
-        self._source: Source = source
         self._driven: frozenset[str] = ends.driven
         self._cards: dict[str, CardSection] = {card.name: card for card in file.cards}
         self._others: dict[str, tuple[str, ...]] = {
@@ -49,92 +44,68 @@ class PinMapChecks:
                 chips_there = self._by_card.setdefault(host.pinmap, set())
                 chips_there.update(self._cards[host.card].decoded)
 
-    def check(self, section: PinMapSection) -> None:
-        """Check one map."""
+    def check(self, section: PinMapSection) -> Mistakes:
+        """Check one map: its names first, and its wires if all of them are known."""
         path: Path = ("pinmaps", section.name)
-        self._sound: bool = True
-        for place, chip in enumerate(section.chips):
-            self._chip((*path, "chips", place), chip)
+        wrong = [*self._names(section, path)]
+        yield from wrong
+        if not wrong and set(section.chips) <= set(self._known):
+            yield from self._wires(path, self._map(section))
+
+    def _map(self, section: PinMapSection) -> PinMapSection:
+        return replace(section, chips=section.chips or tuple(self._known))
+
+    def _names(self, section: PinMapSection, path: Path) -> Mistakes:
         meant = section.chips or tuple(self._known)
         bits: dict[str, str] = {}
+        ends: list[tuple[Path, str]] = []
         for bit, names in section.pins.items():
-            self._bit((*path, "pins", bit), bit, bits)
-            for where, name in below(bit, names):
-                self._pin((*path, *where), name.removeprefix("!"), meant)
+            ends += below(bit, names)
+            match = PORT_BIT.fullmatch(bit)
+            if match is None:
+                yield (
+                    (*path, "pins", bit),
+                    f"{quoted(bit)} is no port bit; write PB3 (AVR) or RB3 (PIC), with ports A to L"
+                    " and bits 0 to 7",
+                )
+            elif bits.setdefault(match[1] + match[2], bit) != bit:
+                other = bits[match[1] + match[2]]
+                message = f"{bit} is the same port bit as {other}; write one of them"
+                yield (*path, "pins", bit), message
         for key, tied in (("low", section.low), ("high", section.high)):
-            for place, name in enumerate(tied):
-                self._pin((*path, key, place), name.removeprefix("!"), meant)
+            ends += [((key, place), name) for place, name in enumerate(tied)]
+        for where, name in ends:
+            if wrong := self._pin(name.removeprefix("!"), meant):
+                yield (*path, *where), wrong
         if not section.pins and section.name not in self._by_card:
-            self._fail(
-                path, 'it wires nothing; write pins such as PB0 = "/RD" in [pinmaps.NAME.pins]'
-            )
-        if self._sound:
-            pin_map = PinMap(section.name, section.pins, section.low, section.high, meant)
-            self._wires(path, pin_map)
+            yield path, 'it wires nothing; write pins such as PB0 = "/RD" in [pinmaps.NAME.pins]'
 
-    def _fail(self, path: Path, message: str) -> None:
-        self._sound = False
-        self._source.fail(path, message)
-
-    def _chip(self, path: Path, name: str) -> bool:
-        if name in self._known:
-            return True
-        hint = suggestion(name, self._known)
-        self._fail(path, f"there is no [chips.{name}]; {hint}this file has {listed(self._known)}")
-        return False
-
-    def _bit(self, path: Path, bit: str, bits: dict[str, str]) -> None:
-        match = PORT_BIT.fullmatch(bit)
-        if match is None:
-            self._fail(
-                path,
-                f"{quoted(bit)} is no port bit; write PB3 (AVR) or RB3 (PIC), with ports A to L and"
-                " bits 0 to 7",
-            )
-            return
-        other = bits.setdefault(match[1] + match[2], bit)
-        if other != bit:
-            self._fail(path, f"{bit} is the same port bit as {other}; write one of them")
-
-    def _pin(self, path: Path, name: str, meant: tuple[str, ...]) -> None:
+    def _pin(self, name: str, meant: tuple[str, ...]) -> str:
+        """Return what is wrong with the name of a pin; empty if nothing is."""
         chip, dot, pin = name.partition(".")
-        if chip in self._others and chip not in self._chips:
-            there = self._others[chip]
-            if pin not in there:
-                hint = suggestion(pin, there)
-                self._fail(path, f'"{chip}" has no pin "{pin}"; {hint}it has {listed(there)}')
-            return
-        if dot:
-            if self._chip(path, chip) and chip in self._chips:
-                self._exists(path, chip, pin)
-            return
-        chips = [self._chips[other] for other in meant if other in self._chips]
-        if len(chips) < len(meant) or any(name in targets(chip) for chip in chips):
-            return
-        known = list(dict.fromkeys(pin for chip in chips for pin in targets(chip)))
-        hint = suggestion(name, known)
-        self._fail(path, f'no chip of this map has a pin "{name}"; {hint}there are {listed(known)}')
-
-    def _exists(self, path: Path, chip: str, pin: str) -> None:
-        part = self._chips[chip]
-        known = targets(part)
+        part = self._chips.get(chip)
+        if part is None and chip not in self._others:
+            if dot:
+                return "" if chip in self._known else absent("chips", chip, self._known)
+            chips = [self._chips[other] for other in meant if other in self._chips]
+            known = list(dict.fromkeys(pin for chip in chips for pin in targets(chip)))
+            if len(chips) < len(meant) or name in known:
+                return ""
+            return f'no chip of this map has a pin "{name}"; {among(name, known, "there are")}'
+        known = list(self._others[chip]) if part is None else targets(part)
         if pin in known:
-            return
-        row = next((row for row in part.pin_rows if row.name == pin), None)
-        if row is not None and row.wave:
-            self._fail(path, f'"{chip}.{pin}" is a waveform, too fast for a port bit to follow')
-        else:
-            self._fail(
-                path, f'"{chip}" has no pin "{pin}"; {suggestion(pin, known)}it has {listed(known)}'
-            )
+            return ""
+        if part is not None and any(row.name == pin and row.wave for row in part.pin_rows):
+            return f'"{name}" is a waveform, too fast for a port bit to follow'
+        return f'"{chip}" has no pin "{pin}"; {among(pin, known, "it has")}'
 
-    def _wires(self, path: Path, pin_map: PinMap) -> None:
+    def _wires(self, path: Path, pin_map: PinMapSection) -> Mistakes:
         wired: dict[str, dict[str, str]] = {}
         for wire in wires(pin_map, self._chips, self._others):
             mine = wired.setdefault(wire.chip, {})
             other = mine.setdefault(wire.pin, wire.source)
             if other != wire.source:
-                self._fail(
+                yield (
                     (*path, *wire.path),
                     f'"{wire.chip}.{wire.pin}" is wired to {_bit_name(other)} already; a pin'
                     " has one source",
@@ -143,23 +114,21 @@ class PinMapChecks:
         for chip, mine in wired.items():
             if chip not in self._chips:
                 continue
-            driven = [name for name in roles(self._chips[chip]) if self._by_glue(chip, name)]
+            own = roles(self._chips[chip])
+            driven = [name for name in own if self._by_glue(chip, name)]
             for name in driven:
                 if name in mine and name not in DATA_WIRES:
-                    self._fail(
-                        path,
-                        f'"{chip}.{name}" is driven by glue; wire the port bit to the glue',
-                    )
+                    message = f'"{chip}.{name}" is driven by glue; wire the port bit to the glue'
+                    yield path, message
             lacking = missing(self._chips[chip], [*mine, *driven])
-            if chip in by_card:
-                own = [name for name in roles(self._chips[chip]) if name in mine]
-                if own:
-                    self._fail(
-                        path,
-                        f'"{chip}" is on the card of a host with this map: leave out {listed(own)}',
-                    )
-            elif lacking:
-                self._fail(
+            both = [name for name in own if name in mine]
+            if chip in by_card and both:
+                yield (
+                    path,
+                    f'"{chip}" is on the card of a host with this map: leave out {listed(both)}',
+                )
+            elif lacking and chip not in by_card:
+                yield (
                     path,
                     f'"{chip}" cannot be reached: {listed(lacking)} not wired; wire each to a port'
                     ' bit, or tie it with "low" or "high"',
@@ -172,24 +141,22 @@ class PinMapChecks:
 
     def host(
         self, path: Path, host: HostSection, section: PinMapSection, reached: list[str]
-    ) -> None:
+    ) -> Mistakes:
         """Check that a host reaches the chips its pin map is wired to."""
         if host.card in self._cards and not self._cards[host.card].memory:
-            self._fail(
+            yield (
                 path,
                 'a host has either a "card" or a "pinmap": addresses or port bits; both only if the'
                 ' card is the memory bus of the microcontroller ("memory = true")',
             )
-        meant = section.chips or tuple(self._known)
-        pin_map = PinMap(section.name, section.pins, section.low, section.high, meant)
-        found = wires(pin_map, self._chips, self._others)
+        found = wires(self._map(section), self._chips, self._others)
         for chip in dict.fromkeys(wire.chip for wire in found):
             if chip not in self._chips and (
                 chip not in self._cards or set(self._cards[chip].interrupting) & set(reached)
             ):
                 continue
             if chip not in reached:
-                self._fail(
+                yield (
                     path,
                     f'pin map "{section.name}" is wired to "{chip}", which is not among the chips'
                     f" of this host: {listed(reached)}",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.glue.part import GluePart
 from vbus.signals import HIGH, LOW
@@ -24,24 +25,6 @@ DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
 LINE, BUS = "cb"
 """A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
-
-
-class PinMap(Struct, frozen=True):
-    """A checked pin map of a board file.
-
-    Attributes:
-        name: for messages.
-        pins: port bit to what is wired to it; a ``!`` in front stands for an inverter.
-        low: pins tied to ground.
-        high: pins tied to the supply.
-        chips: the chips that a pin without a chip's name means.
-    """
-
-    name: str
-    pins: Mapping[str, tuple[str, ...]]
-    low: tuple[str, ...]
-    high: tuple[str, ...]
-    chips: tuple[str, ...]
 
 
 class MappedPin(Struct, frozen=True):
@@ -74,7 +57,7 @@ def below(bit: str, names: tuple[str, ...]) -> Iterator[tuple[tuple[str | int, .
 
 
 def wires(
-    pin_map: PinMap, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
+    pin_map: PinMapSection, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
 ) -> Iterator[MappedPin]:
     """Give every wire of the map; pins that do not exist are left out.
 
@@ -152,7 +135,7 @@ def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
 
 
 def wiring(
-    pin_map: PinMap | None,
+    pin_map: PinMapSection | None,
     chips: list[Chip],
     decoded: list[Chip],
     glue: list[GluePart],

@@ -94,7 +94,7 @@ class Snapshot:
         vbus: version that made it.
         parts: part numbers by name of chip.
         hosts: sessions, in the order of ``Board.ports``.
-        state: what :meth:`Board.save` gives.
+        state: what :meth:`Board.save` gives, and of a node what leads beyond the board.
         counters: the board's totals.
         digest: SHA-256 (hex) over the state.
         taken: whether :func:`take` made it; what comes from elsewhere is tried on a twin first.
@@ -125,6 +125,8 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
     """
     wires = wires or {}
     state = board.save()
+    if board.beyond is not None:
+        state["beyond"] = board.beyond.save()
     hosts = tuple(
         HostState(
             port.label,
@@ -184,7 +186,7 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
             as it was.
     """
     _check(board, snapshot)
-    if not snapshot.taken:
+    if not snapshot.taken and board.beyond is None:  # a node does nothing without the others
         _try(snapshot)
     _bring(board, snapshot, wires or {})
 
@@ -237,10 +239,16 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
             for number, wire in wires.items()
             if attached[number] in order
         ]
-        loading = prepare(board, snapshot.state)
+        state, beside = snapshot.state, None
+        if board.beyond is not None and isinstance(state, dict):
+            state = {**state}
+            beside = board.beyond.prepare(state.pop("beyond", None))
+        loading = prepare(board, state)
         for port in mine:
             port.let_go()
         loading()
+        if beside is not None:
+            beside.apply()
     finally:
         board.ports[:] = attached
         for port in guests:

@@ -8,7 +8,7 @@ from mypy_extensions import i64, mypyc_attr
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
-from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
+from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Reading, Rule, ValueTable, Violation
 from vbus.state import UNDECLARED, Names
 
 CONNECTOR_FAMILY: Final = "card"
@@ -46,6 +46,7 @@ class Chip:
     PARTS: ClassVar[tuple[str, ...]] = ()
     PINS: ClassVar[tuple[PinRow, ...]] = ()
     RULES: ClassVar[tuple[Rule, ...]] = ()
+    VALUES: ClassVar[ValueTable] = ValueTable()
     FREE_READS: ClassVar[tuple[int, ...]] = ()
     """Addresses at which reading has no effect a host could see; see :meth:`steady_until`."""
     TRACELESS: ClassVar[bool] = False
@@ -63,6 +64,7 @@ class Chip:
     WIRING: ClassVar[Names] = (
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
         "read_low_ps", "cycle_ps", "on_levels", "pins", "bus_pins", "data_pin", "_file", "_timer",
+        "_tell",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
@@ -100,6 +102,7 @@ class Chip:
         the chip wants the edges of every cycle that comes through glue."""
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
+        self._tell: Callable[[Chip], dict[str, Reading]] | None = None
         self._timer = kernel.timer(self._due)
         self.on_node: bool = False
         """Whether others wait for its outputs: :meth:`next_edge` sets its timer then."""
@@ -183,6 +186,16 @@ class Chip:
             a clause for people, which names the command that is missing.
         """
         return ""
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what a driver has begun and not ended, or never done, when its run ends.
+
+        Nothing is filed, and nothing changes: whoever ends a run asks once.
+
+        Returns:
+            a rule of severity note, and a sentence for people, for each.
+        """
+        return []
 
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
@@ -273,20 +286,6 @@ class Chip:
         """
         raise NotImplementedError
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows of this chip, by name."""
-        return {}
-
-    def lane_steps(self) -> list[int]:
-        """Return what :meth:`telemetry` tells for the lanes of its family, without the names.
-
-        Axis by axis, in the order of the family's rows, each in the nearest whole number of its
-        row's steps (:func:`~vbus.signals.nearest`), and last its ``"interrupt"``, 0 of a chip that
-        tells of none. Empty: ask for telemetry.
-        """
-        # The fast way of a scope: 1.7 to 20 times (tests/unit/scope/test_look.py holds it equal).
-        return []
-
     def next_change(self) -> int:
         """Return an instant after now, not later than the next sample that changes telemetry (ps).
 
@@ -294,14 +293,6 @@ class Chip:
         Override it where that may change while outputs do not.
         """
         return self.next_event()
-
-    def peek(self, address: int) -> int:
-        """Return the byte that the register at ``address`` holds; nothing changes.
-
-        Raises:
-            ValueError: this chip's registers cannot be looked at.
-        """
-        raise ValueError(f"{self.part}: its registers cannot be looked at")
 
     def before_save(self) -> None:
         """Come to now."""
@@ -315,6 +306,13 @@ class Chip:
         return False
 
     # -- what every chip has ------------------------------------------------------------------
+
+    def telemetry(self) -> dict[str, Reading]:
+        """Return the values of :attr:`VALUES` that have a key, by their keys, as they are now."""
+        self.advance()
+        if self._tell is None:
+            self._tell = self.VALUES.telemetry(self.axis_count)
+        return self._tell(self)
 
     def report(
         self, rule: Rule, measured: int = 0, limit: int = 0, detail: str = "", when: int = -1

@@ -8,48 +8,13 @@ from typing import Any, TypeVar
 from msgspec import Struct, field
 
 from vbus.chips.base import Chip
+from vbus.chips.packets import packets_of
 from vbus.chips.strobes import AcTable
-from vbus.chips.tables import REPORTED, Bit, Command, Register
+from vbus.chips.tables import Command, Register
 from vbus.errors import PluginError
-from vbus.signals import LaneRow, Rule
+from vbus.signals import Rule, ValueTable
 
 _T = TypeVar("_T")
-
-
-class InnerRegister(Struct, frozen=True):
-    """A register that no address reaches: commands load it or read it. For people who look inside.
-
-    Attributes:
-        name: as the manual calls it; one for each axis has the same name for all of them.
-        path: where the chip keeps it: attributes and numbers of elements, ``{}`` for the axis
-            (0-based); a method there is called.
-        group: what it stands with.
-        clause: clause id.
-        title: what it is.
-        unit: what its value counts.
-        fraction: fraction bits.
-        digits: of its value in hexadecimal; 0 where it is a number.
-        fields: its bits by name.
-        words: what its values mean, from 0 on.
-        counts: :data:`~vbus.chips.tables.REPORTED` where it moves by itself.
-    """
-
-    name: str
-    path: str
-    group: str = ""
-    clause: str = ""
-    title: str = ""
-    unit: str = ""
-    fraction: int = 0
-    digits: int = 0
-    fields: tuple[Bit, ...] = ()
-    words: tuple[str, ...] = ()
-    counts: str = ""
-
-    @property
-    def moves(self) -> bool:
-        """Whether samples change it, not only its host."""
-        return self.counts == REPORTED
 
 
 class Family(Struct, frozen=True):
@@ -65,9 +30,11 @@ class Family(Struct, frozen=True):
         title: its parts, for people: ``"LM628 and LM629"``.
         kind: what they are, for people: ``"motion controller"``.
         about: what they are for, in a few sentences, with which their page begins.
-        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
+        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``VALUES``, ``AC``,
+            ``RULES``.
         bus: what makes cycles of edges, a ``BusWatch``.
-        packets: what reads cycles in the manual's words, a ``Decoder``.
+        packets: what reads cycles in the manual's words, a ``Decoder``; made from the register map
+            if left out.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
         upsets: what faults can do inside its chips, an ``Upsets``.
         strobes: the control lines that fall for a read and for a write cycle.
@@ -77,8 +44,7 @@ class Family(Struct, frozen=True):
         reset_name: what that write is called.
         access: how a client moves words or values, where the usual way is not enough: the class
             that the calls made from the tables are added to.
-        calls: the blocking calls made from its tables, a class made with the chip on its bus.
-        host: its blocking client above these, a class made with a bus and the chip's name.
+        host: its client above these, for asyncio, a class made with a bus and the chip's name.
         demo: its demonstration, a ``Demo``.
         demo_name: what the demonstration is called by.
         typical: parts for tests that say no more than how the part number begins.
@@ -88,13 +54,9 @@ class Family(Struct, frozen=True):
         channels: sigrok's names of the control lines; made from those of the pins if left out.
         addresses: what its page says of each bus address: number, how, read, write.
         bits: bit tables of its page: heading, and the name in :attr:`datasheet`.
-        flags: bit tables of values that ``telemetry`` tells, by the value's name or its first word.
-        units: of such values, as conditions write them: ``"counts"``, ``"counts/sample"``.
         cycle: number of clock periods of the cycle against which a host's phase matters, as it is
             after a reset, ``"datasheet:SAMPLE_CLK"``.
         compatibility: parts it stands in for, each with a ``Uses`` that knows the differences.
-        lanes: what a chip's telemetry tells of each axis, as people draw it.
-        inner: registers that no address reaches, rows of :class:`InnerRegister`.
         kept: rows of AC tables that the chip keeps itself and no host can break.
     """
 
@@ -109,7 +71,6 @@ class Family(Struct, frozen=True):
     packets: str = ""
     coverage: str = ""
     access: str = ""
-    calls: str = ""
     host: str = ""
     demo: str = ""
     demo_name: str = ""
@@ -126,13 +87,9 @@ class Family(Struct, frozen=True):
     channels: tuple[str, ...] = ()
     addresses: tuple[tuple[str, str, str, str], ...] = ()
     bits: tuple[tuple[str, str], ...] = ()
-    lanes: tuple[LaneRow, ...] = ()
-    flags: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
     kept: frozenset[str] = frozenset()
     cycle: str | int = ""
     compatibility: Mapping[str, str] = field(default_factory=dict)
-    inner: str | tuple[InnerRegister, ...] = ()
 
     def load(self, role: str, base: type[_T]) -> type[_T] | None:
         """Return the class that attribute ``role`` names, or None if it is left out.
@@ -141,6 +98,8 @@ class Family(Struct, frozen=True):
             PluginError: it cannot be imported, or is no subclass of ``base``.
         """
         found = self.object(role)
+        if found is None and role == "packets" and self.registers:
+            found = packets_of(self.name, self._of_chip("REGISTERS", None))
         return None if found is None else self._checked(role, getattr(self, role), found, base)
 
     def compatible_with(self, other: str, base: type[_T]) -> type[_T]:
@@ -201,18 +160,21 @@ class Family(Struct, frozen=True):
         return tuple(getattr(self.tables, "REGISTERS", ()))
 
     @property
-    def inner_registers(self) -> tuple[InnerRegister, ...]:
-        """Registers that commands alone reach."""
-        return tuple(self.object("inner") or ())
+    def values(self) -> ValueTable:
+        """What a chip has inside, and what is told of it."""
+        values: ValueTable = self._of_chip("VALUES", ValueTable())
+        return values
 
     @property
     def rules(self) -> tuple[Rule, ...]:
         """What a host can break."""
-        rows: tuple[Rule, ...] | None = getattr(self.tables, "RULES", None)
-        if rows is None:
-            chip = self.load("chip", Chip)
-            rows = chip.RULES if chip is not None else ()
+        rows: tuple[Rule, ...] = self._of_chip("RULES", ())
         return rows
+
+    def _of_chip(self, name: str, default: Any) -> Any:
+        """Return a table of the datasheet, or else of the chip's class."""
+        found = getattr(self.tables, name, None)
+        return getattr(self.load("chip", Chip), name, default) if found is None else found
 
     @property
     def ac_tables(self) -> Mapping[str, AcTable]:

@@ -373,6 +373,11 @@ class RegisterPackets(Decoder):
         return f"{value:02X}H ({value})"
 
 
+def packets_of(family: str, rows: RegisterMap) -> type[RegisterPackets]:
+    """Return a decoder that knows the register map of a family, and no more."""
+    return type("Packets", (RegisterPackets,), {"FAMILY": family, "ROWS": rows})
+
+
 def _partial(row: Register, seen: dict[int, Cycle]) -> Packet:
     cycles = tuple(seen.values())
     way = "write" if cycles[0].write else "read"

@@ -12,7 +12,6 @@ from vbus.state import Names
 class AcTable:
     """The AC rows of one family, each with its rule (``FAMILY.SYMBOL``)."""
 
-    __slots__ = ("_rows", "family", "rules")
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, family: str, *rows: AcLimit) -> None:

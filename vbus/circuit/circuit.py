@@ -92,7 +92,10 @@ class Circuit:
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
         self.limit: i64 = END
-        """Time may run to this instant without the wall clock (ps); set by the pacer."""
+        """Time may run to this instant without the wall clock (ps); set by the pacer, or by the
+        nodes together (:attr:`granted`)."""
+        self.granted: bool = False
+        """Whether the board is a node in virtual time: nothing may happen beyond :attr:`limit`."""
         self.sliced: bool = False
         """Whether somebody brings a held host's time about in slices; set by the pacer."""
         self.caught: i64 = 0
@@ -367,6 +370,15 @@ class Circuit:
         self._counters[violation.rule] = self._counters.get(violation.rule, 0) + 1
         for observer in (*self.listeners, *self.observers):
             observer.violation(violation)
+
+    def left_over(self) -> list[Violation]:
+        """Return what hosts have begun and not ended, or never done: ask at the end of a run."""
+        return [
+            Violation(self.kernel.now, chip.name, rule.name, rule.clause, rule.severity, 0, 0, text)
+            for chip in self.chips
+            for rule, text in chip.left_over()
+            if self.violation_policy.of(rule.name)
+        ]
 
     def _clash(self, net: Net) -> None:
         if net.guard is not None:

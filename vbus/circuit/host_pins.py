@@ -29,7 +29,6 @@ class Strobe:
         level: to which; :data:`~vbus.signals.Z` lets go.
     """
 
-    __slots__ = ("level", "offset", "pin")
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, offset: i64, pin: Pin, level: int) -> None:

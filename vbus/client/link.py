@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
-from vbus.kernel.kernel import SECOND
+from vbus.instants import SECOND
 from vbus.protocols.quantities import parse_duration
 from vbus.runtime import expanded, lock_state, pause_mark
 from vbus.wall_clock import monotonic
@@ -58,6 +58,9 @@ class BoardLink:
         if not data:
             raise TransportError(f"{self.where}: closed by the other end")
         return data
+
+    def replied(self) -> None:
+        """Go on after a message that has been sent, and whose replies are here."""
 
     def until(self, deadline: float) -> float:
         """Return when to read although nothing has come, at the latest at ``deadline``."""

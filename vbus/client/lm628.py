@@ -1,4 +1,8 @@
 # Made by vbus.tools.generate.
 """The client of the LM628 and LM629."""
 
-from vbus.chips.lm628.generated.host import *  # noqa: F403
+from vbus.chips.lm628 import access, host
+from vbus.client.blocking import export
+
+export(access, globals())
+export(host, globals())

@@ -1,4 +1,8 @@
 # Made by vbus.tools.generate.
 """The client of the MC1241A and MC1141A."""
 
-from vbus.chips.mc1241a.generated.host import *  # noqa: F403
+from vbus.chips.mc1241a import access, host
+from vbus.client.blocking import export
+
+export(access, globals())
+export(host, globals())

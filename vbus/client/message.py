@@ -1,11 +1,11 @@
 """Calls of a host as bytes of the byte protocol, and the results they wait for."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
-from typing import Final, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, NamedTuple, TypeVar
 
 from vbus.errors import ProtocolError, VbusError
-from vbus.protocols.hello import decode_hello
-from vbus.protocols.port import PortInfo
 from vbus.protocols.quantities import picoseconds
 from vbus.protocols.requests import (
     LONGEST,
@@ -14,6 +14,9 @@ from vbus.protocols.requests import (
     VERSION,
     Request,
 )  # fmt: skip
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 T = TypeVar("T")
 Values = tuple[int | bytes, ...]
@@ -138,6 +141,8 @@ def _sync(values: Values) -> Sync:
 
 
 def _hello(values: Values) -> PortInfo:
+    from vbus.protocols.hello import decode_hello
+
     version, info = decode_hello(_data(values))
     if version != VERSION:
         raise ValueError(f"the board speaks version {version}; this client speaks {VERSION}")
@@ -159,6 +164,8 @@ class Message:
         self.info: PortInfo | None = info
         self.data: bytearray = bytearray()
         self.requests: list[tuple[str, Later[Values] | None]] = []
+        self.last: Later[Values] | None = None
+        """The last reply asked for: replies come in order, so it is the last to come."""
         self.duration: int = 0
         """How much chip time the requests may take besides their bus cycles (ps)."""
         self.polls: int = -1
@@ -178,7 +185,7 @@ class Message:
     @property
     def done(self) -> bool:
         """Whether every reply is here."""
-        return all(later is None or later.done for _, later in self.requests)
+        return self.last is None or self.last.done
 
     def _post(self, row: Request, *values: int | bytes) -> None:
         self.data += row.pack(*values)
@@ -193,7 +200,8 @@ class Message:
     def _asked(self, row: Request, decode: Decode[T], data: bytes) -> Later[T]:
         later = Later(row, decode)
         self.data += data
-        self.requests.append((row.name, later))  # type: ignore[arg-type]
+        self.last = later  # type: ignore[assignment]
+        self.requests.append((row.name, self.last))
         self.polls = -1
         self.touches = True
         return later

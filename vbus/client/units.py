@@ -1,13 +1,12 @@
 """From turns and seconds to the numbers motion chips count in, and back."""
 
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 Number = int | float | Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class Units:
+class Units(NamedTuple):
     """Counts per turn and seconds per sample of one axis; all conversions round to nearest.
 
     A chip's velocity is counts per sample, its acceleration counts per sample per sample, both

@@ -1,22 +1,16 @@
-"""What is recorded of the nodes of one process: a file for each, named after its node."""
+"""What is recorded of nodes: a file for each, named after its node."""
 
-import asyncio
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
 
-from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
-from vbus.errors import ConfigError, VbusError, write_errors
-from vbus.nodes.host import NodeBus
+from vbus.boardfile.sections import BoardFile
+from vbus.errors import VbusError, write_errors
 from vbus.nodes.node import Node
 from vbus.server.output_file import output
-from vbus.server.recording import ALONE, Recording
-from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.recorder import recorded
+from vbus.server.recording import Recording
 from vbus.trace.wave.merge import merge_waves
 from vbus.trace.wave.signals import FULL
 
@@ -64,70 +58,28 @@ def join_waves(file: BoardFile, report: Callable[[str], None]) -> list[str]:
     return lost
 
 
-class NodeRecords:
-    """Journals, reports, coverage and waveforms of the nodes of one process.
+def recording_of(
+    file: BoardFile, node: Node, report: Callable[[str], None], opened: ExitStack
+) -> Recording:
+    """Record a node to which nothing has happened, in files of its own.
 
     Args:
         file: the board file, with what is to be recorded.
-        source: its text.
+        node: the node.
         report: takes sentences about recordings that had to end.
+        opened: closes the recording.
+
+    Raises:
+        VbusError: a file cannot be written, or what is wanted makes no sense.
     """
-
-    def __init__(self, file: BoardFile, source: Source, report: Callable[[str], None]) -> None:
-        self._file: BoardFile = file
-        self._source: Source = source
-        self._report: Callable[[str], None] = report
-        self._opened: ExitStack = ExitStack()
-        self.of: dict[int, Recording] = {}
-        """By rank of the node; empty if nothing is recorded."""
-        self.lost: list[str] = []
-        """Why files have not all they should have, once they are closed."""
-
-    @property
-    def wanted(self) -> bool:
-        """Whether anything is to be recorded."""
-        record = self._file.record
-        return bool(record.journal or record.report or record.coverage or self._file.waves)
-
-    def begin(self, node: Node) -> None:
-        """Record a node to which nothing has happened.
-
-        Raises:
-            VbusError: a file cannot be written, or what is wanted makes no sense.
-        """
-        record = self._file.record
-        if record.durable != "no" and not record.journal:
-            raise ConfigError(ALONE)
-        if not self.wanted:
-            return
-        port: Callable[..., HostBus] = RecordedBus
-        if node.board.policy != "realtime":
-            port = recorded(NodeBus)
-        recording = Recording(node.board, self._source.text, self._file.path, self._report, port)
-        self._opened.callback(recording.close)
-        files = {
-            key: of_node(getattr(record, key), node.name)
-            for key in ("journal", "report", "coverage")
-        }
-        waves = [
-            msgspec.structs.replace(wave, file=of_node(wave.file, node.name))
-            for wave in self._file.waves
-        ]
-        recording.open(msgspec.structs.replace(record, **files), waves)
-        self.of[node.rank] = recording
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to write journals at times."""
-        for recording in self.of.values():
-            recording.start(loop)
-
-    def end(self) -> None:
-        """End every recording; may be repeated."""
-        self._opened.close()
-
-    def close(self) -> None:
-        """The nodes have stopped: end every recording; of all nodes, join their waveforms."""
-        self.end()
-        if len(self.of) == len(self._file.nodes):
-            self.lost += join_waves(self._file, self._report)
-        self.lost += [sentence for one in self.of.values() for sentence in one.failures]
+    recording = Recording(node.board, node.board.text, file.path, report)
+    opened.callback(recording.close)
+    files = {
+        key: of_node(getattr(file.record, key), node.name)
+        for key in ("journal", "report", "coverage")
+    }
+    waves = [
+        msgspec.structs.replace(wave, file=of_node(wave.file, node.name)) for wave in file.waves
+    ]
+    recording.open(msgspec.structs.replace(file.record, **files), waves)
+    return recording

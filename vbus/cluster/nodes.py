@@ -10,21 +10,19 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
-from vbus.cluster.elsewhere import Elsewhere
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.cluster.node_link import NodeLink
-from vbus.cluster.node_records import NodeRecords
+from vbus.cluster.node_records import join_waves, recording_of
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
-from vbus.cluster.saving import saved
 from vbus.cluster.timebase import Timebase
 from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
-from vbus.nodes.machine import conductor_of, node_of
-from vbus.nodes.machine_snapshot import read, restore
+from vbus.nodes.machine import conductor_of, node_of, trace_lines
+from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
@@ -34,14 +32,11 @@ from vbus.server.loop import run_until_signal
 from vbus.server.metrics import MetricsPort
 from vbus.server.output_file import OutputFile
 from vbus.server.readiness import tell_ready
+from vbus.server.recording import Recording
 from vbus.server.registry import own_board
 from vbus.server.server import Server
 from vbus.server.serving import links_of, metrics_of, network_of
 
-SAVE_NODE: Final = "snap.node"
-"""The order for a node's part of a snapshot of its machine."""
-SAVE_ELSEWHERE: Final = "snap.elsewhere"
-"""The order to ask a node of another process for that."""
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
 
@@ -55,8 +50,7 @@ class NodeOptions:
         scenario: file of what hosts do at given instants.
         trace: file that takes what has happened on these nodes.
         snapshot: file that takes a snapshot of the node four times a second.
-        rejoin: snapshot of this node to go on from.
-        start: snapshot of the machine to go on from.
+        start: snapshot of the machine, or of this node, to go on from.
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.
         connect: endpoints to connect to, in place of the board file's.
@@ -66,7 +60,6 @@ class NodeOptions:
     scenario: str = ""
     trace: str = ""
     snapshot: str = ""
-    rejoin: str = ""
     start: str = ""
     patience: float = 0.0
     listen: tuple[str, ...] = ()
@@ -144,31 +137,18 @@ def _conductors(
     built: Callable[[Node], None],
 ) -> list[Conductor]:
     """Return the nodes of this process, each where it is to begin in virtual time."""
-    if (options.snapshot or options.rejoin) and len(names) != 1:
+    if options.snapshot and len(names) != 1:
         raise ConfigError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
         )
     made = [
         conductor_of(file, source, name, scenario, bool(options.trace), built) for name in names
     ]
-    if options.rejoin:
-        with read_errors(options.rejoin):
-            data = Path(options.rejoin).read_bytes()
-        made[0].load(data)
     if options.start:
         with read_errors(options.start):
             data = Path(options.start).read_bytes()
-        restore(made, read(data, options.start))
+        restore(made, read_nodes(data, options.start))
     return made
-
-
-def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
-    lines: list[list[tuple[int, str]]] = []
-    for node in nodes:
-        node.board.catch_up()
-        lines += [[] for _ in range(node.rank - len(lines))]
-        lines.append(node.trace.lines() if node.trace is not None else [])
-    return lines
 
 
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
@@ -253,7 +233,7 @@ class _NodesRun:
         scenario = scenario_of(file, options.scenario) if options.scenario else None
         for name in names:
             owned.enter_context(own_board(f"{file.board.name}.{name}"))
-        self._trace, snapshot = (
+        self._trace, kept = (
             owned.enter_context(closing(OutputFile(path))) if path else None
             for path in (options.trace, options.snapshot)
         )
@@ -265,20 +245,24 @@ class _NodesRun:
         if len(names) < len(plan.nodes) or (self._real and meets):
             self._link = NodeLink(plan.board, plan.nodes, [plan.rank(name) for name in names])
         group = Group(plan, self._link, report, options.patience)
-        self._records: NodeRecords = NodeRecords(file, source, report)
-        owned.callback(self._records.end)
-        if (options.rejoin or options.start) and self._records.wanted:
+        self._recordings: dict[int, Recording] = {}
+        self._lost: list[str] = []
+        record = file.record
+        wanted = record.journal or record.report or record.coverage or file.waves
+        if options.start and wanted:
             raise ConfigError(
                 f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
                 " node that goes on from a snapshot; leave it out with"
-                f" {'--rejoin' if options.rejoin else '--from'}"
+                " --from"
             )
-        built = self._records.begin
+
+        def built(node: Node) -> None:
+            self._recordings[node.rank] = recording_of(file, node, report, owned)
+
         self._peers: Peers
-        self._conductors: dict[int, Conductor] = {}
         if self._real:
-            if options.snapshot or options.rejoin or options.start:
-                raise ConfigError("a snapshot is for virtual time; this board is realtime")
+            if options.snapshot or options.start:
+                raise ConfigError(NO_ROUNDS)
             trace = bool(options.trace)
             self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
             until = scenario.until if scenario is not None else -1
@@ -286,8 +270,7 @@ class _NodesRun:
         else:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
-            self._conductors = {conductor.node.rank: conductor for conductor in conductors}
-            self._peers = Timebase(group, conductors, snapshot)
+            self._peers = Timebase(group, conductors, kept)
 
     async def serve(
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
@@ -297,7 +280,7 @@ class _NodesRun:
         ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
-            closing.callback(self._records.close)
+            closing.callback(self._end_records)
             for end in ends:
                 closing.callback(end.cancel)
             if self._link is not None:
@@ -324,7 +307,8 @@ class _NodesRun:
             return False
         if self._link is not None and not await _first(self._open(self._link), ends):
             return False
-        self._records.start(loop)
+        for recording in self._recordings.values():
+            recording.start(loop)
         self._peers.start(loop)
         if not await _first(self._peers.agreed.wait(), ends):
             return False
@@ -345,13 +329,12 @@ class _NodesRun:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
             pacer.on_end = self._stop.set
-            recording = self._records.of.get(node.rank)
+            recording = self._recordings[node.rank]
             server = Server(
                 node.board, links_of(part), report=self._report, metrics=metrics, pacer=pacer,
-                settle=recording.settle if recording is not None else None,
+                settle=recording.settle,
             )  # fmt: skip
-            if recording is not None:
-                server.keep(recording)
+            server.keep(recording)
             metrics = server.metrics
             server.details = partial(self._details, node)
             server.skew = self._peers.latest_skew
@@ -368,24 +351,27 @@ class _NodesRun:
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
 
-        def by_grant(request: dict[str, Any], do: Callable[[str], None]) -> None:
+        def by_grant(request: dict[str, Any], reply: Callable[[dict[str, Any]], None]) -> None:
+            def do(refusal: str) -> None:
+                reply({"error": refusal} if refusal else control.carry_out(request))
+
             peers.let_in(rank, do)
 
-        def at_round(request: dict[str, Any], do: Callable[[str], None]) -> None:
-            number = request.get("round")
-            peers.at_round(rank, number if isinstance(number, int) else 0, do)
-
-        control.late = {"fault.arm": by_grant, "fault.clear": by_grant, SAVE_NODE: at_round}
-        if rank in self._conductors:
-            conductor = self._conductors[rank]
-            control.orders[SAVE_NODE] = lambda request: msgspec.to_builtins(saved(conductor))
-        if self._link is not None:
-            control.answered[SAVE_ELSEWHERE] = Elsewhere(peers, self._link).order
+        control.answered = {
+            "fault.arm": by_grant, "fault.clear": by_grant, "snap.node": peers.save_node,
+        }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
-        recording = self._records.of.get(node.rank)
-        journal = {"journal": recording.told} if recording is not None and recording.told else {}
-        return {"node": self._peers.status(node.rank), **journal}
+        told = self._recordings[node.rank].told
+        return {"node": self._peers.status(node.rank)} | ({"journal": told} if told else {})
+
+    def _end_records(self) -> None:
+        """The nodes have stopped: end every recording; of all nodes, join their waveforms."""
+        for recording in self._recordings.values():
+            recording.close()
+        if len(self._recordings) == len(self._file.nodes):
+            self._lost += join_waves(self._file, self._report)
+        self._lost += [line for one in self._recordings.values() for line in one.failures]
 
     def _stop_servers(self) -> None:
         with ExitStack() as stopping:
@@ -397,16 +383,16 @@ class _NodesRun:
             return
         try:
             with write_errors(self._trace.path):
-                self._trace.begin_text().writelines(merged(_lines(self._nodes)))
+                self._trace.begin_text().writelines(merged(trace_lines(self._nodes)))
             self._trace.keep()
         except VbusError as error:
-            self._records.lost.append(str(error))
+            self._lost.append(str(error))
             self._report(str(error))
 
     def outcome(self) -> NodesOutcome:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
-        lost = [*self._records.lost, *self._peers.lost]
+        lost = [*self._lost, *self._peers.lost]
         return NodesOutcome(self._nodes, over, lost, **self._peers.figures())
 
 

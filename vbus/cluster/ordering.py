@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from vbus.board.sections import BoardFile
-from vbus.cluster.saving import NO_ROUNDS, SavedNode
+from vbus.boardfile.sections import BoardFile
+from vbus.circuit.orders import LEAD, Order
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
+from vbus.nodes.machine_snapshot import NO_ROUNDS, SavedNode
 from vbus.nodes.messages import LARGEST
 from vbus.nodes.node import Node
-from vbus.nodes.orders import LEAD, Order
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.server.serving import network_of
@@ -102,24 +102,20 @@ def is_of_another(node: str) -> str:
     )
 
 
-def take_order(node: Node, data: bytes, uncertainty: int, digest: str) -> Answer:
+def take_order(node: Node, request: NodeRequest, uncertainty: int) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing.
 
     Args:
         node: the node.
-        data: a request.
+        request: the order.
         uncertainty: how far its clock may be from that of all (ns).
-        digest: of its board file.
     """
     now = node.board.now
+    if request.save >= 0:
+        return Answer(node.name, now, error=NO_ROUNDS)
+    if request.at < 0:
+        return Answer(node.name, now, uncertainty=uncertainty * 1000)
     try:
-        request = read_request(data)
-        if request.digest != digest:
-            return Answer(node.name, now, error=is_of_another(node.name))
-        if request.save >= 0:
-            return Answer(node.name, now, error=NO_ROUNDS)
-        if request.at < 0:
-            return Answer(node.name, now, uncertainty=uncertainty * 1000)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
         scenario = read_scenario(request.lines, "order", pins, US)
     except ConfigError as error:
@@ -163,10 +159,12 @@ def order(
         The instant (ps), and what each node that takes part says.
 
     Raises:
-        ConfigError: the scenario makes no sense, or nobody has said where the nodes meet.
+        ConfigError: the scenario or the period makes no sense, or where the nodes meet is unknown.
         TransportError: nobody listens there.
         NodeError: a node does not run, or refuses; names it.
     """
+    if align < 1:
+        raise ConfigError(f"{align} ps is no period to align to; give a time from 1 ps up")
     plan = plan_of(file)
     scenario = read_scenario(lines, name, pins_of(file), US)
     homes = {chip.name: chip.node for chip in file.chips}
@@ -178,7 +176,7 @@ def order(
     meeting = connect or tuple(node.listen for node in file.nodes if node.listen)
     meeting = meeting or file.zenoh.connect
     if not meeting:
-        raise ConfigError(f"{file.path}: where do the nodes meet? give --connect")
+        raise ConfigError(f"{file.path}: where do the nodes meet? give the endpoint to connect to")
     session = open_session(connect=meeting, mode="client", security=network_of(file.zenoh).security)
     try:
         root = f"vbus/{plan.board}/@nodes"
@@ -192,7 +190,7 @@ def order(
                 vague.node,
                 f"node {vague.node} knows the time of all to {vague.uncertainty / 1e6:.0f} us only,"
                 f" which is more than the {align / 1e6:g} us to align to, and nothing has been"
-                " ordered; wait until vbus ls shows less, or give a longer --align",
+                " ordered; wait until vbus ls shows less, or align to a longer time",
             )
         at = -(-(max(answer.now for answer in here) + ahead) // align) * align
         answers = []

@@ -6,11 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from vbus.board.sections import BoardFile
-from vbus.cluster.node_link import NodeLink, Receiver
-from vbus.cluster.saving import NO_ROUNDS
-from vbus.errors import NodeLostError, NodeMismatchError, VbusError
-from vbus.kernel import MS
+import msgspec
+
+from vbus.boardfile.sections import BoardFile
+from vbus.cluster.node_link import LARGEST_ANSWER, NodeLink, Receiver
+from vbus.cluster.ordering import (
+    NO_ORDER,
+    Answer,
+    NodeRequest,
+    is_of_another,
+    read_answer,
+    read_request,
+)
+from vbus.errors import ConfigError, NodeLostError, NodeMismatchError, VbusError
+from vbus.kernel import MS, NEVER
 from vbus.nodes.messages import Alive, Message, Reports, decode, encode
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan
@@ -22,6 +31,11 @@ FAREWELL: Final = 5.0
 """Seconds that a node which is done waits for the others at most."""
 GRACE: Final = 0.3
 """Seconds between a loss and the error: long enough to hear which node was the first to be lost."""
+LET_IN: Final = 10.0
+"""Seconds that an order from outside waits for other nodes."""
+ASK_SECONDS: Final = LET_IN + 30.0
+"""How long an answer of another process may take: a node says itself why it waits, and what it
+sends may be long."""
 DONE: Final = "done"
 LEFT: Final = "has been stopped"
 GAVE_UP: Final = "has given up "
@@ -164,17 +178,6 @@ class Peers(Receiver):
         """
         do("")
 
-    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
-        """Let something happen when a node of this process has ended a round, or a later one.
-
-        Args:
-            rank: of the node.
-            number: of the round.
-            do: is called once: with "", or with the reason why it must not happen; in real time
-                there are no rounds.
-        """
-        do(NO_ROUNDS)
-
     def latest_skew(self) -> int | None:
         """Return how far apart in wall time nodes were last (ns); None if they wait for others."""
         return None
@@ -272,6 +275,85 @@ class Peers(Receiver):
             del self._lost[rank]
             self._report(f"node {other.name} is back")
             self.joined(rank)
+
+    # -- orders -----------------------------------------------------------------------------
+
+    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """Take an order for a node of this process.
+
+        Args:
+            rank: of the node.
+            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
+            answer: takes an :class:`~vbus.cluster.ordering.Answer`, once, soon or late.
+        """
+
+        def give(reply: Answer) -> None:
+            data = msgspec.json.encode(reply)
+            if len(data) > LARGEST_ANSWER:
+                why = f"its answer has {len(data)} bytes, and at most {LARGEST_ANSWER} are sent"
+                data = msgspec.json.encode(Answer(name, error=f"node {name}: {why}"))
+            answer(data)
+
+        name = self.plan.nodes[rank]
+        try:
+            request = read_request(data)
+        except ConfigError as error:
+            give(Answer(name, error=f"{NO_ORDER}: {error}"))
+            return
+        if request.digest != self.plan.digest:
+            give(Answer(name, error=is_of_another(name)))
+        else:
+            self.carry_out(rank, request, give)
+
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Carry out an order for a node of this process; ``answer`` is called once."""
+        raise NotImplementedError
+
+    # -- snapshots ------------------------------------------------------------------------------
+
+    def save_node(self, request: dict[str, Any], reply: Callable[[dict[str, Any]], None]) -> None:
+        """Get a node's part of a snapshot at the end of a round, or see whether the node is there.
+
+        Args:
+            request: ``node``, and ``round``, if a part is wanted.
+            reply: takes once, soon or late, what an order's reply has.
+        """
+        name, number, plan = request.get("node"), request.get("round", -1), self.plan
+        if name not in plan.nodes or not (isinstance(number, int) and -1 <= number <= NEVER):
+            reply({"error": f"{name} is no node of {plan.board}, or {number} no round of it"})
+            return
+
+        def take(data: bytes) -> None:
+            try:
+                reply({"done": self._part(str(name), number, data)})
+            except VbusError as error:
+                reply({"error": str(error)})
+
+        rank, asked = plan.rank(name), msgspec.json.encode(NodeRequest(plan.digest, save=number))
+        if self._link is None or rank in self._ranks:
+            self.order(rank, asked, take)
+        else:
+            self._link.ask(rank, asked, ASK_SECONDS, take)
+
+    def _part(self, name: str, number: int, data: bytes) -> Any:
+        """Return what a node has answered, for JSON.
+
+        Raises:
+            VbusError: the node has not answered, refuses, or the answer makes no sense.
+        """
+        state = self.state_seen(name)
+        if not data and number < 0:
+            return {"answers": False, "state": state}
+        if not data:
+            raise VbusError(f"node {name} does not answer ({state}); is it running (vbus ls)?")
+        answer = read_answer(name, data)
+        if answer.error:
+            raise VbusError(answer.error)
+        if number < 0:
+            return {"answers": True, "state": state}
+        if answer.part is None:
+            raise VbusError(f"node {name} gives an answer without its part of the snapshot")
+        return msgspec.to_builtins(answer.part)
 
     # -- who is there ---------------------------------------------------------------------------
 

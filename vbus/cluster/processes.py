@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.addresses import stays_here
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.errors import ConfigError, TransportError
 from vbus.network.places import endpoints_at, router_place
 from vbus.network.session import check_endpoint, free_endpoint

@@ -10,17 +10,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import msgspec
-
-from vbus.board.board import Board
-from vbus.board.sections import BoardFile
-from vbus.cluster.ordering import Answer, take_order
+from vbus.boardfile.sections import BoardFile
+from vbus.cluster.ordering import Answer, NodeRequest, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
-from vbus.nodes.messages import Mark, Message, Ping, Pong, WireEdges
-from vbus.nodes.node import Edge, Node
+from vbus.nodes.messages import Edge, Mark, Message, Ping, Pong, WireEdges
+from vbus.nodes.node import Node
 from vbus.server.pacer import Pacer
 
 KEPT: Final = 64
@@ -89,51 +86,6 @@ SLEW: Final = 500
 """A clock that drifts is followed by at most this much (ns in a million)."""
 
 
-class EpochPacer(Pacer):
-    """Moves a node's board with the wall clock, counted from the epoch all nodes share.
-
-    Args:
-        board: the node's board.
-        stall: as for :class:`~vbus.server.pacer.Pacer`.
-        epoch: when chip time is 0, by this process' clock (ns).
-        moved: called when the board may have moved: edges may be under way.
-        clock: wall time in ns; for tests.
-    """
-
-    def __init__(
-        self,
-        board: Board,
-        stall: str,
-        epoch: int,
-        moved: Callable[[], None],
-        clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
-        super().__init__(board, stall, clock)
-        self._epoch: int = epoch
-        self._moved: Callable[[], None] = moved
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to move the board's time: from the epoch, which may lie ahead or back."""
-        super().start(loop)
-        self._anchor_ns = self._epoch
-        self._anchor_ps = 0
-        self._tick_at = self.board.now
-        self.arm()
-
-    def shift(self, ns: int) -> None:
-        """Follow a clock that drifts: the epoch was ``ns`` later than believed."""
-        self._anchor_ns += ns
-
-    def touched(self) -> None:
-        """A host has been served: an edge may be due earlier, or be on its way."""
-        super().touched()
-        self._moved()
-
-    def _woken(self) -> None:
-        super()._woken()
-        self._moved()
-
-
 class RealTime(Peers):
     """Nodes of this process in real time with those of other processes.
 
@@ -162,7 +114,7 @@ class RealTime(Peers):
     ) -> None:
         super().__init__(group, [node.rank for node in nodes])
         self.nodes: dict[int, Node] = {node.rank: node for node in nodes}
-        self.pacers: dict[int, EpochPacer] = {}
+        self.pacers: dict[int, Pacer] = {}
         self.keeper: int = max(self.plan.hub, 0)
         self.epoch: int = -1
         """When chip time was 0, by this process' clock (ns)."""
@@ -249,11 +201,10 @@ class RealTime(Peers):
 
     # -- moving ---------------------------------------------------------------------------------
 
-    def pacer(self, node: Node, part: BoardFile) -> EpochPacer:
+    def pacer(self, node: Node, part: BoardFile) -> Pacer:
         """Return what moves a node's board, once the epoch is known."""
-        pacer = EpochPacer(
-            node.board, part.board.stall, self.epoch, lambda: self.flush(node), self._ns
-        )
+        pacer = Pacer(node.board, part.board.stall, self._ns, epoch=self.epoch)
+        pacer.on_moved = lambda: self.flush(node)
         self.pacers[node.rank] = pacer
         timer = node.board.kernel.timer(lambda: self._mark(node), saved=False)
         self._marks[node.rank] = timer
@@ -299,17 +250,16 @@ class RealTime(Peers):
 
     # -- orders ---------------------------------------------------------------------------------
 
-    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """Take an order for a node of this process, or tell chip time (``ordering.py``)."""
-        node = self.nodes[rank]
-        pacer = self.pacers.get(rank)
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Take an order for a node, or tell chip time (``ordering.py``)."""
+        node, pacer = self.nodes[rank], self.pacers.get(rank)
         if pacer is None:
-            answer(msgspec.json.encode(Answer(node.name, error="chip time has not begun yet")))
+            answer(Answer(node.name, error="chip time has not begun yet"))
             return
         pacer.catch_up()
-        taken = take_order(node, data, self._uncertainty(), self.plan.digest)
+        taken = take_order(node, request, self._uncertainty())
         pacer.touched()
-        answer(msgspec.json.encode(taken))
+        answer(taken)
 
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen at a node now, and send the edges it has caused."""

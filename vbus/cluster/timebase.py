@@ -1,71 +1,27 @@
 """Nodes that keep one virtual time: what is granted is run, what was lost is asked for."""
 
 import asyncio
-import heapq
 import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeVar
 
-import msgspec
-
-from vbus.board.board import Board
-from vbus.board.sections import BoardFile
-from vbus.cluster.node_link import LARGEST_ANSWER
-from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
-from vbus.cluster.peers import Group, Peers
-from vbus.cluster.saving import saved
-from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
+from vbus.board.snapshot import write
+from vbus.boardfile.sections import BoardFile
+from vbus.cluster.ordering import Answer, NodeRequest
+from vbus.cluster.peers import LET_IN, Group, Peers
+from vbus.errors import NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
+from vbus.nodes.machine_snapshot import saved
 from vbus.nodes.messages import Message, Need, NodeReport, Reports
 from vbus.nodes.node import Node
 from vbus.server.output_file import OutputFile
 from vbus.server.pacer import Pacer
 
-
-class GrantedPacer(Pacer):
-    """Wakes sessions when a grant has reached what they wait for.
-
-    Args:
-        board: the node's board, in lockstep or slaved time.
-        changed: called when a host has done something, so that time may run on.
-    """
-
-    def __init__(self, board: Board, changed: Callable[[], None]) -> None:
-        super().__init__(board)
-        self._changed: Callable[[], None] = changed
-
-    def catch_up(self) -> bool:
-        """Do nothing: time is where its nodes have brought it."""
-        return True
-
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Serve sessions from here on."""
-        self._loop = loop
-
-    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
-        """Call back when the grant includes ``instant`` (ps)."""
-        self._wake_number += 1
-        heapq.heappush(self._wakes, (instant, self._wake_number, callback))
-        self._changed()
-
-    def touched(self) -> None:
-        """A host has been served: it may want time now."""
-        self._changed()
-
-    def granted(self) -> None:
-        """Time may run further: go on with the sessions that waited for it."""
-        if self.board.limit > self._near:
-            self._nearing(self.board.limit)
-        self._wake(self.board.limit)
-
-
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
-LET_IN: Final = 10.0
-"""Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 WAITS_FOR_OTHERS: Final = "waits for the others"
@@ -98,7 +54,7 @@ class Timebase(Peers):
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
-        self._pacers: list[GrantedPacer] = []
+        self._pacers: list[Pacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
@@ -161,7 +117,7 @@ class Timebase(Peers):
                 if self._began < 0:
                     self._began = self._ended
                 for pacer in self._pacers:
-                    pacer.granted()
+                    pacer.grant_came()
             if report is not None:
                 self._share(conductor.node.rank, report)
                 self._keep_snapshot(conductor)
@@ -253,7 +209,7 @@ class Timebase(Peers):
         """Write a snapshot of a node that has just reported; the file is replaced in one step."""
         assert self._snapshot is not None
         try:
-            self._snapshot.write(conductor.save(), sync=False)
+            self._snapshot.write(write(conductor.save()), sync=False)
         except VbusError as error:
             self.lost.append(str(error))
             self._report(f"{error}; no more snapshots are written")
@@ -276,7 +232,8 @@ class Timebase(Peers):
         """Return what wakes the sessions of a node when time is granted."""
         awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
         self._mine[node.rank].awaited = awaited
-        pacer = GrantedPacer(node.board, self.proceed)
+        pacer = Pacer(node.board)
+        pacer.on_moved = self.proceed
         self._pacers.append(pacer)
         return pacer
 
@@ -326,42 +283,26 @@ class Timebase(Peers):
         asked.append(entry)
         self.proceed()
 
-    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """Tell the instant of a node, or its part of a snapshot when a round has ended.
-
-        Args:
-            rank: of the node.
-            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
-            answer: takes a :class:`~vbus.cluster.ordering.Answer`.
-        """
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Tell the instant of a node, or its part of a snapshot when a round has ended."""
         conductor = self._mine[rank]
         node = conductor.node
 
-        def refuse(why: str) -> None:
-            answer(msgspec.json.encode(Answer(node.name, node.board.now, error=why)))
-
         def save(refusal: str) -> None:
-            if refusal:
-                refuse(refusal)
-            else:
-                answer(_answer_of(conductor))
+            answer(Answer(node.name, error=refusal) if refusal else _answer_of(conductor))
 
-        try:
-            request = read_request(data)
-        except ConfigError as error:
-            refuse(f"{NO_ORDER}: {error}")
-            return
-        if request.digest != self.plan.digest:
-            refuse(is_of_another(node.name))
-        elif request.at >= 0 or request.lines:
-            refuse(
-                "orders are for boards in real time; in virtual time a scenario says what happens"
-                " when: vbus run --scenario"
+        if request.at >= 0 or request.lines:
+            answer(
+                Answer(
+                    node.name,
+                    error="orders are for boards in real time; in virtual time a scenario says what"
+                    " happens when: vbus run --scenario",
+                )
             )
         elif request.save >= 0:
             self.at_round(rank, request.save, save)
         else:
-            answer(msgspec.json.encode(Answer(node.name, node.board.now)))
+            answer(Answer(node.name, node.board.now))
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time).
@@ -390,21 +331,15 @@ class Timebase(Peers):
         }
 
 
-def _answer_of(conductor: Conductor) -> bytes:
+def _answer_of(conductor: Conductor) -> Answer:
     """Return the answer with a node's part of a snapshot, or why it has none."""
     name, now = conductor.node.name, conductor.node.board.now
     try:
-        data = msgspec.json.encode(Answer(name, now, part=saved(conductor)))
+        part = saved(conductor)
     except VbusError as error:
-        why = f"node {name} cannot be saved: {error}"
+        return Answer(name, error=f"node {name} cannot be saved: {error}")
     except Exception:
         log.exception("internal error while saving node %s, which goes on", name)
         why = f"node {name} cannot be saved: internal error; its own messages say more"
-    else:
-        if len(data) <= LARGEST_ANSWER:
-            return data
-        why = (
-            f"node {name} has a part of {len(data)} bytes, and at most {LARGEST_ANSWER} go to"
-            " another computer; save where all nodes are on one"
-        )
-    return msgspec.json.encode(Answer(name, now, error=why))
+        return Answer(name, error=why)
+    return Answer(name, now, part=part)

@@ -64,8 +64,8 @@ COMPILED: Final = (
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
-    "compatible.py", "inner_registers.py",
-    "access.py", "host.py", "demo.py",
+    "compatible.py", "signals/values.py",
+    "access.py", "calls.py", "host.py", "demo.py",
     "board/host_info.py", "clock_input.py",
     "motion/input_limits.py", "signals/trace_hash.py", "signals/violation.py",
 })  # fmt: skip

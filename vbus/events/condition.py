@@ -21,8 +21,9 @@ from vbus.events.grammar import (
     is_word,
     read,
 )
-from vbus.events.names import COUNTS, PER_SAMPLE, PER_SECOND, Level, Names, Told, Value
+from vbus.events.names import COUNTS, PER_SAMPLE, PER_SECOND, Level, Names
 from vbus.kernel import NEVER
+from vbus.signals import Reading
 from vbus.values.lexer import ConditionError
 from vbus.values.settings import rule_names, suggestion
 from vbus.values.units import UnitError, parse
@@ -57,14 +58,14 @@ class Course(Struct, eq=False):
 
     now: int = 0
     due: int = NEVER
-    values: dict[str, Value] = field(default_factory=dict)
+    values: dict[str, Reading] = field(default_factory=dict)
     rose: set[str] = field(default_factory=set)
     fell: set[str] = field(default_factory=set)
     happened: list[tuple[str, str, str]] = field(default_factory=list)
     broken: dict[str, int] = field(default_factory=dict)
     memory: dict[int, Any] = field(default_factory=dict)
 
-    def change(self, key: str, value: Value) -> None:
+    def change(self, key: str, value: Reading) -> None:
         """Take down the value that a level has now."""
         before = self.values.get(key, value)
         self.values[key] = value
@@ -136,10 +137,10 @@ class Condition:
         course.happened.clear()
         return found
 
-    def look(self, course: Course, told: Told) -> None:
+    def look(self, course: Course) -> None:
         """Take down what every level is now."""
         for key, level in self.levels.items():
-            course.change(key, level.value(told))
+            course.change(key, level.value())
 
     def chips(self) -> list[str]:
         """Return the chips it looks into."""
@@ -276,17 +277,12 @@ class Condition:
         """Return one side of a comparison; beside a text a word is a text."""
         if isinstance(node, Name) and is_word(node) and isinstance(other, Name):
             level = self._names.find(other.parts)
-            if level is not None and self._tells_text(level):
+            if level is not None and level.text:
                 return _Bound(lambda _: node.text, _WORDS)
         bound = self._bind(node)
         if isinstance(node, Number) and bound.unit:
             return self._in_unit_of(bound, node, other)
         return bound
-
-    @staticmethod
-    def _tells_text(level: Level) -> bool:
-        chip = level.chip
-        return chip is not None and isinstance(chip.telemetry().get(level.told), str)
 
     def _in_unit_of(self, bound: _Bound, node: Number, other: Form) -> _Bound:
         """Return a number with a unit as the other side of its comparison counts it."""
@@ -388,7 +384,7 @@ class Condition:
             key, bit = level.key, level.bit
             if bit >= 0:
                 return _Bound(lambda course: int(course.values[key]) >> bit & 1, _AMOUNT)
-            kind = _WORDS if self._tells_text(level) else _AMOUNT
+            kind = _WORDS if level.text else _AMOUNT
             return _Bound(lambda course: course.values[key], kind, level.unit, level)
         if node.text in self._names.rules:
             rule = node.text

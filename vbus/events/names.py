@@ -1,22 +1,19 @@
 """What the names in a condition stand for on a board."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from msgspec import Struct
 
 from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.chips.tables import Bit, Register
+from vbus.chips.tables import Bit
 from vbus.circuit import circuit
 from vbus.circuit.circuit import Circuit
 from vbus.glue.part import GluePart
-from vbus.signals import Net
+from vbus.signals import Net, Reading, Value
+from vbus.signals.values import reader
 from vbus.values.settings import listed, suggestion
-
-Value = int | float | str
-Told = Mapping[str, Mapping[str, Value]]
-"""What chips tell of themselves, by name of the chip."""
 
 COUNTS: Final = "counts"
 PER_SAMPLE: Final = "counts/sample"
@@ -29,43 +26,28 @@ class Level(Struct, frozen=True, eq=False):
     Attributes:
         key: what a waveform calls it: ``"x./CS"``, ``"x.real"``.
         net: the net, if it is one.
-        chip: the chip that tells it, else.
-        told: by which name, if it is a value that ``vbus monitor`` shows.
-        register: its row, if it is a register.
+        chip: the chip whose value or register it is, else; it is up to date when it is read.
+        read: gives the value of the chip.
+        text: whether the value is a text.
         bit: the bit of it that is meant; -1: all of it.
-        unit: of what it counts, as far as it is known.
+        unit: of what it counts, as far as conditions know it.
     """
 
     key: str
     net: Net | None = None
     chip: Chip | None = None
-    told: str = ""
-    register: Register | None = None
+    read: Callable[[Chip], Reading] | None = None
+    text: bool = False
     bit: int = -1
     unit: str = ""
 
-    def value(self, told: Told) -> Value:
-        """Return its value; ``told`` is what its chip tells now."""
+    def value(self) -> Reading:
+        """Return its value."""
         if self.net is not None:
             return self.net.value
         assert self.chip is not None
-        if self.register is None:
-            return told[self.chip.name][self.told]
-        return register_value(self.chip, self.register)
-
-
-def register_value(chip: Chip, row: Register) -> int | float:
-    """Return what a register holds, as people read it.
-
-    Raises:
-        ValueError: this chip's registers cannot be looked at.
-    """
-    value = 0
-    for address in row.addresses:
-        value = value << 8 | chip.peek(address)
-    if row.signed and value >> (row.bits - 1) & 1:
-        value -= 1 << row.bits
-    return value / (1 << row.fraction) if row.fraction else value
+        assert self.read is not None
+        return self.read(self.chip)
 
 
 def net_names(board: Circuit) -> dict[str, Net]:
@@ -116,42 +98,24 @@ class Names:
             return None
         *path, last = parts[1:]
         for of, bit in ((".".join((*path, last)), ""), (".".join(path), last)):
-            level = self._value(chip, of, bit) or self._register(chip, of, bit)
+            level = self._level(chip, of, bit)
             if level is not None:
                 return level
         return None
 
-    def _value(self, chip: Chip, of: str, bit: str) -> Level | None:
-        told = next((name for name in chip.telemetry() if _plain(name) == _plain(of)), None)
-        if told is None:
+    def _level(self, chip: Chip, of: str, bit: str) -> Level | None:
+        """Return a value or a register of a chip, or a bit of it."""
+        for register in plugins.family(chip.FAMILY).registers:
+            if len(register.addresses) == 1 and of.upper() == f"R{register.low:02X}H":
+                of = register.name
+        row, axis = _values(chip).get(_plain(of), (None, 0))
+        flag = _bit(row.fields, bit) if row is not None else None
+        if row is None or (bit and flag is None):
             return None
-        key = f"{chip.name}.{_plain(told)}"
-        if not bit:
-            units = plugins.family(chip.FAMILY).units
-            unit = units.get(told, units.get(told.partition(" ")[0], ""))
-            return Level(key, None, chip, told, unit=unit)
-        row = _bit(self._flags(chip, told), bit)
-        return Level(key, None, chip, told, bit=row.number) if row else None
-
-    @staticmethod
-    def _flags(chip: Chip, told: str) -> tuple[Bit, ...]:
-        """Return the flags of a value; those of ``"status 1"`` are those of ``"status"``."""
-        family = plugins.family(chip.FAMILY)
-        table = family.flags.get(told) or family.flags.get(told.partition(" ")[0])
-        return tuple(getattr(family.tables, table)) if table else ()
-
-    @staticmethod
-    def _register(chip: Chip, of: str, bit: str) -> Level | None:
-        for row in plugins.family(chip.FAMILY).registers:
-            if of == row.name or (
-                len(row.addresses) == 1 and of.upper() == f"R{row.addresses[0]:02X}H"
-            ):
-                key = f"{chip.name}.{row.name}"
-                flag = _bit(row.fields, bit) if bit else None
-                if bit and flag is None:
-                    return None
-                return Level(key, None, chip, "", row, flag.number if flag else -1)
-        return None
+        unit = row.plain_unit if not bit and row.plain_unit in (COUNTS, PER_SAMPLE) else ""
+        place = flag.number if flag is not None else -1
+        key, read = f"{chip.name}.{_plain(of)}", reader(row.number(axis))
+        return Level(key, None, chip, read, row.text, place, unit)
 
     # -- events -----------------------------------------------------------------------------------
 
@@ -182,31 +146,31 @@ class Names:
         if chip is None:
             there = listed([*self._chips, *self._board.nets])
             return f"{hint}this board has {there}, and the rules of vbus check --rules"
-        family = plugins.family(chip.FAMILY)
         if len(parts) > 2:
-            told = next((one for one in chip.telemetry() if _plain(one) == _plain(parts[1])), "")
-            rows = next((row.fields for row in family.registers if row.name == parts[1]), ())
-            flags = self._flags(chip, told) or rows
-            if flags:
-                path = f"{chip.name}.{parts[1]}"
-                names = [_plain(bit.name) for bit in flags]
+            row, _ = _values(chip).get(_plain(parts[1]), (None, 0))
+            if row is not None and row.fields:
+                names = [_plain(bit.name) for bit in row.fields]
                 hint = suggestion(_plain(parts[-1]), names)
-                return f"{hint}{path} has {listed(names)}"
-        values = [_plain(value) for value in chip.telemetry()]
+                return f"{hint}{chip.name}.{parts[1]} has {listed(names)}"
+        values = [_plain(key) for key in chip.VALUES.told(chip.axis_count)]
         has = f"{hint}{chip.name} has the values {listed(values)}; the pins {listed(chip.pins)}"
-        registers = [row.name for row in family.registers]
+        registers = [row.name for row in plugins.family(chip.FAMILY).registers]
         return f"{has}; the registers {listed(registers)}" if registers else has
 
     def _known(self) -> Iterator[str]:
         yield from self._nets
         yield from self.rules
         for chip in self._board.chips:
-            family = plugins.family(chip.FAMILY)
-            for told in chip.telemetry():
-                yield f"{chip.name}.{_plain(told)}"
-                for bit in self._flags(chip, told):
-                    yield f"{chip.name}.{_plain(told)}.{_plain(bit.name)}"
-            yield from (f"{chip.name}.{row.name}" for row in family.registers)
+            for name, (row, _) in _values(chip).items():
+                yield f"{chip.name}.{name}"
+                yield from (f"{chip.name}.{name}.{_plain(bit.name)}" for bit in row.fields)
+
+
+def _values(chip: Chip) -> dict[str, tuple[Value, int]]:
+    """Return what a chip tells and its registers, row and axis (0-based), by name."""
+    told = chip.VALUES.told(chip.axis_count).items()
+    registers = {name: (row, 0) for name, row in chip.VALUES.registers.items()}
+    return registers | {_plain(key): found for key, found in told}
 
 
 def _bit(rows: tuple[Bit, ...], name: str) -> Bit | None:

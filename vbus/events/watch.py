@@ -119,8 +119,9 @@ class Watch(PacketReader):
 
     def look(self) -> bool:
         """Tell whether the condition holds now."""
-        told = {chip.name: chip.telemetry() for chip in self._chips}
-        self.condition.look(self._course, told)
+        for chip in self._chips:
+            chip.advance()
+        self.condition.look(self._course)
         return self.condition.holds(self._course, self.board.now)
 
     def next_look(self) -> int:

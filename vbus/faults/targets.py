@@ -8,7 +8,7 @@ from vbus.faults.glue import net_of
 from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
 from vbus.signals.wire import WireEnd
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among, listed
 
 
 def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | None) -> str:
@@ -87,9 +87,7 @@ def _part(board: Circuit, fault: Fault, target: str) -> str:
     parts = [part.name for part in board.glue.parts]
     if target not in parts:
         said = f'there is no part of glue "{target}"' if target else "say on which part of glue"
-        raise ValueError(
-            f"{fault.name}: {said}; {suggestion(target, parts)}there are {listed(parts)}"
-        )
+        raise ValueError(f"{fault.name}: {said}; {among(target, parts, 'there are')}")
     return target
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.kernel.kernel import END, NEVER
+from vbus.instants import END, NEVER
 from vbus.state import Names
 
 PS_PER_SECOND: Final = 10**12
@@ -35,7 +35,6 @@ class Clock:
     :meth:`stop`. Cycles are counted on, and what was before stays as it was.
     """
 
-    __slots__ = ("_courses", "_den", "_last", "_num", "_plain", "hz", "stopped")
     STATE: ClassVar[Names] = ("courses: list[(i64, i64, int, int), ...]",)
     WIRING: ClassVar[Names] = ("hz",)
     DERIVED: ClassVar[Names] = ("_courses", "_den", "_last", "_num", "_plain", "stopped")

@@ -2,33 +2,17 @@
 
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from mypy_extensions import i64, mypyc_attr
 
+from vbus.instants import END, NEVER
 from vbus.state import Names
-
-NS: Final = 1_000
-US: Final = 1_000_000
-MS: Final = 1_000_000_000
-SECOND: Final = 1_000_000_000_000
-
-NEVER: Final = (1 << 63) - 1
-"""An instant that does not come: what a timer that is not set is due at."""
-
-END: Final = (1 << 63) - (1 << 56)
-"""Time ends at this instant (ps), 106 days after power-on. Between it and :data:`NEVER` lie 20
-hours: no chip adds more to an instant, so no sum of its leaves a machine word."""
-
-FAR: Final = 1 << 61
-"""An instant (ps) long before that, which the compiled core compares with and makes no object."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Task:
     """Something to be done at this same instant: see :meth:`Kernel.soon`."""
-
-    __slots__ = ()
 
     def run(self) -> None:
         """Do it."""
@@ -38,7 +22,6 @@ class Task:
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "looks", "queued", "rank", "saved")
     STATE: ClassVar[Names] = ("due",)
     WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
     DERIVED: ClassVar[Names] = ("queued",)
@@ -79,20 +62,6 @@ class Kernel:
     of the board file. Nothing depends on the order in which they were set.
     """
 
-    __slots__ = (
-        "_done",
-        "_heap",
-        "_instant",
-        "_looks",
-        "_timers",
-        "_waiting",
-        "batch",
-        "next_due",
-        "next_stop",
-        "now",
-        "observations",
-        "observed",
-    )
     STATE: ClassVar[Names] = ("now", "dues: list[i64]")
     WIRING: ClassVar[Names] = ("_timers", "observed", "observations")
     DERIVED: ClassVar[Names] = (

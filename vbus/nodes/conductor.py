@@ -3,20 +3,14 @@
 from collections.abc import Callable
 from typing import Final
 
-import msgpack
-
-from vbus.errors import SnapshotError
+from vbus.board.snapshot import Snapshot, restore, take
 from vbus.kernel import MS, NEVER
-from vbus.nodes.host import NodeBus
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
-from vbus.state import save
 
 SLICE: Final = 20 * MS
 """Chip time that is computed in one go."""
-FORMAT: Final = 1
-"""Version of snapshots."""
 
 RUNS: Final = "runs"
 WAITS: Final = "waits"
@@ -32,8 +26,6 @@ class Conductor:
 
     Args:
         node: the node, at instant 0.
-        lookahead: the shortest delay between nodes (ps).
-        digest: of the board file.
         until: how far time is to run whatever hosts want (ps); -1: as far as hosts want.
 
     Attributes:
@@ -44,9 +36,12 @@ class Conductor:
             round that will do, and the deed.
     """
 
-    def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
+    def __init__(self, node: Node, until: int) -> None:
         self.node: Node = node
-        self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
+        self.participant: Participant = Participant(
+            node.names, node.rank, node.plan.lookahead, node.plan.digest
+        )
+        node.agreed = self.participant
         self.until: int = until
         self.state: str = RUNS
         self.awaited: set[str] = set()
@@ -56,11 +51,7 @@ class Conductor:
         other node has been promised that nothing happens yet."""
         self.at_round: list[tuple[int, Callable[[], None]]] = []
         self._wanted: int = -2
-
-    def begin(self) -> "Conductor":
-        """Hold the node's time until it is granted."""
-        self.node.board.limit = -1
-        return self
+        node.board.limit = -1  # until time is granted
 
     # -- what its hosts want ------------------------------------------------------------------
 
@@ -70,16 +61,17 @@ class Conductor:
         For a host it is a quantum more, so that what it does next is within the same grant.
         """
         beyond = self.participant.lookahead - 1
-        wanted = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
-        return max([self.until, *wanted])
+        return max([self.until, *(min(until + beyond, NEVER) for until in self._awaited())])
 
-    def _hosts(self) -> list[NodeBus]:
-        return [port for port in self.node.board.ports if isinstance(port, NodeBus)]
+    def _awaited(self) -> list[int]:
+        """Return the instants that held hosts wait for (ps)."""
+        ports = self.node.board.ports
+        return [port.hold_until for port in ports if port.held and port.hold_until < NEVER]
 
     def busy(self) -> bool:
         """Tell whether a host that has begun to use time may still act within the grant."""
         limit = self.participant.granted - 1
-        acting = [port for port in self._hosts() if port.uses_time]
+        acting = [port for port in self.node.board.ports if port.clock.used]
         self.awaited -= {port.label for port in acting}
         return bool(self.awaited) or any(
             not (port.held and port.hold_until > limit) for port in acting
@@ -136,9 +128,8 @@ class Conductor:
                 self.outside.pop(0)()
 
     def _report(self) -> NodeReport:
-        waited = [port.hold_until for port in self._hosts() if port.wants_time]
         # Before that instant the node sends no edge of its own.
-        following = min([self.node.board.kernel.next_due, *waited])
+        following = min([self.node.board.kernel.next_due, *self._awaited()])
         self._wanted = self.wants()
         return self.participant.report(following, self._wanted, self.node.take_edges())
 
@@ -150,32 +141,16 @@ class Conductor:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> bytes:
+    def save(self) -> Snapshot:
         """Return a snapshot, to be taken after a report: what this node needs to rejoin."""
-        state = (FORMAT, self.node.name, save(self.participant), self.node.save())
-        return bytes(msgpack.packb(state))
+        return take(self.node.board)
 
-    def load(self, data: bytes) -> None:
+    def load(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot.
 
         Raises:
-            SnapshotError: it is none, or was made by another node or board.
+            SnapshotError: it was made by another node or board.
         """
-        try:
-            form, name, participant, node = msgpack.unpackb(
-                data, use_list=False, strict_map_key=False
-            )
-        except (ValueError, TypeError, msgpack.UnpackException) as error:
-            raise SnapshotError(f"this is no snapshot of a node ({error})") from None
-        if form != FORMAT or name != self.node.name:
-            raise SnapshotError(
-                f"the snapshot is of node {name}, format {form}; this is node {self.node.name},"
-                f" format {FORMAT}"
-            )
-        agreed = self.participant.check(participant)
-        if not self.participant.log:
-            self.node.check_scenario(node)
-        self.node.load(node)
-        agreed.apply()
+        restore(self.node.board, snapshot)
         self.node.board.limit = self.participant.granted - 1
         self._wanted = self.wants()

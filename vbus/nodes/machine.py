@@ -1,17 +1,21 @@
 """All nodes of a board in one process: the same nodes, the same rounds, no network."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.board.board import Board
+from vbus.board.build import assemble, build
+from vbus.board.config import read_board_file, read_board_text
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
+from vbus.errors import ConfigError, VbusError
 from vbus.nodes.conductor import RUNS, Conductor
-from vbus.nodes.host import NodeBus
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
-from vbus.nodes.plan import Plan, build_node, plan_of
+from vbus.nodes.plan import Plan, part_of, plan_of
 from vbus.nodes.scenario import Scenario
-from vbus.nodes.trace import merged_hash
+from vbus.nodes.trace import Line, hash_of, merged
+from vbus.trace.journal.format import Header
 
 
 def node_of(
@@ -22,7 +26,7 @@ def node_of(
     trace: bool = False,
     built: Callable[[Node], None] | None = None,
 ) -> Node:
-    """Return one node of a board, with what its hosts do.
+    """Return one node of a board, powered on, at instant 0, with what its hosts do.
 
     Args:
         file: the board file.
@@ -31,10 +35,16 @@ def node_of(
         scenario: what hosts do; the node takes what concerns its own chips.
         trace: whether it notes what happens; with a scenario it always does.
         built: is given the node before anything happens to it: who records it begins here.
+
+    Raises:
+        ConfigError: a part refuses its settings, or there is no such node.
     """
-    made = build_node(file, source, name)
-    if file.board.time != "realtime":
-        made.board.port_type = NodeBus
+    plan = plan_of(file)
+    made = Node(plan, plan.rank(name))
+    board = assemble(part_of(file, name), source, made.solder)
+    board.text, board.file = source.text, file.path
+    board.granted = file.board.time != "realtime"
+    made.begin(board)
     if built is not None:
         built(made)
     if trace or scenario is not None:
@@ -55,10 +65,38 @@ def conductor_of(
     built: Callable[[Node], None] | None = None,
 ) -> Conductor:
     """Return one node of a board, ready to keep one virtual time; see :func:`node_of`."""
-    plan = plan_of(file)
     made = node_of(file, source, node, scenario, trace, built)
-    until = scenario.until if scenario is not None else -1
-    return Conductor(made, plan.lookahead, plan.digest, until).begin()
+    return Conductor(made, scenario.until if scenario is not None else -1)
+
+
+def build_nodes(file: BoardFile, source: Source) -> list[Node]:
+    """Return every node of a board, in the order of the file."""
+    return [node_of(file, source, node.name) for node in file.nodes]
+
+
+def board_of(header: Header, name: str, board_file: str = "") -> Board:
+    """Return what a journal was recorded on, made again, at instant 0: a board, or that of a node.
+
+    Args:
+        header: of the journal.
+        name: of the journal, for messages.
+        board_file: a board file in place of the journal's own.
+
+    Raises:
+        VbusError: the board was made in Python, or its file has mistakes or no such node.
+    """
+    if board_file:
+        file, source = read_board_file(board_file)
+    elif header.text:
+        file, source = read_board_text(header.text, header.file)
+    else:
+        raise VbusError(f"{name}: it was recorded on a board made in Python")
+    if not file.nodes:
+        return build(file, source)
+    node = header.board.removeprefix(f"{file.board.name}.")
+    if node not in plan_of(file).nodes:
+        raise ConfigError(f'{name}: it is of "{header.board}", which is no node of {file.path}')
+    return node_of(file, source, node).board
 
 
 class Machine:
@@ -111,7 +149,7 @@ class Machine:
         Raises:
             SnapshotError: see :func:`~vbus.nodes.machine_snapshot.restore`.
         """
-        restore(self.conductors, snapshot)
+        restore(self.conductors, snapshot.nodes)
         for conductor in self.conductors:
             participant = conductor.participant
             self._share(conductor, participant.log[participant.round])
@@ -126,12 +164,18 @@ class Machine:
         return trace_hash(self.nodes)
 
 
+def trace_lines(nodes: Iterable[Node]) -> list[list[Line]]:
+    """Return what was noted on nodes, in order of rank; nothing of nodes that are not given."""
+    lines: list[list[Line]] = []
+    for node in nodes:
+        node.board.catch_up()
+        lines += [[] for _ in range(node.rank - len(lines))]
+        lines.append(node.trace.lines() if node.trace is not None else [])
+    return lines
+
+
 def trace_hash(nodes: Sequence[Node]) -> str:
     """Return the SHA-256 (hex) over the traces of all nodes, given by rank."""
-    lines = []
-    for node in nodes:
-        if node.trace is None:
-            raise ValueError("no trace is running: call start_trace() before time starts")
-        node.board.catch_up()
-        lines.append(node.trace.lines())
-    return merged_hash(lines)
+    if any(node.trace is None for node in nodes):
+        raise ValueError("no trace is running: call start_trace() before time starts")
+    return hash_of(merged(trace_lines(nodes)))

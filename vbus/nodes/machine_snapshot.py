@@ -4,116 +4,94 @@ At the end of a round each node has told the others all it has sent, so nothing 
 them. Nodes that have each loaded their own part go on together, in any number of processes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Final
 
 import msgpack
 import msgspec
 
-from vbus.board.snapshot import seal, unseal
+from vbus.board import snapshot as of_board
+from vbus.board.snapshot import Snapshot, seal, unseal
 from vbus.errors import SnapshotError
 from vbus.kernel import NEVER
 from vbus.nodes.conductor import Conductor
 
 MAGIC: Final = b"vbus machine snapshot\n"
 VERSION: Final = 1
+NO_ROUNDS: Final = "a snapshot is for virtual time; this board is realtime"
 
-_Count = Annotated[int, msgspec.Meta(ge=0, le=NEVER)]
-
-
-class HostThere(msgspec.Struct, frozen=True, array_like=True):
-    """A host that was attached to a node.
-
-    Attributes:
-        label: its name in traces.
-        chips: what it may select.
-        cycle_ps: what it says a whole bus cycle costs; 0 is the default.
-    """
-
-    label: str
-    chips: tuple[str, ...]
-    cycle_ps: _Count
+_Content = tuple[
+    int, str, Annotated[int, msgspec.Meta(ge=0, le=NEVER)],
+    Annotated[dict[str, bytes], msgspec.Meta(min_length=1)],
+]  # fmt: skip
 
 
-class NodePart(msgspec.Struct, frozen=True, array_like=True):
-    """What a snapshot has of one node.
+class SavedNode(msgspec.Struct, frozen=True):
+    """A node's part of a snapshot of its machine, as it travels; bytes do so in base64.
 
     Attributes:
-        node: its name.
-        when: its instant (ps).
-        state: what :meth:`~vbus.nodes.conductor.Conductor.save` gives.
-        hosts: the hosts that were attached to it.
+        round: the round at whose end it was taken.
+        data: a snapshot of the node's board, as the content of a file.
     """
 
-    node: str
-    when: _Count
-    state: bytes
-    hosts: tuple[HostThere, ...]
+    round: int
+    data: bytes
 
 
-class MachineSnapshot(msgspec.Struct, frozen=True, array_like=True):
+class MachineSnapshot(msgspec.Struct, frozen=True):
     """A machine at the end of one round.
 
     Attributes:
-        version: of the format.
         board: name of the machine.
-        file: name of its board file.
-        text: the board file.
-        vbus: version that made it.
         round: the round.
-        nodes: its nodes.
+        nodes: snapshots of the boards of its nodes, by their names.
     """
 
-    version: int
     board: str
-    file: str
-    text: str
-    vbus: str
-    round: _Count
-    nodes: tuple[NodePart, ...]
+    round: int
+    nodes: dict[str, Snapshot]
 
     @property
     def when(self) -> int:
         """How far the node that is farthest has come (ps)."""
-        return max((part.when for part in self.nodes), default=0)
-
-    def part(self, node: str) -> NodePart:
-        """Return what it has of a node.
-
-        Raises:
-            SnapshotError: nothing.
-        """
-        for part in self.nodes:
-            if part.node == node:
-                return part
-        raise SnapshotError(f"the snapshot has no node {node}")
+        return max((part.when for part in self.nodes.values()), default=0)
 
 
-def restore(conductors: Sequence[Conductor], snapshot: MachineSnapshot) -> None:
-    """Bring nodes of a machine to where a snapshot was taken; the others do the same elsewhere.
+def saved(conductor: Conductor) -> SavedNode:
+    """Return the part of a node that has just ended a round."""
+    return SavedNode(conductor.participant.round, of_board.write(conductor.save()))
 
-    What hosts of the snapshot held is let go, as if they had just ended.
+
+def restore(conductors: Sequence[Conductor], nodes: Mapping[str, Snapshot]) -> None:
+    """Bring nodes of a machine to where snapshots of them were taken; the others do so elsewhere.
+
+    What hosts of the snapshots held is let go, as if they had just ended.
 
     Raises:
-        SnapshotError: it is of another machine or version of its board file, or does not fit.
+        SnapshotError: one is missing, of another machine or version of its board file, or does not
+            fit.
     """
     for conductor in conductors:
-        board = conductor.node.board
-        if snapshot.text != board.text:
-            raise SnapshotError(
-                f'the snapshot was taken on "{snapshot.board}" with another version of its board'
-                f' file than this one of "{board.name}"; run that one (vbus snap info --board-file'
-                " shows it), or take the snapshot again"
-            )
-        part = snapshot.part(conductor.node.name)
-        guests = [
-            board.open_port(host.label, list(host.chips), host.cycle_ps) for host in part.hosts
-        ]
-        try:
-            conductor.load(part.state)
-        finally:
-            for guest in guests:
-                guest.close()
+        name = conductor.node.name
+        if name not in nodes:
+            raise SnapshotError(f"the snapshot has no node {name}")
+        conductor.load(nodes[name])
+
+
+def read_nodes(data: bytes, name: str) -> dict[str, Snapshot]:
+    """Return the nodes in a file's content: a snapshot of a machine, or of one node.
+
+    Args:
+        data: the bytes.
+        name: what to call it in an error.
+
+    Raises:
+        SnapshotError: it is none, was cut short or damaged, or is of a later version.
+    """
+    if is_machine(data):
+        return read(data, name).nodes
+    part = of_board.read(data, name)
+    return {part.board.rpartition(".")[2]: part}
 
 
 def is_machine(data: bytes) -> bool:
@@ -123,7 +101,8 @@ def is_machine(data: bytes) -> bool:
 
 def write(snapshot: MachineSnapshot) -> bytes:
     """Return a snapshot as the content of a file."""
-    return seal(MAGIC, msgspec.msgpack.encode(snapshot))
+    nodes = {name: of_board.write(part) for name, part in snapshot.nodes.items()}
+    return seal(MAGIC, msgpack.packb((VERSION, snapshot.board, snapshot.round, nodes)))
 
 
 def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
@@ -142,6 +121,8 @@ def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
         version = content[0]
         if version != VERSION:
             raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
-        return msgspec.convert(content, MachineSnapshot, builtin_types=(bytes,))
+        _, board, number, nodes = msgspec.convert(content, _Content, builtin_types=(bytes,))
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
+    parts = {node: of_board.read(part, f"{name}, node {node}") for node, part in nodes.items()}
+    return MachineSnapshot(board, number, parts)

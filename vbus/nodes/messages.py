@@ -6,7 +6,10 @@ import msgspec
 
 from vbus.errors import NodeMismatchError
 from vbus.kernel import NEVER
-from vbus.nodes.node import Edge
+
+Edge = tuple[int, int, int, int, int, bool]
+"""What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
+rank, level the node drives (-1: none), and whether by open-drain pins only."""
 
 VERSION: Final = 1
 MOST_WIRES: Final = 1 << 16

@@ -1,44 +1,24 @@
 """One node of a board: a board of its own, and the ends of the wires that lead to others."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from heapq import heappop, heappush
 from typing import Any, ClassVar
 
-from vbus.board.board import Board
+from vbus.board.board import Beyond, Board
+from vbus.circuit.orders import Order, Orders
 from vbus.errors import SnapshotError
 from vbus.kernel import Timer
-from vbus.nodes.orders import Order, Orders
+from vbus.nodes.messages import Edge
+from vbus.nodes.plan import Plan, Wire
+from vbus.nodes.sync import Participant
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
 from vbus.state import Names, Saved, plan, save
-
-Edge = tuple[int, int, int, int, int, bool]
-"""What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
-rank, level the node drives (-1: none), and whether by open-drain pins only."""
+from vbus.state.kinds import Load
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
-    """A net whose pins are on several nodes.
-
-    Attributes:
-        name: as the board file has it.
-        delay: how long an edge takes to the other nodes (ps).
-        rest: level while nobody drives it.
-        width: number of wires, 1 or 8.
-        ends: pins by the rank of their node.
-    """
-
-    name: str
-    delay: int
-    rest: int
-    width: int
-    ends: dict[int, tuple[str, ...]]
-
-
-class Node:
+class Node(Beyond):
     """One node: chips, plants and nets under a kernel of their own, and ends of wires.
 
     An edge that a node sends at t arrives at t plus the wire's delay, after what the chips there do
@@ -46,24 +26,25 @@ class Node:
     are taken in order of (node, number), and move together.
 
     Args:
-        names: all nodes, in the order of the file.
-        rank: which of them this is.
-        wires: all wires between nodes, in the order of the file.
+        plan: the machine.
+        rank: which of its nodes this is.
     """
 
     STATE: ClassVar[Names] = (
         "number", "_arrivals: heap[(i64, i64, i64, i64, i64, bool)]",
         "drives: list[(i64, i64, i64, bool), ...]", "wire_ends: parts", "orders: parts",
-        "trace: part | None", "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
+        "trace: part | None", "agreed: part | None",
+        "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
+    WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "plan", "rank", "wires")
     DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
 
-    def __init__(self, names: tuple[str, ...], rank: int, wires: tuple[Wire, ...]) -> None:
-        self.names: tuple[str, ...] = names
+    def __init__(self, plan: Plan, rank: int) -> None:
+        self.plan: Plan = plan
+        self.names: tuple[str, ...] = plan.nodes
         self.rank: int = rank
-        self.name: str = names[rank]
-        self.wires: tuple[Wire, ...] = wires
+        self.name: str = plan.nodes[rank]
+        self.wires: tuple[Wire, ...] = plan.wires
         self.ends: dict[int, WireEnd] = {}
         self.number: int = 0
         """Edges sent since the start."""
@@ -73,6 +54,8 @@ class Node:
         self.orders: list[Orders] = []
         """Cycles to be run at given instants, after what arrives at those instants."""
         self.trace: NodeTrace | None = None
+        self.agreed: Participant | None = None
+        """The node's part in keeping one virtual time with the others."""
         self._drives: list[Drive] = []
         self._arrivals: list[tuple[int, int, int, int, int, bool]] = []
         self._held: list[tuple[int, int, int, int, int, bool]] = []
@@ -103,7 +86,7 @@ class Node:
         for chip in board.chips:
             chip.on_node = True
             chip.rearm()
-        board.beyond = self.replay
+        board.beyond = self
         # Made after the timers of all chips: what arrives comes after what they do of themselves.
         self._timer: Timer = board.kernel.timer(self._arrived)
 
@@ -230,10 +213,24 @@ class Node:
         return list(self.ends.values())
 
     def save(self) -> Saved:
-        """Return the whole state, with the trace so far."""
-        return {"board": self.board.save(), **save(self)}
+        """Return the state of what leads beyond the board, with the trace so far."""
+        saved: Saved = save(self)
+        return saved
 
-    def check_scenario(self, saved: Any) -> None:
+    def prepare(self, saved: Any) -> Load:
+        """Check what :meth:`save` gave, on a node built from the same file; return what loads it.
+
+        Raises:
+            SnapshotError: another node made it, or a node with another scenario.
+        """
+        if self.agreed is not None and not self.agreed.log:
+            self._check_scenario(saved)
+        loading = plan(self, saved, f"node {self.name}")
+        if self.agreed is not None:
+            self.agreed.check(saved["agreed"])
+        return loading
+
+    def _check_scenario(self, saved: Any) -> None:
         """Check that a node which has done nothing yet was given what :meth:`save` has.
 
         Raises:
@@ -252,20 +249,6 @@ class Node:
         if (fields.get("trace") is None) != (self.trace is None):
             one = "out a trace: leave --trace out" if self.trace else " a trace: give --trace FILE"
             raise SnapshotError(f"{was} with{one}")
-
-    def load(self, saved: Any) -> None:
-        """Take back what :meth:`save` gave, on a node built from the same file.
-
-        Raises:
-            SnapshotError: the state was made by another node; this one is as it was.
-        """
-        fields, board = saved, None
-        if isinstance(saved, dict):
-            fields = {**saved}
-            board = fields.pop("board", None)
-        loading = plan(self, fields, f"node {self.name}")
-        self.board.load(board)
-        loading.apply()
 
 
 def _goes_on(given: Orders, saved: Any) -> bool:

@@ -8,18 +8,35 @@ from typing import Final
 import msgspec
 
 from vbus import plugins
-from vbus.board.build import assemble, rest_of
+from vbus.board.build import rest_of
 from vbus.board.fault_checks import homes_of
-from vbus.board.sections import BoardFile, ChipSection, FaultSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, ChipSection, FaultSection
 from vbus.chips.base import Chip
 from vbus.errors import ConfigError
 from vbus.kernel import SECOND, Clock, Kernel
-from vbus.nodes.node import Node, Wire
 from vbus.version import __version__
 
 LONGEST_QUANTUM: Final = SECOND
 """Quantum of a board whose nodes have no wires between them (ps)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """A net whose pins are on several nodes.
+
+    Attributes:
+        name: as the board file has it.
+        delay: how long an edge takes to the other nodes (ps).
+        rest: level while nobody drives it.
+        width: number of wires, 1 or 8.
+        ends: pins by the rank of their node.
+    """
+
+    name: str
+    delay: int
+    rest: int
+    width: int
+    ends: dict[int, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,22 +173,3 @@ def _faults(file: BoardFile, node: str) -> Iterator[FaultSection]:
         target = homes_of(file, fault).get(node)
         if target is not None:
             yield msgspec.structs.replace(fault, target=target)
-
-
-def build_node(file: BoardFile, source: Source, node: str) -> Node:
-    """Return one node of a board, powered on, at instant 0.
-
-    Raises:
-        ConfigError: a part refuses its settings, or there is no such node.
-    """
-    plan = plan_of(file)
-    made = Node(plan.nodes, plan.rank(node), plan.wires)
-    board = assemble(part_of(file, node), source, made.solder)
-    board.text, board.file = source.text, file.path
-    made.begin(board)
-    return made
-
-
-def build_nodes(file: BoardFile, source: Source) -> list[Node]:
-    """Return every node of a board, in the order of the file."""
-    return [build_node(file, source, node.name) for node in file.nodes]

@@ -5,10 +5,8 @@ from typing import ClassVar, Final
 
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER
-from vbus.nodes.messages import MOST_WIRES, NodeReport, decode, encode
-from vbus.nodes.node import Edge
-from vbus.state import Names, Saved, plan
-from vbus.state.kinds import Load
+from vbus.nodes.messages import MOST_WIRES, Edge, NodeReport, decode, encode
+from vbus.state import Names, Saved
 
 KEPT: Final = 1 << 16
 """Reports of its own that a node keeps for nodes that rejoin."""
@@ -186,13 +184,12 @@ class Participant:
             raise SnapshotError("the state was made with another board file or version")
         return report
 
-    def check(self, saved: Saved) -> Load:
-        """Check a saved state; return what loads it.
+    def check(self, saved: Saved) -> None:
+        """Check the reports of a saved state.
 
         Raises:
-            SnapshotError: it was made by another node, or on another board.
+            SnapshotError: another node made them, or they were made on another board.
         """
-        found = plan(self, saved, "participant")
-        for data in saved["latest"]:
-            self._own(data)
-        return found
+        reports = [self._own(data) for data in saved["latest"]]
+        if saved["round"] not in [report.round for report in reports]:
+            raise SnapshotError(f"the state has no report of its round {saved['round']}")

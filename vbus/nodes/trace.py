@@ -36,7 +36,7 @@ class NodeTrace(TraceHash):
 
     def digest(self) -> str:
         """Return the hash of this node alone (hex)."""
-        return merged_hash([self.lines()])
+        return hash_of(merged([self.lines()]))
 
     def after_load(self) -> None:
         """Count what has been loaded."""
@@ -49,11 +49,6 @@ def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:
     # Of equal instants, merge() takes the one of the earlier list.
     for when, rank, text in merge(*ranked, key=itemgetter(0)):
         yield f"{when} {rank} {text}\n"
-
-
-def merged_hash(traces: Iterable[Iterable[Line]]) -> str:
-    """Return the SHA-256 (hex) over the merged traces of all nodes, given by rank."""
-    return hash_of(merged(traces))
 
 
 def hash_of(lines: Iterable[str]) -> str:

@@ -7,13 +7,10 @@ from mypy_extensions import i64
 from vbus.options import Option, Settings
 from vbus.plant.encoder import floor
 from vbus.plant.response import NONE, TICKS, Motor, Response, response_of
-from vbus.plant.shaft import SHAFT_OPTIONS, TORQUE_STEP, TWO_PI, Mechanics, Shaft, mass_options
+from vbus.plant.shaft import LOAD_TORQUE, SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import NOWHERE, Travel
-from vbus.signals import LaneRow, nearest
+from vbus.signals import Value, ValueTable
 from vbus.state import Names
-
-CURRENT_STEP: Final = 1e-4
-"""In what the lane of the current counts (A)."""
 
 MOST_DRIVEN: Final = 10.0
 """Times what its voltages drive: no motor takes that; a current that was kept is checked."""
@@ -51,9 +48,9 @@ class DcMotor(Shaft):
         *mass_options(inertia=5e-6, viscous=1e-6, coulomb=0.002, static=0.0025),
     )  # fmt: skip
 
-    LANES: ClassVar[tuple[LaneRow, ...]] = (
-        LaneRow("current", "motor current", "A", "current", CURRENT_STEP),
-        *Shaft.LANES,
+    VALUES: ClassVar[ValueTable] = ValueTable(
+        Value("motor current", "current", unit="A", key="current", lane="current", step=1e-4),
+        LOAD_TORQUE,
     )
     STATE: ClassVar[Names] = (
         "current: float", *Shaft.STATE, "_volts: float", "_began: float", "_departed: float",
@@ -106,16 +103,6 @@ class DcMotor(Shaft):
         if not again:
             self._solve()
         self._other_period = before
-
-    def telemetry(self) -> dict[str, float]:
-        """Return the current of the armature and what the shaft tells."""
-        return {"current": self.current, **super().telemetry()}
-
-    def lane_steps(self) -> list[int]:
-        """Return the same without the names."""
-        if self.LANES is not DcMotor.LANES:
-            return []
-        return [nearest(self.current / CURRENT_STEP), nearest(self._load / TORQUE_STEP)]
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""

@@ -34,7 +34,6 @@ class Encoder:
         index_offset: a count at which the index lies; the others are whole revolutions away.
     """
 
-    __slots__ = ("_above", "_below", "_turn", "counts", "index", "index_offset")
     WIRING: ClassVar[Names] = ("_turn", "counts", "index", "index_offset")
     DERIVED: ClassVar[Names] = ("_above", "_below")
 

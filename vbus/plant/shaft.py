@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
-from vbus.signals import LaneRow, nearest
+from vbus.signals import Value, ValueTable
 from vbus.state import Names
 
 SHAFT_OPTIONS: Final = (
@@ -23,8 +23,7 @@ MOST_COUNTS: Final = 1e9
 """Counts a second that no shaft turns; a speed that was kept is checked."""
 TWO_PI: Final = 6.283185307179586
 
-TORQUE_STEP: Final = 1e-6
-"""In what the lane of the load counts (N*m)."""
+LOAD_TORQUE: Final = Value("load torque", "_load", unit="N*m", key="load", lane="load", step=1e-6)
 
 
 def mass_options(
@@ -88,9 +87,7 @@ class Shaft(EncodedPlant):
     End stops are hard and take the whole impact: the shaft stands in the middle of their count.
     """
 
-    LANES: ClassVar[tuple[LaneRow, ...]] = (
-        LaneRow("load", "load torque", "N*m", "load", TORQUE_STEP),
-    )
+    VALUES: ClassVar[ValueTable] = ValueTable(LOAD_TORQUE)
     STATE: ClassVar[Names] = (
         "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
     )  # fmt: skip
@@ -127,14 +124,6 @@ class Shaft(EncodedPlant):
         self._resting: bool = False
         # Speed at the start of the last period.
         self._departed: float = 0.0
-
-    def telemetry(self) -> dict[str, float]:
-        """Return the torque of the load."""
-        return {"load": self._load}
-
-    def lane_steps(self) -> list[int]:
-        """Return the same without its name."""
-        return [nearest(self._load / TORQUE_STEP)] if self.LANES is Shaft.LANES else []
 
     @property
     def period(self) -> float:

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.kernel.kernel import END, NEVER
+from vbus.instants import END, NEVER
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello

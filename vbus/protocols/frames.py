@@ -44,7 +44,6 @@ class FrameReader:
     frame's worth of bytes is waited for, whatever a false length says.
     """
 
-    __slots__ = ("_bytes", "damaged")
     STATE: ClassVar[Names] = ("_bytes: bytearray[...]",)
     DERIVED: ClassVar[Names] = ("damaged",)
 

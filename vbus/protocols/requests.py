@@ -7,9 +7,7 @@ picoseconds.
 
 import struct
 from collections.abc import Iterator
-from typing import Final
-
-from msgspec import Struct, field
+from typing import Final, NamedTuple
 
 from vbus.protocols import codes
 
@@ -26,7 +24,7 @@ _FORMATS: Final = {"u8": "B", "u16": "H", "u32": "I", "u64": "Q"}
 _WIDTHS: Final = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
 
 
-class Field(Struct, frozen=True):
+class Field(NamedTuple):
     """One argument of a request, or one value of a reply.
 
     Attributes:
@@ -104,7 +102,7 @@ class PayloadLayout:
         return result
 
 
-class Reply(Struct, frozen=True):
+class Reply(NamedTuple):
     """One kind of reply.
 
     Attributes:
@@ -123,7 +121,7 @@ class Reply(Struct, frozen=True):
         return ord(self.tag)
 
 
-class Request(Struct, frozen=True):
+class Request(NamedTuple):
     """One row of the protocol.
 
     Attributes:
@@ -138,7 +136,7 @@ class Request(Struct, frozen=True):
     name: str
     code: int
     title: str
-    layout: PayloadLayout = field(default_factory=PayloadLayout)
+    layout: PayloadLayout = PayloadLayout()
     reply: str = ""
     span: int = 1
 

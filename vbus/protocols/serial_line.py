@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.kernel.kernel import SECOND
+from vbus.instants import SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort, PortError
 from vbus.state import Names

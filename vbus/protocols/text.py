@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
-from vbus.kernel.kernel import END, NEVER, NS
+from vbus.instants import END, NEVER, NS
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import PIN_LEVELS, CardAccess, HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration

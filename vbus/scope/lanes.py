@@ -2,12 +2,11 @@
 
 from typing import Any, Final, NamedTuple
 
-from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.plant.encoder import EncodedPlant
 from vbus.scope.lane import Lane
-from vbus.signals import LaneRow, Net, Plant
+from vbus.signals import Net, Plant, Value
 from vbus.trace.wave.signals import nets_of
 from vbus.version import __version__
 
@@ -31,6 +30,11 @@ GAPS: Final = "left out"
 """Name of their lane."""
 NODE_MARK: Final = "node"
 """Kind of the marks of nodes that go and come back, on a page of several boards that run."""
+
+
+def axis_name(chip: Chip, axis: int) -> str:
+    """Return what an axis (0-based) is called: as its chip, if that has one axis at most."""
+    return chip.name if chip.axis_count < 2 else f"{chip.name}.{axis + 1}"
 
 
 class Lateness(NamedTuple):
@@ -59,8 +63,8 @@ class Lanes:
     Attributes:
         all: every lane, by its number.
         axes: the axes, as a page is told.
-        telemetry: by chip: key of its telemetry, lane.
-        plants: by chip: plant, key of its telemetry, lane.
+        values: by chip: its lanes, as its ``VALUES`` have them.
+        plants: by chip: the mechanics behind its axes, each with its lanes.
         nets: by name of a net: net and lane.
         packets: lane of the packets by chip.
         marks: lanes of the marks by kind; those of gaps are of a board that runs alone.
@@ -72,8 +76,8 @@ class Lanes:
     def __init__(self, board: Board, strobes: bool, late: Lateness | None = None) -> None:
         self.all: list[Lane] = []
         self.axes: list[dict[str, Any]] = []
-        self.telemetry: dict[str, list[tuple[str, Lane]]] = {}
-        self.plants: dict[str, list[tuple[Plant, str, Lane]]] = {}
+        self.values: dict[str, list[Lane]] = {}
+        self.plants: dict[str, list[tuple[Plant, list[Lane]]]] = {}
         self.nets: dict[str, tuple[Net, Lane]] = {}
         self.packets: dict[str, Lane] = {}
         self.marks: dict[str, Lane] = {}
@@ -103,30 +107,25 @@ class Lanes:
                 self.skew = self._add(None, "skew", "wall skew between nodes", NUMBER, "s", 1e-9)
 
     def _add_chip(self, chip: Chip) -> None:
-        rows = plugins.family(chip.FAMILY).lanes
-        told = self.telemetry[chip.name] = []
-        behind = self.plants[chip.name] = []
-        for number in range(1, chip.axis_count + 1):
-            axis = chip.name if chip.axis_count == 1 else f"{chip.name}.{number}"
-            plant = self._board.axes.get(f"{chip.name}.{number}")
+        rows = chip.VALUES.lanes(chip.axis_count)
+        values = self.values[chip.name] = []
+        plants = self.plants[chip.name] = []
+        for number in range(max(chip.axis_count, 1)):
+            axis = axis_name(chip, number)
+            plant = self._board.axes.get(f"{chip.name}.{number + 1}")
             turn = plant.encoder.counts if isinstance(plant, EncodedPlant) else None
             told_of = {"name": axis, "part": chip.part, "counts_per_rev": turn, "counts": "counts"}
-            if chip.PERIOD_CLK and any(row.unit.endswith("/sample") for row in rows):
+            if chip.PERIOD_CLK and any(row.plain_unit.endswith("/sample") for row, _ in rows):
                 told_of["sample"] = int(chip.clock.ps(chip.PERIOD_CLK))
-            self.axes.append(told_of)
-            for row in rows:
-                told.append((row.key.format(number), self._of_row(axis, row)))
-            for row in plant.LANES if plant is not None else ():
-                behind.append((plant, row.key, self._of_row(axis, row)))  # type: ignore[arg-type]
-        if not rows:
-            numbers = {
-                key: value for key, value in chip.telemetry().items() if not isinstance(value, str)
-            }
-            for key in numbers:
-                told.append((key, self._of_row(chip.name, LaneRow(key, key, "", key))))
+            if chip.axis_count:
+                self.axes.append(told_of)
+            values += [self._of_value(axis, row) for row, of in rows if of == number]
+            if plant is not None:
+                behind = [self._of_value(axis, row) for row, _ in plant.VALUES.lanes(1)]
+                plants.append((plant, behind))
 
-    def _of_row(self, axis: str, row: LaneRow) -> Lane:
-        return self._add(axis, row.name, row.title, NUMBER, row.unit, row.scale)
+    def _of_value(self, axis: str, row: Value) -> Lane:
+        return self._add(axis, row.lane, row.name, NUMBER, row.plain_unit, row.scale)
 
     def add_register(self, chip: str, name: str) -> Lane:
         """Return a lane for a register of a chip."""

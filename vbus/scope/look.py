@@ -6,7 +6,7 @@ nobody does, none of it is there, and nothing asks for it.
 
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Any, Final
+from typing import Final
 
 from mypy_extensions import i64
 
@@ -72,17 +72,28 @@ class LookTimes:
             self._timer.at(max(self._dues[0], int(self._kernel.now)))
 
 
+def take_down(lanes: list[Lane], when: object, steps: list[int | float]) -> None:
+    """Give lanes the values that hold from ``when`` (int, ps) on: one that is whole is in steps."""
+    for place, lane in enumerate(lanes):
+        step = steps[place]
+        if isinstance(step, int):
+            lane.take(when, step)
+        else:
+            lane.note(when, step)  # type: ignore[arg-type]
+
+
 class Behind:
     """The mechanics behind an axis, and the lanes of what they tell.
 
     Args:
         plant: the mechanics.
-        lanes: a lane for each of their ``LANES``.
+        lanes: the lanes of their ``VALUES``.
     """
 
     def __init__(self, plant: Plant, lanes: list[Lane]) -> None:
         self.plant: Plant = plant
         self.lanes: list[Lane] = lanes
+        self._steps: Callable[[Plant], list[int | float]] = plant.VALUES.steps(1)
         self._latest: int = 0
 
     def note(self, now: int, ahead: int) -> None:
@@ -91,15 +102,7 @@ class Behind:
             for lane in self.lanes:
                 lane.early = True
         self._latest = ahead
-        steps = self.plant.lane_steps()
-        if not steps:
-            told = self.plant.telemetry()
-            for place, lane in enumerate(self.lanes):
-                lane.note(now if lane.untold else ahead, told[self.plant.LANES[place].key])
-            return
-        when: object = now if self.lanes[0].untold else ahead
-        for place, lane in enumerate(self.lanes):
-            lane.take(when, steps[place])
+        take_down(self.lanes, now if self.lanes[0].untold else ahead, self._steps(self.plant))
 
 
 class Look:
@@ -134,16 +137,11 @@ class Look:
         self._inside: bool = False
         self._polled: tuple[int, int] | None = None
         """What was read last, and where, if such a read does nothing to the chip."""
-        told: list[tuple[str, Lane]] = lanes.telemetry[chip.name]
-        self._told: list[tuple[str, Lane]] = told
-        self._lanes: list[Lane] = [lane for _, lane in told]
-        self._direct: bool = len(chip.lane_steps()) == len(told) + 1
-        """Whether the chip gives its values without their names."""
-        self._plants: list[Behind] = []
-        for plant, _, lane in lanes.plants[chip.name]:
-            if not self._plants or self._plants[-1].plant is not plant:
-                self._plants.append(Behind(plant, []))
-            self._plants[-1].lanes.append(lane)
+        self._lanes: list[Lane] = lanes.values[chip.name]
+        self._steps: Callable[[Chip], list[int | float]] = chip.VALUES.steps(chip.axis_count)
+        self._plants: list[Behind] = [
+            Behind(plant, behind) for plant, behind in lanes.plants[chip.name] if behind
+        ]
         self._levels: list[tuple[Net, Lane]] = levels
         self._rest: int = 0
         self._at_samples: bool = True
@@ -156,13 +154,12 @@ class Look:
         chip = self._chip
         now: int = self._kernel.now
         when: object = now
-        if self._direct and not self._inside:
-            steps = chip.lane_steps()
-            for place, lane in enumerate(self._lanes):
-                lane.take(when, steps[place])
-            raised = steps[-1] != 0
-        else:
-            raised = self._ask(now)
+        chip.advance()
+        steps = self._steps(chip)
+        take_down(self._lanes, when, steps)
+        raised = steps[-1] != 0
+        if self._inside:
+            self.registers.note(now)
         due: i64 = chip.next_sample()
         # The mechanics run one period ahead: what they tell holds when it is over.
         ahead: int = now if due == _NEVER else due
@@ -193,17 +190,6 @@ class Look:
         """Look no more."""
         self.due = _NEVER
         self._ready.cancel()
-
-    def _ask(self, now: int) -> bool:
-        """Take down what the chip tells by name; return whether it interrupts."""
-        values: dict[str, Any] = self._chip.telemetry()
-        for key, lane in self._told:
-            value = values.get(key)
-            if isinstance(value, int | float):
-                lane.note(now, value)
-        if self._inside:
-            self.registers.note(now, values)
-        return bool(values.get("interrupt", 0) != 0)
 
     def look_inside(self, on: bool) -> None:
         """Look at its registers from now on, or no longer."""

@@ -1,6 +1,7 @@
 """What a host has asked for is carried out, although the host has gone."""
 
 import logging
+import typing
 from collections.abc import Callable
 from typing import Final
 
@@ -14,6 +15,17 @@ LONGEST: Final = 60 * SECOND
 """A wait longer than this (ps) is given up where another host has come meanwhile."""
 
 log = logging.getLogger("vbus")
+
+
+class Departed(typing.Protocol):
+    """A session whose host has gone."""
+
+    link: Link
+    port: HostPort
+    protocol: Protocol
+
+    def give_up(self, why: str) -> None:
+        """Carry out no more of what it waits for."""
 
 
 class Departures:
@@ -35,45 +47,52 @@ class Departures:
         pacer: moves the board's time.
 
     Attributes:
-        under_way: what is still to be carried out.
+        under_way: sessions of which something is still to be carried out.
         closed: whether the board stops, and nothing more is carried out.
     """
 
     def __init__(self, pacer: Pace) -> None:
         self._pacer: Pace = pacer
-        self.under_way: list[Departure] = []
+        self.under_way: list[Departed] = []
         self._arrivals: list[_Arrival] = []
         self.closed: bool = False
         self.look_for_hosts: Callable[[], None] = nothing
         """Ends the sessions of hosts that have gone, when what they had sent is carried out."""
 
-    def take(self, port: HostPort, protocol: Protocol, peer: str) -> bool:
-        """Carry out what a host that has gone waits for; False if there is nothing to do."""
+    def take(self, session: Departed) -> str | None:
+        """Return whether what a host that has gone waits for is carried out.
+
+        Returns:
+            None: there is nothing to do. A reason why it is given up at once; "" if it is not.
+        """
+        port, protocol = session.port, session.protocol
         if self.closed:
-            return False
+            return None
         if not port.held:
-            report_half(peer, protocol)
-            return False
-        if not protocol.awaited() and (self._pacer.real or by_claim(port)):
-            return False
-        departure = Departure(self._pacer, port, protocol, peer, self)
-        self.under_way.append(departure)
-        if self._pacer.real and port.hold_until - self._pacer.now > LONGEST and not by_claim(port):
-            departure.give_up("others go on in real time")
-        else:
-            departure.wait()
-        return True
+            report_half(session.link.peer, protocol)
+            return None
+        real = self._pacer.real
+        if not protocol.awaited() and (real or by_claim(port)):
+            return None
+        self.under_way.append(session)
+        long = real and not by_claim(port) and port.hold_until - self._pacer.now > LONGEST
+        return "others go on in real time" if long else ""
+
+    def look_at(self, until: int) -> int:
+        """Return the next instant at which a wait until then may be over, or given up (ps)."""
+        if self._pacer.real or until == NEVER:
+            return until
+        return until - max(until - self._pacer.now - 1, 0) // LONGEST * LONGEST
+
+    def gives_up(self, port: HostPort) -> bool:
+        """Tell whether a wait is given up now: it is long, and another host waits to be let in."""
+        long = not by_claim(port) and port.hold_until - self._pacer.now >= LONGEST
+        return bool(self._arrivals) and long and not self._pacer.real
 
     @property
     def passing(self) -> bool:
         """Whether time has still to pass for a host that has gone."""
-        ports = [departure.port for departure in self.under_way]
-        return any(not by_claim(port) for port in ports)
-
-    @property
-    def waited_for(self) -> bool:
-        """Whether another host waits to be let in."""
-        return bool(self._arrivals)
+        return any(not by_claim(session.port) for session in self.under_way)
 
     def admit(self, link: Link, begin: Callable[[Link], None]) -> None:
         """Let a host begin: at once, or when time has passed for those that have gone."""
@@ -90,95 +109,14 @@ class Departures:
         arrivals, self._arrivals = self._arrivals, []
         for arrival in arrivals:
             arrival.link.close()
-        for departure in list(self.under_way):
-            departure.give_up("the board stops")
+        for session in list(self.under_way):
+            session.give_up("the board stops")
 
-    def done(self, departure: "Departure") -> None:
+    def done(self, session: Departed) -> None:
         """Forget one that has ended; let in who waited for it."""
-        self.under_way.remove(departure)
+        self.under_way.remove(session)
         while self._arrivals and not self.passing:
             self._arrivals.pop(0).begin()
-
-
-class Departure:
-    """The port and the protocol of one host that has gone.
-
-    Args:
-        pacer: moves the board's time.
-        port: the host's hold on the board, which it lets go of at the end.
-        protocol: the wire format, on that port.
-        peer: the host, for people.
-        departures: is told of the end.
-    """
-
-    def __init__(
-        self,
-        pacer: Pace,
-        port: HostPort,
-        protocol: Protocol,
-        peer: str,
-        departures: Departures,
-    ) -> None:
-        self._pacer: Pace = pacer
-        self.port: HostPort = port
-        self._protocol: Protocol = protocol
-        self._peer: str = peer
-        self._departures: Departures = departures
-        port.on_resume = self.resume_soon
-
-    def wait(self) -> None:
-        """Go on when time has come to the end of the wait, or to where it may be given up."""
-        if by_claim(self.port):
-            return  # the end of the other host's claim calls resume_soon()
-        until, now = self.port.hold_until, self._pacer.now
-        left = 0 if self._pacer.real else max(until - now - 1, 0) // LONGEST * LONGEST
-        self._pacer.wake_at(until - left, self._look_again if left else self._go_on)
-
-    def resume_soon(self) -> None:
-        """The claim that was waited for has ended."""
-        self._pacer.forget(self._go_on)
-        self._pacer.wake_at(self._pacer.now, self._go_on)
-
-    def _look_again(self) -> None:
-        if self._departures.waited_for:
-            self.give_up("another host waits to be let in")
-        else:
-            self.wait()
-
-    def _go_on(self) -> None:
-        port = self.port
-        try:
-            self._pacer.catch_up()
-            if port.go_on():
-                self._protocol.resume()
-                self._protocol.out.clear()
-            if port.held:
-                self.wait()
-                return
-            report_half(self._peer, self._protocol)
-        except Exception:
-            log.exception("internal error while the wait of a host that has gone was carried out")
-        self._end()
-
-    def give_up(self, why: str) -> None:
-        """Carry out no more of it."""
-        log.warning(
-            "%s: the host has gone, and what it had sent still waits for %s; %s, so the rest is"
-            " discarded", self._peer,
-            "another host's claim" if by_claim(self.port) else "chip time", why,
-        )  # fmt: skip
-        self._end()
-
-    def _end(self) -> None:
-        """Let go of everything."""
-        for callback in (self._look_again, self._go_on):
-            self._pacer.forget(callback)
-        for step in (self._protocol.reset, self.port.close):
-            try:
-                step()
-            except Exception:  # the next host shall find nothing of this one
-                log.exception("internal error while what a host has left was ended")
-        self._departures.done(self)
 
 
 def by_claim(port: HostPort) -> bool:

@@ -1,6 +1,7 @@
 """One connected host that sends messages: each is carried out, then answered as a whole."""
 
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 from vbus.protocols.base import Protocol
@@ -28,14 +29,8 @@ class MessageSession(Session):
         self._rest: deque[bytes] = deque()
         self._answering: bool = False
 
-    def _read_on(self) -> None:
-        """Messages come when the link has them."""
-
-    def _read_off(self) -> None:
-        pass
-
-    def _listen_for_the_end(self) -> None:
-        """The link says when the host has gone."""
+    def _attend(self, read: bool, watch: bool) -> None:
+        """Messages come when the link has them; it says when the host has gone."""
 
     def tell_pause(self, paused: bool) -> None:
         """The link tells."""
@@ -54,7 +49,7 @@ class MessageSession(Session):
 
     def _serve(self, data: bytes) -> None:
         super()._serve(data)
-        if not self._open or self.port.held:
+        if not self.open or self.port.held:
             return
         if self._rest:
             self._loop.call_soon(self._go_on)
@@ -63,7 +58,7 @@ class MessageSession(Session):
 
     def _go_on(self) -> None:
         """Carry out the next part of a long message."""
-        if self._open and self._rest and not self.port.held:
+        if self.open and self._rest and not self.port.held:
             self._serve(self._rest.popleft())
 
     def _answer(self) -> None:
@@ -77,16 +72,15 @@ class MessageSession(Session):
 
     def _depart(self) -> None:
         """What the host had sent is carried out, to the end of its last message."""
-        if self._deaf and not self._departures.closed:  # the host has gone, and nothing is broken
+        if not self._departures.closed:
             for data in (*self._rest, *self._messages.left()):
                 self.protocol.receive(data)
-        self._rest.clear()
         super()._depart()
 
-    def end(self, reason: str, hang_up: bool = False) -> None:
+    def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
         """End the session, and let the link say why."""
         self._messages.reason = self._messages.reason or reason
-        super().end(reason, hang_up)
+        super()._part(reason, end, hang_up)
 
     def _send(self) -> None:
         """Keep what the message gave so far."""

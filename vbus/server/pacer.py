@@ -52,12 +52,16 @@ class Pacer(Pace):
     Lockstep and slaved boards are moved by their hosts. The pacer then sees to it that a long
     DELAY is computed in slices, so that other hosts, and Ctrl-C, are answered meanwhile.
 
+    The time of a node is shared with the other nodes. In real time all count from one epoch; else
+    the nodes grant time to each other, and the pacer wakes hosts when a grant comes.
+
     Args:
         board: the board.
         stall: ``"catch_up"``: after a stall of the machine chip time catches up in slices;
             ``"slip"``: it goes on where it was.
         clock: wall time in ns; for tests.
         spent: time of the processor in ns, of the thread that serves the board; for tests.
+        epoch: when chip time is 0, by ``clock`` (ns); -1: time goes on from :meth:`start`.
     """
 
     def __init__(
@@ -66,6 +70,7 @@ class Pacer(Pace):
         stall: str = "catch_up",
         clock: Callable[[], int] = monotonic_ns,
         spent: Callable[[], int] = time.thread_time_ns,
+        epoch: int = -1,
     ) -> None:
         if stall not in ("catch_up", "slip"):
             raise ValueError(f"stall = {stall!r}: allowed are catch_up, slip")
@@ -96,15 +101,21 @@ class Pacer(Pace):
         self._slice: int = SLICE
         self._slicing: bool = False
         self._slices: Slices = Slices(board, clock)
+        self._epoch: int = epoch
         self._anchor_ns: int = clock()
         self._anchor_ps: int = board.now
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: TimerFd | None = None
         self._armed: int = NEVER
         self._asleep: int = 0
+        self._hosts_until: int = 0
+        """Until then (wall time, ns) hosts are served, and the chips stay behind."""
         self._tick_at: int = 0
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
+        self.on_moved: Callable[[], None] | None = None
+        """Called on a node when a host has acted or waits, or time has run: edges may be under way,
+        and other nodes may have to run on."""
         self.look_for_hosts: Callable[[], None] = nothing
         """Ends the sessions of hosts that have gone while they waited: no time passes for them."""
         self.report: Callable[[str], None] = log.warning
@@ -155,6 +166,8 @@ class Pacer(Pace):
         if self.bound < NEVER:
             return self._catch_up_to_bound()
         if not self._paced:
+            if board.granted:
+                return True
             lease: int = kernel.now + LEASE
             board.limit = lease if lease <= self._near else self._nearing(lease)
             return True
@@ -168,10 +181,28 @@ class Pacer(Pace):
         board.limit = target + AHEAD
         if kernel.next_stop > target >= kernel.now:
             kernel.now = target
-        elif target > kernel.now and not self._slices.run(target):
-            board.limit = kernel.now + AHEAD
+        elif target > kernel.now and not self._run(target):
             return False
         return True
+
+    def _run(self, target: int, present: bool = True) -> bool:
+        """Compute a slice towards ``target`` (ps); return whether the board is at the present.
+
+        While it is not, hosts have as much of the processor as the chips: with a slice for each
+        message a host waits for the slices of all others, of 300 for 6 s.
+
+        Args:
+            target: the instant.
+            present: whether that is the present.
+        """
+        began = self.clock()
+        if began >= self._hosts_until:
+            if self._slices.run(target) and present:
+                return True
+            now = self.clock()
+            self._hosts_until = now + now - began
+        self.board.limit = self.board.kernel.now + AHEAD
+        return False
 
     # -- in somebody's control ----------------------------------------------------------------
 
@@ -266,8 +297,7 @@ class Pacer(Pace):
             self._note_lag(behind)
             board.limit = now + AHEAD
             return True
-        self._slices.run(now + max(SLICE, self._tick.visit))
-        board.limit = board.kernel.now + AHEAD
+        self._run(now + max(SLICE, self._tick.visit), present=False)
         self._note_lag(wall - board.kernel.now)
         return False
 
@@ -298,9 +328,13 @@ class Pacer(Pace):
     # -- waking up ----------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to move the board's time; wall time counts from here."""
+        """Begin to move the board's time; wall time counts from here, or from the epoch."""
         self._loop = loop
+        if self.board.granted:
+            return
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        if self._epoch >= 0:
+            self._anchor_ns, self._anchor_ps = self._epoch, 0
         self.board.sliced = not self.real
         self._hold()
         if self.free:
@@ -337,8 +371,10 @@ class Pacer(Pace):
             heapq.heappush(self._wakes, (when, self._wake_number, callback))
             if self._paced:
                 self.arm()
-            else:
+            elif not self.board.granted:
                 self._slice_soon()
+            elif self.on_moved is not None:
+                self.on_moved()
 
     def forget(self, callback: Callable[[], None]) -> None:
         """Call ``callback`` no more: whoever wanted time to pass is not there."""
@@ -367,10 +403,23 @@ class Pacer(Pace):
             self.arm()
         elif self.board.kernel.next_due < self._armed:
             self.arm()
+        if self.on_moved is not None:
+            self.on_moved()
+
+    def shift(self, ns: int) -> None:
+        """Follow a clock that drifts: the epoch was ``ns`` later than assumed."""
+        self._anchor_ns += ns
+
+    def grant_came(self) -> None:
+        """The nodes let time run further: go on with the sessions that waited for it."""
+        if self.board.limit > self._near:
+            self._nearing(self.board.limit)
+        self._wake(self.board.limit)
 
     def _woken(self) -> None:
         if self._timer is not None:
             self._timer.acknowledge()
+        self._hosts_until = 0
         if self.halted or not self._paced:
             return
         if self._armed != NEVER:
@@ -393,6 +442,8 @@ class Pacer(Pace):
             if self.overload.look(now, wall, self._spent, self._ps_per_ns):
                 self.report(f"board {self.board.name}: {self.overload}")
         self.arm()
+        if self.on_moved is not None:
+            self.on_moved()
 
     def _wake(self, now: int) -> None:
         while not self.halted and self._wakes and self._wakes[0][0] <= now:

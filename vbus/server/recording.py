@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
-from vbus.board.host_bus import HostBus
-from vbus.board.sections import RecordSection, WaveSection
+from vbus.boardfile.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, write_errors
 from vbus.server.output_file import OutputFile, output
 from vbus.server.registry import journal_path
@@ -66,7 +65,6 @@ class Recording:
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
-        port: see :class:`~vbus.trace.journal.journal.Journal`.
 
     Attributes:
         journal: the one that is kept, if any.
@@ -83,9 +81,7 @@ class Recording:
         text: str,
         name: str,
         report: Callable[[str], None],
-        port: Callable[..., HostBus] | None = None,
     ) -> None:
-        self._port: Callable[..., HostBus] | None = port
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
         self.told: dict[str, str] = {}
@@ -140,14 +136,12 @@ class Recording:
 
     def _journal(self, opened: OutputFile, durable: str) -> Callable[[], None]:
         from vbus.trace.journal.journal import Journal
-        from vbus.trace.journal.recorded_bus import RecordedBus
 
         path = opened.path
 
         def begin() -> None:
             file = opened.begin()
-            fail, port = self._failing(path), self._port or RecordedBus
-            self.journal = Journal(self._board, file, self._text, self._name, fail, port)
+            self.journal = Journal(self._board, file, self._text, self._name, self._failing(path))
             self._opened.callback(self.journal.close)
             if durable != "no":
                 sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None

@@ -12,9 +12,9 @@ import msgspec
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
-from vbus.board.metrics_checks import metrics_address
-from vbus.board.sections import BoardFile, WaveSection, ZenohSection
-from vbus.board.source import Source
+from vbus.board.network_checks import metrics_address
+from vbus.boardfile.sections import BoardFile, WaveSection, ZenohSection
+from vbus.boardfile.source import Source
 from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors
 from vbus.network.security import Security

@@ -12,13 +12,15 @@ from mypy_extensions import mypyc_attr
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.departures import Departures, by_claim
+from vbus.server.departures import Departures, by_claim, report_half
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.patience import LATE_NS, SpinPolicy
 from vbus.server.statistics import Histogram
 from vbus.server.turns import Turns
+from vbus.transports import states
 from vbus.transports.base import Link, LinkFilter
+from vbus.transports.states import SESSION
 
 READ_SIZE: Final = 448
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs.
@@ -43,7 +45,7 @@ class Serving(NamedTuple):
         turns: of all sessions of the server.
         round_trips: takes how long each message took, from its arrival to its answer (ns).
         hang_ups: notices hosts that go while nothing is read from them.
-        departures: takes over what a host that has gone waits for.
+        departures: says what is carried out of hosts that have gone, and when.
         on_end: called once when a session has ended.
         settle: called before an answer leaves; False if it must not. None where nobody minds.
     """
@@ -62,13 +64,18 @@ class Serving(NamedTuple):
 class Session:
     """Serves one link in a single callback: read, carry out, write.
 
-    No task, queue or future stands between a byte and its answer.
+    No task, queue or future stands between a byte and its answer. What it does besides, it does by
+    :data:`~vbus.transports.states.SESSION`: an event leads to the next state.
 
     Args:
         serving: what serves it.
         link: where the bytes come from and go.
         port: the host's hold on the board.
         protocol: the wire format, on that port.
+
+    Attributes:
+        state: where it stands.
+        open: whether it has its link.
     """
 
     def __init__(self, serving: Serving, link: Link, port: HostPort, protocol: Protocol) -> None:
@@ -92,8 +99,9 @@ class Session:
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
         self._pending: bytearray = bytearray()
+        self.state: str = states.NEW
+        self.open: bool = True
         self._reading: bool = False
-        self._open: bool = True
         self._waiting: int = 0
         self._hang_ups: HangUps = serving.hang_ups
         self._departures: Departures = serving.departures
@@ -101,7 +109,6 @@ class Session:
         self._patience: SpinPolicy = SpinPolicy()
         self._began: int = 0
         self._ended: int = 0
-        self._finished: bool = False
         self._deaf: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
@@ -110,19 +117,57 @@ class Session:
         """Serve the link from now on."""
         self.link.on_data = self._take
         self.link.on_end = self._host_gone
-        self._read_on()
+        self.port.on_resume = self.resume_soon
+        self._move(states.BEGIN)
 
-    # -- reading ------------------------------------------------------------------------------
+    # -- states -------------------------------------------------------------------------------
 
-    def _read_on(self) -> None:
-        if not self._reading and self._open and not self._finished and not self._stopped_reading:
-            self._reading = True
+    def _move(self, event: str) -> None:
+        """Go on to the state after an event."""
+        before = self.state
+        state = self.state = SESSION.after(before, event, self.link.peer)
+        if state != before:
+            self._reading = state == states.READING
+            self._deaf = state in (states.LEAVING, states.DEPARTED)
+            self.open = state not in (states.DEPARTED, states.CLOSED)
+            self._attend(before == states.READING, state in states.UNREAD)
+
+    def _attend(self, read: bool, watch: bool) -> None:
+        """Read the link, or watch for its end, as the state has it.
+
+        While nothing is read, a host that goes is noticed: others may wait for its claim. The bytes
+        it has sent stay where they are. A half-closed link is no end: the host may still read its
+        answers.
+
+        Args:
+            read: whether it was read until now.
+            watch: whether its end is watched for.
+        """
+        if read:
+            self._loop.remove_reader(self._fd)
+        if watch:
+            self._hang_ups.watch(self._fd, self.hung_up)
+        else:
+            self._hang_ups.forget(self._fd)
+        if self._reading:
             self._add_reader(self._fd, self._readable)
 
-    def _read_off(self) -> None:
-        if self._reading:
-            self._reading = False
-            self._loop.remove_reader(self._fd)
+    @property
+    def _blocked(self) -> bool:
+        """Whether nothing is to be read, though no request waits."""
+        return self._stopped_reading > 0 or len(self._pending) > MOST_PENDING
+
+    def _block(self) -> None:
+        """Read nothing if that is to be so, and no request waits."""
+        if self._reading and self._blocked:
+            self._move(states.FULL)
+
+    def _unblock(self) -> None:
+        """Read again if that may be."""
+        if self.state == states.PAUSED and not self._blocked:
+            self._move(states.ROOM)
+
+    # -- reading ------------------------------------------------------------------------------
 
     def _readable(self) -> None:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
@@ -149,7 +194,8 @@ class Session:
                 self._host_gone(True)
                 return
             if not data:
-                self._finish()
+                if self._reading:
+                    self._finish()
                 return
             self.received += len(data)
             ended = self._ended
@@ -168,10 +214,9 @@ class Session:
 
     def _finish(self) -> None:
         """The host will send no more, but may still read what it asked for."""
-        self._read_off()
-        self._finished = True
+        self._move(states.FINISH)
         if not self._pending:
-            self.end("closed by the host")
+            self._leave()
 
     def _take(self, data: bytes) -> None:
         self.received += len(data)
@@ -212,25 +257,22 @@ class Session:
 
     def _wait(self) -> None:
         """The port is held: read no more until what it waits for has come."""
-        if not self._open:  # the host has gone while it was answered: no time passes for it
-            return
-        self._read_off()
-        self._listen_for_the_end()
+        if self.state in (states.LEAVING, states.CLOSED):
+            return  # the rest of what the host had sent is read first
+        if self.state != states.DRAINING:  # nothing is read
+            self._move(states.HOLD)
+        self._wake_in_time()
+
+    def _wake_in_time(self) -> None:
+        """Have the session resumed when the instant that is waited for has come."""
         until = self.port.hold_until
+        if self.state == states.DEPARTED:
+            until = self._departures.look_at(until)
         if until != NEVER and self._waiting != until:
             self._waiting = until
             self._pacer.wake_at(until, self.resume)
-            if not self._pacer.real:
+            if self.open and not self._pacer.real:
                 self._hang_ups.look()  # whoever comes next is not let in before this wait is over
-
-    def _listen_for_the_end(self) -> None:
-        """While nothing is read, notice a host that has gone: others may wait for its claim.
-
-        The bytes it has sent stay where they are. A half-closed link is no end: the host may still
-        read its answers.
-        """
-        if self._open:
-            self._hang_ups.watch(self._fd, self.hung_up)
 
     def hung_up(self) -> None:
         """The host has gone: what it had sent is carried out, and the session ends."""
@@ -241,7 +283,7 @@ class Session:
 
         Of a link that does not tell, every host may have.
         """
-        if not self._open or self._finished or self._stopped_reading or self._fd < 0:
+        if not self.open or self.state == states.DRAINING or self._stopped_reading or self._fd < 0:
             return False
         if by_claim(self.port):
             return False
@@ -253,20 +295,24 @@ class Session:
 
     def resume(self) -> None:
         """What the session waited for may have come."""
-        if not self._open:
+        if self.state == states.CLOSED:
             return
-        self._hang_ups.forget(self._fd)
         self._waiting = 0
         self._pacer.catch_up()
         if self._pacer.halted:
             self.hold()
-            return
-        if not self.port.go_on():
+        elif self.port.go_on():
+            self._serve(b"")
+            if self.state == states.HELD and not self.port.held:
+                self._move(states.GO_ON)
+                self._block()
+            elif self.state == states.DEPARTED and not self.port.held:
+                report_half(self.link.peer, self.protocol)
+                self._close(states.DONE)
+        elif self.state == states.DEPARTED and self._departures.gives_up(self.port):
+            self.give_up("another host waits to be let in")
+        else:
             self._wait()
-            return
-        self._serve(b"")
-        if self._open and not self.port.held and len(self._pending) <= MOST_PENDING:
-            self._read_on()
 
     def hold(self) -> None:
         """Time stands still: what the host asks for from here on is kept until it runs again."""
@@ -274,9 +320,10 @@ class Session:
         if not port.held:
             port.held = True
             port.hold_until = max(self._pacer.now, 1)
-        self._wait()
-        if not self.received:
-            self._read_on()  # a HELLO may say that its host wants to be told
+        if self._reading and not self.received:
+            self._wake_in_time()  # a HELLO may say that its host wants to be told
+        else:
+            self._wait()
 
     def tell_pause(self, paused: bool) -> None:
         """Tell a host that wants it of a pause or its end, when what is done now is done."""
@@ -297,7 +344,7 @@ class Session:
         self._say(self.protocol.report_events)
 
     def _say(self, what: Callable[[], None]) -> None:
-        if self._open:
+        if self.open:
             try:
                 what()
             except Exception:
@@ -320,7 +367,7 @@ class Session:
 
     def _settled(self) -> bool:
         """Whether what is about to be answered may be; else the session ends."""
-        if self._settle is None or self._settle():
+        if self._settle is None or self._deaf or self._settle():
             return True
         self.end("the journal takes no more, and what it does not hold is not answered", True)
         return False
@@ -343,8 +390,7 @@ class Session:
             self._loop.add_writer(self._fd, self._writable)
         self._pending += out
         out.clear()
-        if len(self._pending) > MOST_PENDING:
-            self._read_off()
+        self._block()
 
     def _write(self, data: bytearray) -> int:
         """Return how many bytes were sent; all, if the host has gone: it may have sent more."""
@@ -354,7 +400,7 @@ class Session:
             return 0
         except OSError:
             if not self._deaf:
-                self._deaf = True
+                self._move(states.GONE)
                 self._loop.call_soon(self.hung_up)
             return len(data)
         self.sent += sent
@@ -365,11 +411,13 @@ class Session:
         del self._pending[:sent]
         if not self._pending:
             self._loop.remove_writer(self._fd)
-            if self._finished:
-                self.end("closed by the host")
-                return
-        if len(self._pending) <= MOST_PENDING and not self.port.held:
-            self._read_on()
+            self._all_sent()
+        self._unblock()
+
+    def _all_sent(self) -> None:
+        """The host has taken all there is."""
+        if self.state == states.DRAINING:
+            self._leave()
 
     # -- what may be wrong with the link ------------------------------------------------------
 
@@ -380,30 +428,30 @@ class Session:
     def remove_filter(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
         """Take a filter out again; what it has ``kept`` is sent now, before anything else."""
         self._filters.remove(link_filter)
-        if kept and self._open:
+        if kept and self.open:
             self.protocol.out[:0] = kept
             self._send()
 
     def stop_reading(self) -> None:
         """Read nothing any more; a host that goes is noticed all the same."""
         self._stopped_reading += 1
-        self._read_off()
-        self._listen_for_the_end()
+        self._block()
 
     def read_again(self) -> None:
         """Read again, if :meth:`stop_reading` has been taken back as often as it was called."""
         self._stopped_reading -= 1
-        if not self._stopped_reading and self._open and not self.port.held:
-            self._hang_ups.forget(self._fd)
-            self._read_on()
+        self._unblock()
 
     # -- ending -------------------------------------------------------------------------------
 
     def _host_gone(self, carry_out: bool) -> None:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
+        if not self.open:
+            return
+        if self.state != states.LEAVING:
+            self._move(states.GONE)
         reset = False
-        self._deaf = True
-        while carry_out and self._open:
+        while carry_out and self.state == states.LEAVING:
             try:
                 data = self._read(self._fd, READ_SIZE)
             except OSError as error:
@@ -414,46 +462,81 @@ class Session:
             if not data:
                 break
             self._take(data)
-        if self._open and self._pacer.halted:
+        if self.open and self._pacer.halted:
             log.warning(
                 "%s: a host has gone while the board was paused; if it gave up waiting, the pause"
                 " is the cause", self.link.peer,
             )  # fmt: skip
-        self.end("closed by the host")
+        self._leave()
 
     def hang_up_soon(self, reason: str) -> None:
         """End session and link when what is done now is done; the host notices it."""
         self._loop.call_soon(self.end, reason, True)
 
     def end(self, reason: str, hang_up: bool = False) -> None:
-        """End the session: the port lets go of everything, half a request is forgotten."""
-        if not self._open:
-            return
-        self._open = False
+        """End the session: the port lets go of everything, what waits and half a request are lost.
+
+        Args:
+            reason: why, for people.
+            hang_up: whether the host is to notice that the link has ended.
+        """
+        if self.state == states.DEPARTED:
+            self._close(states.DONE)
+        elif self.open:
+            event = states.DONE if self.state == states.LEAVING else states.END
+            self._part(reason, partial(self._close, event), hang_up)
+
+    def _leave(self) -> None:
+        """The host has gone, and what it had sent is read; what waits is carried out later."""
+        if self.open:
+            if self.state != states.LEAVING:
+                self._move(states.GONE)
+            self._part("closed by the host", self._depart)
+
+    def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
+        """End the link, after what is done with what the host has asked for."""
         log.debug("%s: %s", self.link.peer, reason)
-        for step in (
-            self._look_no_more, self._abandon if hang_up else self._depart,
-            self.link.hang_up if hang_up else self.link.close, partial(self._on_end, self),
-        ):  # fmt: skip
+        self._pacer.forget(self.resume)
+        self._waiting = 0
+        if self._pending:
+            self._loop.remove_writer(self._fd)
+        link = self.link
+        for step in (end, link.hang_up if hang_up else link.close, partial(self._on_end, self)):
+            try:
+                step()
+            except Exception:  # the next host shall find nothing of this one
+                log.exception("internal error while the session of %s ended", link.peer)
+
+    def _depart(self) -> None:
+        """Carry out what the host waits for, if that is to be; see :class:`Departures`."""
+        why = self._departures.take(self)
+        if why is None:
+            self._close(states.DONE)
+            return
+        self._move(states.HOLD)
+        if why:
+            self.give_up(why)
+        else:
+            self._wake_in_time()
+
+    def give_up(self, why: str) -> None:
+        """Carry out no more of what a host that has gone waits for."""
+        log.warning(
+            "%s: the host has gone, and what it had sent still waits for %s; %s, so the rest is"
+            " discarded", self.link.peer,
+            "another host's claim" if by_claim(self.port) else "chip time", why,
+        )  # fmt: skip
+        self._close(states.GIVE_UP)
+
+    def _close(self, event: str) -> None:
+        """Let go of everything."""
+        departed = self.state == states.DEPARTED
+        self._move(event)
+        self._pacer.forget(self.resume)
+        for step in (self.protocol.reset, self.port.close):
             try:
                 step()
             except Exception:  # the next host shall find nothing of this one
                 log.exception("internal error while the session of %s ended", self.link.peer)
-
-    def _depart(self) -> None:
-        """What the host had sent is carried out all the same; see :class:`Departures`."""
-        if not self._departures.take(self.port, self.protocol, self.link.peer):
-            self._abandon()
-
-    def _abandon(self) -> None:
-        try:
-            self.protocol.reset()
-        finally:
-            self.port.close()
-
-    def _look_no_more(self) -> None:
-        self._pacer.forget(self.resume)
-        self._read_off()
-        self._hang_ups.forget(self._fd)
-        if self._pending:
-            self._loop.remove_writer(self._fd)
+        if departed:
+            self._departures.done(self)

@@ -17,8 +17,6 @@ class Histogram:
         bounds: inclusive upper bounds of the buckets, ascending; one more takes the rest.
     """
 
-    __slots__ = ("bounds", "buckets", "count", "most", "total")
-
     def __init__(self, bounds: tuple[int, ...]) -> None:
         self.bounds: tuple[int, ...] = bounds
         self.buckets: list[int] = [0] * (len(bounds) + 1)

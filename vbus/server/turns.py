@@ -18,8 +18,6 @@ class Turns:
         give_way: lets the host run between two looks.
     """
 
-    __slots__ = ("give_way", "last", "looks")
-
     def __init__(self) -> None:
         self.last: object = None
         self.looks: int = LOOKS

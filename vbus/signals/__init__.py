@@ -4,8 +4,9 @@ from vbus.signals.axis import Plant, Switch
 from vbus.signals.lane import nearest
 from vbus.signals.net import HIGH, LOW, Guard, Net, Pin, Watcher, Z
 from vbus.signals.observer import EdgeTaker, Observer
-from vbus.signals.tables import LaneRow, Rule, Violation
+from vbus.signals.tables import Rule, Violation
 from vbus.signals.trace_hash import TraceHash
+from vbus.signals.values import Reading, Value, ValueTable
 from vbus.signals.violation import OFF, STRICT, WARN, Policy
 
 __all__ = [
@@ -16,15 +17,17 @@ __all__ = [
     "WARN",
     "EdgeTaker",
     "Guard",
-    "LaneRow",
     "Net",
     "Observer",
     "Pin",
     "Plant",
     "Policy",
+    "Reading",
     "Rule",
     "Switch",
     "TraceHash",
+    "Value",
+    "ValueTable",
     "Violation",
     "Watcher",
     "Z",

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
-from vbus.signals.tables import LaneRow
+from vbus.signals.values import Reading, ValueTable
 from vbus.state import UNDECLARED, Names
 
 SWITCHES: Final = ("home", "limit+", "limit-")
@@ -21,7 +21,6 @@ class Switch:
         active: electrical level while closed (0 or 1).
     """
 
-    __slots__ = ("active", "high", "low")
     WIRING: ClassVar[Names] = ("active", "high", "low")
 
     def __init__(self, low: int, high: int, active: int = 0) -> None:
@@ -69,8 +68,7 @@ class Plant:
     MODEL: ClassVar[int] = 1
     """Version of the model: one more whenever it moves otherwise than before."""
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
-    LANES: ClassVar[tuple[LaneRow, ...]] = ()
-    """What :meth:`telemetry` tells."""
+    VALUES: ClassVar[ValueTable] = ValueTable()
     STATE: ClassVar[Names] = UNDECLARED
     WIRING: ClassVar[Names] = ("settings", "switches")
 
@@ -122,17 +120,9 @@ class Plant:
         """
         return False, 0
 
-    def telemetry(self) -> dict[str, float]:
-        """Return what a live view shows of the mechanics, by name, at the end of the period."""
-        return {}
-
-    def lane_steps(self) -> list[int]:
-        """Return what :meth:`telemetry` tells for :attr:`LANES`, each in its row's steps.
-
-        Empty: ask for telemetry. So does one that has other lanes than the class that overrides
-        this.
-        """
-        return []
+    def telemetry(self) -> dict[str, Reading]:
+        """Return the values of :attr:`VALUES` by their keys, at the end of the period."""
+        return self.VALUES.telemetry(1)(self)
 
     def resting(self) -> bool:
         """Whether another period with the same drive would leave every bit of state as it is."""

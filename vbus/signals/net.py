@@ -30,7 +30,6 @@ class Watcher(Task):
     returned: several lines moved by one request are seen as one event.
     """
 
-    __slots__ = ("_callback", "_kernel", "_pending", "alone")
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, kernel: Kernel, callback: Callable[[], None]) -> None:
@@ -80,7 +79,6 @@ class Pin:
         open_drain: the pin can only pull low; driving :data:`HIGH` lets go.
     """
 
-    __slots__ = ("level", "name", "net", "on_heard", "open_drain")
     STATE: ClassVar[Names] = ("level",)
     WIRING: ClassVar[Names] = ("name", "net", "on_heard", "open_drain")
 
@@ -145,10 +143,6 @@ class Net:
         guard: who may owe the net its level; None: nobody does.
     """
 
-    __slots__ = (
-        "_batch", "_kernel", "_let_go", "bends", "changed_at", "clash", "clashing", "guard",
-        "let_go_at", "name", "observers", "pins", "previous", "rest", "value", "watchers", "width",
-    )  # fmt: skip
     STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
     WIRING: ClassVar[Names] = (
         "_kernel", "bends", "clash", "guard", "name", "observers", "pins", "rest", "watchers",

@@ -1,26 +1,6 @@
-"""Rows that parts declare, lanes and rules, and the breach of a rule. Data."""
+"""Rules that a host can break, and the breach of one. Data."""
 
 from msgspec import Struct
-
-
-class LaneRow(Struct, frozen=True):
-    """A number told by ``telemetry()``, as people draw it over time.
-
-    Attributes:
-        name: short, the same for the same thing of every part: ``"real"``.
-        title: for people: ``"real position"``.
-        unit: ``"counts"``; "" for a fraction of full scale.
-        key: its name in the telemetry, ``{}`` for the number of the axis.
-        scale: the step it is told in, in that unit.
-        register: the register that reads the same, if there is one.
-    """
-
-    name: str
-    title: str
-    unit: str
-    key: str
-    scale: float = 1.0
-    register: str = ""
 
 
 class Rule(Struct, frozen=True):

@@ -54,9 +54,6 @@ class WireEnd(Net):
         kept_back: edges that wait for the one after them: node, level, whether it pulls low only.
     """
 
-    __slots__ = (
-        "_outbox", "far", "kept_back", "latest", "rank", "sent", "weak", "wrongs",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         *Net.STATE, "sent", "weak: bool", "driven_far: list[(i64, i64, bool)]",
         "come_so_far: list[(i64, i64, bool)]", "kept_back: list[(i64, i64, bool), ...]",

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
@@ -414,9 +414,10 @@ class Bench:
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        if judged.notes:
-            yield f"notes: {len(judged.notes)}"
-            yield from (f"    {line}" for line in by_rule(judged.notes, verb="notes"))
+        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        if notes:
+            yield f"notes: {len(notes)}"
+            yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from vbus import plugins
 from vbus.board.config import read_board_text
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.chips.family import Family
 from vbus.errors import ConfigError
 from vbus.kernel import Clock, Kernel

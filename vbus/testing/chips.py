@@ -1,49 +1,11 @@
 """One chip, ready to use: its mechanics, its host and its clock."""
 
-from dataclasses import dataclass
-from typing import Any
-
 from vbus import plugins
-from vbus.board.board import Board
-from vbus.chips.base import Chip
-from vbus.client.bus import Bus
 from vbus.errors import VbusError
-from vbus.signals import Plant
-from vbus.testing.around_chip import host_of, plants_of
+from vbus.testing.around_chip import ChipBench
 from vbus.testing.bench import Bench
 from vbus.testing.boards import typical_part
-from vbus.testing.clock import BoardClock
 from vbus.testing.in_process import connect_in_process
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class ChipBench:
-    """A chip on a test's board.
-
-    Attributes:
-        board: the board.
-        chip: the chip.
-        plants: the mechanics behind it, axis by axis.
-        bus: a client's bus, as :func:`vbus.connect` returns it.
-        host: the family's client over that bus, or the calls made from its tables; None if it
-            has neither.
-        clock: chip time.
-    """
-
-    board: Board
-    chip: Chip
-    plants: tuple[Plant, ...]
-    bus: Bus
-    host: Any
-    clock: BoardClock
-
-    def __repr__(self) -> str:
-        return f'<{self.chip.part} {self.chip.name} on board "{self.board.name}">'
-
-    @property
-    def plant(self) -> Plant:
-        """The mechanics of the first axis."""
-        return self.plants[0]
 
 
 def chip_bench(bench: Bench, start: str) -> ChipBench:
@@ -76,5 +38,4 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
         )
     board.run_until(max(board.now, chip.ready_at() + bench.variant.start))
     bus = connect_in_process(board, chips=(chip.name,) if bench.of_chips else ())
-    plants = plants_of(board, chip)
-    return ChipBench(board, chip, plants, bus, host_of(chip, bus), tested.clock)
+    return ChipBench.of(board, chip, bus, tested.clock)

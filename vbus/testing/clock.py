@@ -24,14 +24,21 @@ class BoardClock:
         board: the board.
         call: carries something out while no host acts on the board.
         excused: a block in which time passes by order of the test.
+        bring: brings all nodes of a machine to an instant, where the board is that of a node.
     """
 
     def __init__(
-        self, board: Board, call: Call, excused: Callable[[], AbstractContextManager[None]]
+        self,
+        board: Board,
+        call: Call,
+        excused: Callable[[], AbstractContextManager[None]],
+        bring: Callable[[int], None] | None = None,
     ) -> None:
         self.board: Final = board
         self._call: Final = call
         self._excused: Final = excused
+        self._bring: Final = bring
+        self._run_until: Final = bring or board.run_until
         self._frozen = False
 
     @property
@@ -47,7 +54,7 @@ class BoardClock:
             VbusError: time is the wall clock's, or frozen; or the duration is negative.
         """
         length = span_of(duration)
-        self._move(lambda: self.board.run_for(length))
+        self._move(lambda: self._run_until(self.board.now + length))
 
     def run_until(self, instant: int | str) -> None:
         """Let time pass to ``instant``, inclusive of what happens at it.
@@ -56,7 +63,7 @@ class BoardClock:
             VbusError: time is the wall clock's, or frozen; or that instant is over.
         """
         when = coming(instant, self.now)
-        self._move(lambda: self.board.run_until(when))
+        self._move(lambda: self._run_until(when))
 
     def wait_until(self, condition: str, within: int | str = WITHIN) -> int:
         """Let time pass to the earliest instant at which ``condition`` holds; return it (ps).
@@ -69,6 +76,11 @@ class BoardClock:
             VbusError: it makes no sense on this board, or has not come to hold in time; or time
                 is the wall clock's, or frozen.
         """
+        if self._bring is not None:
+            raise VbusError(
+                f'wait_until "{condition}": the time of a node is that of all nodes; advance() the'
+                " machine and look"
+            )
         length = ps_of(within)
         self._move(lambda: wait_until(self.board, condition, length))
         return self.now

@@ -23,7 +23,7 @@ except ImportError as error:
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError
 from vbus.kernel import US

@@ -8,7 +8,6 @@ from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.client.bus import Bus
 from vbus.client.link import BoardLink
-from vbus.client.message import Message
 from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
@@ -64,6 +63,7 @@ class InProcessLink(BoardLink):
         # Always readable: whatever a call waits for is here when it looks.
         super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or HostTurn(board)
+        self._watches: Final = [one for one in board.observers if isinstance(one, HostWatch)]
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._port.promises = False
         self._protocol = ByteProtocol(self._port)
@@ -91,6 +91,16 @@ class InProcessLink(BoardLink):
         self._protocol.report_events()
         return self._protocol.take()
 
+    def replied(self) -> None:
+        """End a host that has passed a bound of a :class:`HostWatch`.
+
+        Raises:
+            HostStuck: the host must not go on.
+        """
+        __tracebackhide__ = True
+        for watch in self._watches:
+            watch.check()
+
     def close(self) -> None:
         """End the session; again is harmless."""
         if self.fd >= 0:
@@ -100,30 +110,6 @@ class InProcessLink(BoardLink):
         super().close()
 
 
-class InProcessBus(Bus):
-    """A client's bus that ends a host which has passed a bound of a :class:`HostWatch`.
-
-    Args:
-        link: leads to the board.
-        watches: those that look at it.
-    """
-
-    def __init__(self, link: InProcessLink, watches: list[HostWatch]) -> None:
-        super().__init__(link)
-        self._watches: Final = watches
-
-    def exchange(self, message: Message, mask: int | None) -> None:
-        """Carry out a whole message; one without a request is none.
-
-        Raises:
-            HostStuck: the host must not go on.
-        """
-        __tracebackhide__ = True
-        super().exchange(message, mask)
-        for watch in self._watches if message.requests else ():
-            watch.check()
-
-
 def connect_in_process(
     board: Board, label: str = "host", chips: tuple[str, ...] = (), turn: HostTurn | None = None
 ) -> Bus:
@@ -131,8 +117,7 @@ def connect_in_process(
 
     It is what :func:`vbus.client.connect` returns, so a driver written on that runs unchanged.
     """
-    watches = [one for one in board.observers if isinstance(one, HostWatch)]
-    bus = InProcessBus(InProcessLink(board, label, chips, turn=turn), watches)
+    bus = Bus(InProcessLink(board, label, chips, turn=turn))
     try:
         bus.hello()
     except BaseException:

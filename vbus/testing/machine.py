@@ -1,75 +1,25 @@
 """A machine of nodes in a test: all nodes in one process, its hosts in the test's own turn."""
 
 from contextlib import ExitStack
-from typing import Any, Final, NoReturn
+from typing import Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError, VbusError
 from vbus.kernel import END
 from vbus.nodes.conductor import Conductor
-from vbus.nodes.host import NodeBus
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Plant
-from vbus.testing.around_chip import host_of, plants_of
+from vbus.testing.around_chip import ChipBench
 from vbus.testing.clock import coming, span_of
 from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
-from vbus.trace.journal.recorder import recorded
-
-
-class NodeChip:
-    """A chip of a machine.
-
-    Args:
-        machine: the machine.
-        node: its node.
-        chip: the chip.
-        bus: of its host.
-
-    Attributes:
-        node: name of its node.
-        bus: a client's bus, as :func:`vbus.connect` returns it.
-        host: the family's client over that bus, or the calls made from its tables; None if it
-            has neither.
-    """
-
-    def __init__(self, machine: "TestedMachine", node: str, chip: Chip, bus: Bus) -> None:
-        self._machine: Final = machine
-        self._chip: Final = chip
-        self.node: Final = node
-        self.bus: Final = bus
-        self.host: Any = host_of(chip, bus)
-
-    def __repr__(self) -> str:
-        return f'<{self._chip.part} {self._chip.name} on node "{self.node}">'
-
-    @property
-    def board(self) -> Board:
-        """The board of the node."""
-        return self._machine.board(self.node)
-
-    @property
-    def chip(self) -> Chip:
-        """The chip."""
-        return self.board.chip(self._chip.name)
-
-    @property
-    def plants(self) -> tuple[Plant, ...]:
-        """The mechanics behind it, axis by axis."""
-        return plants_of(self.board, self._chip)
-
-    @property
-    def plant(self) -> Plant:
-        """The mechanics of the first axis."""
-        return self.plants[0]
 
 
 class TestedMachine:
@@ -112,9 +62,8 @@ class TestedMachine:
 
         def watch(node: Node) -> None:
             board = node.board
-            port = recorded(NodeBus)
-            self.tested.append(TestedBoard(board, file, source, strict, budget, covered, port))
-            board.waits = _refuse
+            tested = TestedBoard(board, file, source, strict, budget, covered, self.run_until)
+            self.tested.append(tested)
 
         self._machine: Final = Machine(file, source, built=watch)
         self._hosts: Final = ExitStack()
@@ -136,7 +85,7 @@ class TestedMachine:
             raise VbusError(f'the machine has no node "{node}"; it has {", ".join(self.nodes)}')
         return self._machine.conductors[self.nodes.index(node)].node.board
 
-    def chip(self, name: str) -> NodeChip:
+    def chip(self, name: str) -> ChipBench:
         """Return a chip out of its reset, with a host of its own, and with what it moves.
 
         Raises:
@@ -144,7 +93,8 @@ class TestedMachine:
         """
         conductor, chip = self._find(name)
         self.run_until(max(self.now, chip.ready_at()))
-        return NodeChip(self, conductor.node.name, chip, self.connect(name))
+        node, bus = conductor.node, self.connect(name)
+        return ChipBench.of(node.board, chip, bus, self.tested[node.rank].clock, node.name)
 
     def connect(self, *chips: str, label: str = "host") -> Bus:
         """Return a client's bus at the node of these chips, as :func:`vbus.connect` returns it.
@@ -255,18 +205,6 @@ class TestedMachine:
         self._hosts.close()
 
 
-def _refuse(condition: str, within: int | str) -> NoReturn:
-    """Refuse to let time pass on one node.
-
-    Raises:
-        VbusError: always.
-    """
-    raise VbusError(
-        f'wait_until "{condition}": the time of a node is that of all nodes; advance() the machine'
-        " and look"
-    )
-
-
 class _MachineTurn(HostTurn):
     """A host of a machine acts: after all that was done before, and for as long as it takes."""
 
@@ -281,6 +219,5 @@ class _MachineTurn(HostTurn):
 
     def end(self, port: HostBus) -> None:
         """The test goes on from here, maybe elsewhere: time waits no longer for this host."""
-        if isinstance(port, NodeBus):
-            port.uses_time = False
+        port.clock.used = False
         self._machine.bring(self.board.now)

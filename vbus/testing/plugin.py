@@ -18,8 +18,8 @@ from vbus.testing.matrix_plugin import BOARD, SCENARIO, SEARCHING
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
+    from vbus.testing.around_chip import ChipBench
     from vbus.testing.bench import Bench
-    from vbus.testing.chips import ChipBench
     from vbus.testing.clock import BoardClock
     from vbus.testing.execute import Execute
     from vbus.testing.machine import TestedMachine

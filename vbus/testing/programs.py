@@ -12,8 +12,8 @@ from time import monotonic
 
 from vbus.board.board import Board
 from vbus.board.build import build
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.serving import links_of

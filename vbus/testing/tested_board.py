@@ -2,20 +2,18 @@
 
 import io
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
-from vbus.board.build import build
-from vbus.board.host_bus import HostBus
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
 from vbus.testing.limits import HostWatch, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorded_bus import RecordedBus
 
 if TYPE_CHECKING:
     from vbus.trace.coverage.coverage import CoverageObserver
@@ -33,7 +31,7 @@ class TestedBoard:
         strict: whether a breach of a datasheet fails the test.
         budget: what its hosts may take.
         covered: whether what they exercise is counted.
-        port: makes the ports of its hosts.
+        bring: see :class:`~vbus.testing.clock.BoardClock`.
     """
 
     def __init__(
@@ -44,7 +42,7 @@ class TestedBoard:
         strict: bool,
         budget: Limits,
         covered: bool = False,
-        port: Callable[..., HostBus] = RecordedBus,
+        bring: Callable[[int], None] | None = None,
     ) -> None:
         self.board = board
         self.file = file
@@ -52,7 +50,7 @@ class TestedBoard:
         self.strict = strict
         self.budget = budget
         self._bytes = io.BytesIO()
-        self._journal = Journal(board, self._bytes, source.text, file.path, port=port)
+        self._journal = Journal(board, self._bytes, source.text, file.path)
         self.watch = HostWatch(board, budget, times=True)
         self.coverage: CoverageObserver | None = None
         if covered:
@@ -69,7 +67,8 @@ class TestedBoard:
         self.address: str = ""
         self._wave: Any = None
         self._wave_text: TextIO = io.StringIO()
-        self.clock = BoardClock(board, self.call, self.watch.excused)
+        excused = nullcontext if bring is not None else self.watch.excused
+        self.clock = BoardClock(board, self.call, excused, bring)
         board.waits = self.clock.wait_until
 
     def call(self, what: Callable[[], _T]) -> _T:
@@ -90,16 +89,12 @@ class TestedBoard:
 
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""
+        from vbus.nodes.machine import board_of
         from vbus.scope.page_file import one_file
         from vbus.scope.replayed import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
-        if self.file.nodes:
-            from vbus.nodes.recorded import RebuiltBoard
-
-            board = RebuiltBoard(reader.header, self.file.path).board
-        else:
-            board = build(self.file, self.source)
+        board = board_of(reader.header, self.file.path)
         recorded = replayed(board, reader, reader.header.families)
         return one_file(recorded.description, recorded.frames)
 

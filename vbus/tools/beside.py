@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import Source
 from vbus.errors import ProgramError, VbusError
 from vbus.file_kinds import HEAD, looks_like
 from vbus.protocols.quantities import format_instant
@@ -260,6 +260,8 @@ def run_beside(
         )  # fmt: skip
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
+        for found in board.left_over():
+            findings.violation(found)
         if watched:
             outcome.look()
         if written is not None:

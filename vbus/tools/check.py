@@ -44,14 +44,14 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     from vbus.board.build import build
     from vbus.board.card_map import CardAnswer, address_map, remarks
     from vbus.board.config import read_board_file
-    from vbus.board.source import BoardFileError
+    from vbus.boardfile.source import BoardFileError
     from vbus.network.security import told
     from vbus.tools.check_records import check_records
 
     try:
         file, source = read_board_file(path)
         if file.nodes:
-            from vbus.nodes.plan import build_nodes
+            from vbus.nodes.machine import build_nodes
 
             boards = [node.board for node in build_nodes(file, source)]
         else:
@@ -105,7 +105,7 @@ def _rules() -> list[dict[str, Any]]:
 def _lines(report: dict[str, Any]) -> Iterator[str]:
     for board in report.get("boards", []):
         if not board["ok"]:
-            from vbus.board.source import Problem
+            from vbus.boardfile.source import Problem
 
             for problem in board["problems"]:
                 click.echo(str(Problem(**problem)), err=True)

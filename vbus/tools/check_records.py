@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vbus.board.board import Board
-from vbus.board.sections import BoardFile
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.errors import VbusError
 from vbus.server.recording import ALONE
 from vbus.trace.findings.suppress import suppressions_of

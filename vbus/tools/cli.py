@@ -56,10 +56,14 @@ _GROUPS: Final = {
         "attach": "A board elsewhere as a PTY.",
         "router": "Let computers meet (Zenoh).",
         "up": "Start a machine of nodes.",
-        "order": "Bus cycles on several nodes.",
         "trace": "Merge the traces of nodes.",
     },
 }
+_GONE: Final = {
+    "order": "vbus.cluster.ordering.order() of Python orders bus cycles on the nodes of a board",
+}
+"""What to use in place of a command that there was."""
+
 _COMMANDS: Final = sorted(name for group in _GROUPS.values() for name in group)
 _USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
 
@@ -120,7 +124,7 @@ class _Lazy(click.Group):
             from vbus.values.settings import suggestion
 
             known = ", ".join(_COMMANDS)
-            hint = suggestion(name, _COMMANDS)
+            hint = f"{_GONE[name]}; " if name in _GONE else suggestion(name, _COMMANDS)
             raise click.UsageError(f'there is no command "{name}"; {hint}there are {known}', ctx)
         return super().resolve_command(ctx, args)
 

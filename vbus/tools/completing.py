@@ -73,40 +73,15 @@ _BOARD_FILE: Final = Files(".toml")
 _JOURNAL: Final = Files(".vbj")
 _FILE: Final = click.Path()
 
-_TYPES: Final[dict[tuple[str, str], NameChoice | Files | click.Path]] = {
-    ("check", "boards"): _BOARD_FILE,
-    ("conform", "board"): _BOARD_FILE,
-    ("conform", "chip"): NameChoice(_parts),
-    ("coverage", "files"): _FILE,
-    ("demo", "name"): NameChoice(_demos),
-    ("diff", "first"): _JOURNAL,
-    ("diff", "second"): _JOURNAL,
-    ("exec", "board"): _BOARD_FILE,
-    ("exec", "program"): _FILE,
-    ("explain", "what"): _JOURNAL,
-    ("fault arm", "board"): _BOARD,
-    ("fault arm", "fault"): NameChoice(_faults),
-    ("fault clear", "board"): _BOARD,
-    ("fault list", "board"): _BOARD,
-    ("fault log", "board"): _BOARD,
-    ("logs", "board"): _BOARD,
-    ("ls", "names"): _BOARD,
-    ("monitor", "board"): _BOARD,
-    ("order", "board"): _BOARD,
-    ("plot", "journal"): _JOURNAL,
-    ("replay", "journals"): _JOURNAL,
-    ("report", "journal"): _JOURNAL,
-    ("router", "file"): _BOARD_FILE,
-    ("run", "board"): _BOARD_FILE,
-    ("snap bisect", "journal"): _JOURNAL,
-    ("snap load", "board"): _BOARD,
-    ("snap save", "board"): _BOARD,
-    ("stop", "names"): _BOARD,
-    ("up", "machine"): _BOARD_FILE,
-    ("wait", "names"): _BOARD,
-    ("wave", "source"): _JOURNAL,
-}
-"""By command and parameter; what is not here click completes by its type."""
+_TYPES: Final[dict[str, NameChoice | Files | click.Path]] = {
+    "board": _BOARD, "names": _BOARD, "boards": _BOARD_FILE, "machine": _BOARD_FILE,
+    "journal": _JOURNAL, "journals": _JOURNAL, "first": _JOURNAL, "second": _JOURNAL,
+    "sources": _JOURNAL, "what": _JOURNAL, "program": _FILE, "name": NameChoice(_demos),
+    "chip": NameChoice(_parts), "fault": NameChoice(_faults),
+    "conform board": _BOARD_FILE, "exec board": _BOARD_FILE, "router file": _BOARD_FILE,
+    "run board": _BOARD_FILE,
+}  # fmt: skip
+"""By argument, or by command and parameter; what is not here click completes by its type."""
 
 
 def prepared(command: click.Command, path: str) -> click.Command:
@@ -120,7 +95,9 @@ def prepared(command: click.Command, path: str) -> click.Command:
 
 
 def _prepared(parameter: click.Parameter, path: str) -> click.Parameter:
-    known = _TYPES.get((path, parameter.name or ""))
+    known = _TYPES.get(f"{path} {parameter.name}")
+    if known is None and isinstance(parameter, click.Argument):
+        known = _TYPES.get(parameter.name or "")
     if known is None and parameter.metavar == "FILE":
         known = _FILE
     if known is not None:

@@ -97,7 +97,7 @@ class _DemoRun:
         self._link = self._server.urls[0]
         try:
             if self._scope is not None:
-                from vbus.board.sections import ScopeSection
+                from vbus.boardfile.sections import ScopeSection
                 from vbus.tools.scope_process import show_board
 
                 scope = ScopeSection(listen=self._scope)

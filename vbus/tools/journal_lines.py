@@ -54,9 +54,9 @@ def recorded_board(path: Path, header: Header) -> Board:
     Raises:
         VbusError: its board was made in Python.
     """
-    from vbus.nodes.recorded import RebuiltBoard
+    from vbus.nodes.machine import board_of
 
-    return RebuiltBoard(header, str(path)).board
+    return board_of(header, str(path))
 
 
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:

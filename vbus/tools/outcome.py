@@ -1,13 +1,12 @@
 """What became of each axis in a run: for the summary of ``vbus exec``."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.kernel import MS
 from vbus.signals import Observer
 
-_POSITIONS: Final = ("real", "actual")
 _DRIVES: Final = ("drive", "command")
 _REVERSALS: Final = 6
 """Turns to and fro after which an axis is said to oscillate."""
@@ -113,24 +112,23 @@ class AxisOutcomes(Observer):
     def look(self) -> None:
         """Look at every axis."""
         for chip in self._board.chips:
-            values = chip.telemetry()
-            for name, value in values.items():
-                key, _, number = name.partition(" ")
-                if key not in _POSITIONS or not isinstance(value, int | float):
+            values: dict[str, Any] = chip.telemetry()
+            drive = next((values[key] for key in _DRIVES if key in values), None)
+            drawn: dict[tuple[str, int], str] = {
+                (row.lane, axis): row.key.format(axis + 1)
+                for row, axis in chip.VALUES.lanes(chip.axis_count)
+            }
+            for axis in range(chip.axis_count):
+                if ("real", axis) not in drawn:
                     continue
-                suffix = f" {number}" if number else ""
-                axis = f"{chip.name}.{number}" if number else chip.name
-                drives = (values.get(drive + suffix) for drive in _DRIVES)
-                drive = next((one for one in drives if isinstance(one, int | float)), None)
-                # The target of a chip with several axes is where its profile is.
-                desired = values.get(f"desired{suffix}", values.get(f"target{suffix}"))
+                key = drawn["real", axis]
+                real, desired = values[key], values.get(drawn.get(("desired", axis), ""))
+                _, _, number = key.partition(" ")
                 course = self._courses.setdefault(
-                    axis, _AxisPath(value, value, value, value, value)
+                    f"{chip.name}.{number}" if number else chip.name,
+                    _AxisPath(real, real, real, real, real),
                 )
-                undriven = chip.undriven(int(number) - 1 if number else 0)
-                course.look(
-                    value, desired if isinstance(desired, int | float) else None, drive, undriven
-                )
+                course.look(real, desired, drive, chip.undriven(axis))
 
     def lines(self) -> list[str]:
         """Return a sentence for each axis."""

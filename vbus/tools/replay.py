@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
-from vbus.nodes.machine import trace_hash
-from vbus.nodes.recorded import RebuiltBoard
+from vbus.board.board import Board
+from vbus.nodes.machine import board_of, trace_hash
+from vbus.nodes.node import Node
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant, opened, progress
 from vbus.tools.output import no_progress, show
@@ -33,18 +34,18 @@ def command(
     """
     values: list[dict[str, Any]] = []
     lines: list[str] = []
-    played: list[RebuiltBoard] = []
+    played: list[Board] = []
     for journal in journals:
         with opened(journal) as reader:
             header = reader.header
-            recorded = RebuiltBoard(header, str(journal), board_file or "")
+            board = board_of(header, str(journal), board_file or "")
             # A trace looks at nets: only where the machine's hash comes of it.
-            if recorded.node is not None and len(journals) > 1:
-                recorded.node.start_trace()
+            if isinstance(board.beyond, Node) and len(journals) > 1:
+                board.beyond.start_trace()
             with progress(journal, reader, "replaying", no_progress):
-                outcome = Replay(recorded.board, reader, header.families).run()
+                outcome = Replay(board, reader, header.families).run()
             damage = reader.damage
-        played.append(recorded)
+        played.append(board)
         values.append({**asdict(outcome), "damage": damage, "recorded_with": header.vbus})
         told = _lines(outcome, damage, header.vbus)
         lines += told if len(journals) == 1 else [f"{journal}: {line}" for line in told]
@@ -58,10 +59,11 @@ def command(
     return exit_codes.OK if same else exit_codes.FAILURE
 
 
-def machine_hash(played: list[RebuiltBoard]) -> str:
+def machine_hash(played: list[Board]) -> str:
     """Return the trace hash of a machine all of whose nodes were played, once each; else ""."""
-    nodes = sorted((one.node for one in played if one.node is not None), key=lambda n: n.rank)
-    plans = {one.plan.digest for one in played if one.plan is not None}
+    found = [board.beyond for board in played if isinstance(board.beyond, Node)]
+    nodes = sorted(found, key=lambda node: node.rank)
+    plans = {node.plan.digest for node in nodes}
     whole = [node.rank for node in nodes] == list(range(len(nodes[0].names))) if nodes else False
     return trace_hash(nodes) if whole and len(plans) == 1 and len(nodes) == len(played) else ""
 

@@ -10,8 +10,8 @@ from vbus.tools.output import complain, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from vbus.board.sections import BoardFile, ScopeSection
-    from vbus.board.source import Source
+    from vbus.boardfile.sections import BoardFile, ScopeSection
+    from vbus.boardfile.source import Source
     from vbus.cluster.nodes import NodeOptions
     from vbus.nodes.node import Node
     from vbus.server.priority import Priority

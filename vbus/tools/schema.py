@@ -16,6 +16,6 @@ def command() -> None:
         vbus schema > board.schema.json
         #:schema ./board.schema.json
     """
-    from vbus.board.schema import schema
+    from vbus.boardfile.schema import schema
 
     click.echo(json.dumps(schema(), indent=2, ensure_ascii=False))

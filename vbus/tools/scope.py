@@ -19,7 +19,7 @@ from vbus.tools.scope_process import start_scope
 if TYPE_CHECKING:
     import ssl
 
-    from vbus.board.sections import ScopeSection
+    from vbus.boardfile.sections import ScopeSection
     from vbus.scope.replayed import Recorded
     from vbus.scope.stream import Stream
     from vbus.tools.foxglove_lanes import FoxgloveServer
@@ -124,7 +124,7 @@ def command(
 
         if remote:
             raise click.UsageError("a copy of a board is for this computer: leave out --remote")
-        from vbus.board.sections import ScopeSection
+        from vbus.boardfile.sections import ScopeSection
 
         show = partial(start_scope, scope=ScopeSection(listen=listen), control=True)
         fork(Path(source), at, show, no_progress)
@@ -185,7 +185,7 @@ class PagePlace:
         plain: bool = False,
     ) -> None:
         from vbus.addresses import loopback_like, stays_here
-        from vbus.board.metrics_checks import metrics_address
+        from vbus.board.network_checks import metrics_address
 
         try:
             self.host, self.port = metrics_address(listen, remote=True)

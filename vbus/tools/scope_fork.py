@@ -36,7 +36,7 @@ def fork(
     Raises:
         VbusError: the journal is none, or is of a board made in Python.
     """
-    from vbus.board.sections import RecordSection
+    from vbus.boardfile.sections import RecordSection
     from vbus.server.recording import Recording
     from vbus.server.registry import journal_path, own_board
     from vbus.server.server import LinkSpec, Server, run

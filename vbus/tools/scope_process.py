@@ -14,7 +14,7 @@ import click
 from vbus.errors import TransportError, VbusError
 
 if TYPE_CHECKING:
-    from vbus.board.sections import ScopeSection
+    from vbus.boardfile.sections import ScopeSection
 
 JOIN_SECONDS: Final = 30.0
 """How long a scope may take to join a board of the process that has started it."""

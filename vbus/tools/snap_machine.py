@@ -9,11 +9,11 @@ from typing import Any, Final
 
 import click
 
+from vbus.board.snapshot import read as read_board
 from vbus.errors import VbusError
-from vbus.nodes.machine_snapshot import VERSION, HostThere, MachineSnapshot, NodePart, read, write
+from vbus.nodes.machine_snapshot import MachineSnapshot, read, write
 from vbus.server.output_file import write_file
 from vbus.tools.output import seconds, show
-from vbus.version import __version__
 
 _Ask = Callable[..., dict[str, Any]]
 
@@ -36,17 +36,11 @@ def save_machine(
         VbusError: a node is not there, refuses, or waits.
     """
     taken = _taken(machine, nodes)
-    here = taken[next(iter(nodes))]
-    parts = tuple(
-        NodePart(
-            name, part["when_ps"], base64.b64decode(part["data"]),
-            tuple(HostThere(label, tuple(chips), cycle) for label, chips, cycle in part["hosts"]),
-        )
+    parts = {
+        name: read_board(base64.b64decode(part["data"]), f"node {name}")
         for name, part in sorted(taken.items())
-    )  # fmt: skip
-    snapshot = MachineSnapshot(
-        VERSION, machine, here["file"], here["text"], __version__, here["round"], parts
-    )
+    }
+    snapshot = MachineSnapshot(machine, taken[next(iter(nodes))]["round"], parts)
     data = write(snapshot)
     write_file(file, data)
     value = {
@@ -70,7 +64,7 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
 
     through = f"{machine}.{next(iter(nodes))}"
     asks: dict[str, _Ask] = {
-        name: partial(order, through, "snap.elsewhere", node=name) for name in missing_of(nodes)
+        name: partial(order, through, "snap.node", node=name) for name in missing_of(nodes)
     }
     with ThreadPoolExecutor(len(nodes) + len(asks)) as asking:
         # Who is not there is named before the others are kept waiting for its round.
@@ -82,7 +76,9 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
                 f"{machine}: {', '.join(lacking)} {do} not answer, and a snapshot has all nodes of"
                 f" a machine; say it again when {they} here (vbus ls)"
             )
-        asks |= {name: partial(order, f"{machine}.{name}", "snap.node") for name in nodes}
+        asks |= {
+            name: partial(order, f"{machine}.{name}", "snap.node", node=name) for name in nodes
+        }
         latest = max(node.get("round", -1) for node in nodes.values())
         for ahead in AHEAD:
             number = latest + ahead
@@ -111,25 +107,26 @@ def _results(asked: Mapping[str, "Future[Any]"]) -> dict[str, dict[str, Any]]:
 def info_of_machine(data: bytes, file: Path, as_json: bool, board_file: bool) -> None:
     """Say what a snapshot of a machine is of."""
     found = read(data, str(file))
+    any_node = next(iter(found.nodes.values()))
     if board_file:
-        click.echo(found.text, nl=False)
+        click.echo(any_node.text, nl=False)
         return
     value = {
-        "board": found.board, "file": found.file, "when_ps": found.when, "vbus": found.vbus,
+        "board": found.board, "file": any_node.file, "when_ps": found.when, "vbus": any_node.vbus,
         "round": found.round,
         "nodes": {
-            part.node: {"when_ps": part.when, "hosts": [host.label for host in part.hosts]}
-            for part in found.nodes
+            name: {"when_ps": part.when, "hosts": [host.label for host in part.hosts]}
+            for name, part in found.nodes.items()
         },
     }  # fmt: skip
     lines = [
-        f"{found.board} ({found.file or 'no board file'}) at {seconds(found.when)}, the end of"
+        f"{found.board} ({any_node.file or 'no board file'}) at {seconds(found.when)}, the end of"
         f" round {found.round}",
         *(
-            f"  node {part.node} at {seconds(part.when)}"
+            f"  node {name} at {seconds(part.when)}"
             + "".join(f", host {host.label} to {', '.join(host.chips)}" for host in part.hosts)
-            for part in found.nodes
+            for name, part in found.nodes.items()
         ),
-        f"  taken with vbus {found.vbus}",
+        f"  taken with vbus {any_node.vbus}",
     ]
     show(as_json, value, lines)

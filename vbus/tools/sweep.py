@@ -12,8 +12,8 @@ import msgspec
 
 from vbus.board.board import Board
 from vbus.board.build import build
-from vbus.board.sections import BoardFile, HostSection, RecordSection
-from vbus.board.source import Source
+from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
+from vbus.boardfile.source import Source
 from vbus.errors import ConfigError
 from vbus.plugins import family_of
 from vbus.protocols.quantities import format_instant

@@ -48,18 +48,15 @@ def words_and_numbers(
     """
     numbers: list[TelemetryValue] = []
     words: list[Word] = []
-    lanes = {row.key.format("").rstrip(): row for row in family.lanes}
     for key, value in values.items():
-        name, _, axis = key.partition(" ")
-        table = family.flags.get(key) or family.flags.get(name)
-        if table is not None and isinstance(value, int):
-            words.append(_word(key, name, value, getattr(family.tables, table), decoder))
-        elif name in lanes and (not axis or axis.isdigit()):
-            row = lanes[name]
-            numbers.append(_number(key, value, row.unit, not row.unit))
+        row = family.values.named(key)
+        if row is not None and row.fields and isinstance(value, int):
+            words.append(_word(key, key.partition(" ")[0], value, row.fields, decoder))
+        elif row is not None:
+            share = row.step != 0.0 and not row.unit
+            numbers.append(_number(key, value, row.plain_unit, share))
         else:
-            unit = family.units.get(key) or family.units.get(name, "")
-            numbers.append(_number(key, value, unit, False))
+            numbers.append(_number(key, value, "", False))
     known = {bit for word in words for bit, _ in word.bits}
     return [one for one in numbers if not _says_bits(one, known)], words
 

@@ -23,7 +23,7 @@ from vbus.tools.output import (
 )
 
 if TYPE_CHECKING:
-    from vbus.board.sections import BoardFile
+    from vbus.boardfile.sections import BoardFile
     from vbus.cluster.processes import Meeting, Process
     from vbus.tools.processes import Child, Processes
 

@@ -1,7 +1,6 @@
 """``vbus wave``: waveforms of running boards and of recorded runs."""
 
 import io
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
@@ -11,7 +10,7 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.errors import TransportError, VbusError
+from vbus.errors import VbusError
 from vbus.tools import exit_codes
 from vbus.tools.output import complain, duration, no_progress, show
 
@@ -37,7 +36,7 @@ def command(
     chip time. Of a running board it is written until the duration is over, or Ctrl-C. Journals of
     several nodes of a machine give one file, with a scope for each node.
     """
-    from vbus.board.sections import WaveSection
+    from vbus.boardfile.sections import WaveSection
 
     if as_json and output == "-":
         raise click.UsageError('"-o -" prints the waveform: with --json name a file')
@@ -80,7 +79,8 @@ def _output(name: str, whole: bool) -> Iterator[TextIO]:
 
 def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
     """Write one file of the journals of several nodes, in the order of the nodes."""
-    from vbus.nodes.recorded import RebuiltBoard
+    from vbus.nodes.machine import board_of
+    from vbus.nodes.node import Node
     from vbus.tools.journal_lines import opened
     from vbus.trace.wave.merge import merge_waves
     from vbus.trace.wave.signals import FULL
@@ -96,14 +96,13 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
         if not path.is_file():
             raise VbusError(f"{path}: no such journal; a running board is recorded alone")
         with opened(path) as reader:
-            recorded = RebuiltBoard(reader.header, str(path))
-        node, plan = recorded.node, recorded.plan
-        if node is None or plan is None:
+            node = board_of(reader.header, str(path)).beyond
+        if not isinstance(node, Node):
             raise VbusError(f"{path}: it is of a board without nodes; record it alone")
         if node.rank in nodes:
             raise VbusError(f"{path}: it is of node {node.name}, as {nodes[node.rank][1]} is")
         nodes[node.rank] = node.name, path
-        plans.add(plan.digest)
+        plans.add(node.plan.digest)
     if len(plans) > 1:
         raise VbusError("these journals are of different machines; name those of one run")
     with ExitStack() as stack:
@@ -156,14 +155,9 @@ def _of_board(name: str, section: Any) -> int:
     with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
         keys = {k: v for k, v in structs.asdict(section).items() if k not in ("name", "file")}
         try:
-            feed.send(json.dumps({"wave": keys}).encode() + b"\n")
-            answer = next((item for item in feed if item[0] in ("refused", "wave")), None)
-            if answer is None:
-                raise TransportError(f'board "{name}" has stopped')
-            if answer[0] == "refused":
-                raise VbusError(answer[1])
+            feed.ask("wave", **keys)
             with _output(section.file, whole=False) as file:
-                for data in feed.raw():
+                for data in feed.messages():
                     file.write(data.decode("ascii"))
                     file.flush()
                     written += len(data)

@@ -50,8 +50,8 @@ def _citing() -> Iterator[tuple[str, str]]:
         for register in family.registers:
             where = " ".join(f"{address:02X}H" for address in register.addresses)
             yield register.clause, f"{family.name}: {register.name} ({where}): {register.title}"
-        for inner in family.inner_registers:
-            yield inner.clause, f"{family.name}: {inner.name}: {inner.title}"
+        for value in family.values.rows:
+            yield value.clause, f"{family.name}: {value.name}: {value.title}"
     for chip in plugins.chip_classes():
         for option in chip.OPTIONS:
             yield option.clause, f"{chip.FAMILY}: setting {option.name}: {option.title}"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from vbus.board.sections import NO_HOST, HostSection
+from vbus.boardfile.sections import NO_HOST, HostSection
 from vbus.errors import TransportError
 from vbus.network.session import Network
 from vbus.transports.traffic import Traffic

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
+from vbus.transports import states
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 from vbus.transports.open_watch import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
+from vbus.transports.states import TERMINAL
 
 _READ_SIZE: Final = 1 << 16
 _MOST_READ: Final = 1 << 18
@@ -59,13 +61,10 @@ class PtyLink(Link):
 class _Terminal:
     """A terminal in raw mode: one generation of clients.
 
-    The name leads to it until a byte has come. Whoever opens the name until then shares the
-    terminal, and its session; whoever opens it later gets the next one.
-
     Attributes:
         master: the server's side.
         name: path of the clients' side.
-        named: whether the name leads to it.
+        state: where it stands in :data:`~vbus.transports.states.TERMINAL`.
         link: the session of the clients that have it open.
         watch: tells of opens, writes and closes while the name leads to it.
         hangups: tells that no client has it open any more.
@@ -74,7 +73,7 @@ class _Terminal:
     def __init__(
         self, loop: asyncio.AbstractEventLoop, notice: Callable[["_Terminal"], None]
     ) -> None:
-        self.named: bool = True
+        self.state: str = states.FRESH
         self.link: PtyLink | None = None
         self._loop: asyncio.AbstractEventLoop = loop
         self._clients: int = 0
@@ -110,6 +109,15 @@ class _Terminal:
             loop.add_reader(self.hangups.fileno(), notice, self)
             made.callback(loop.remove_reader, self.hangups.fileno())
             self._made: ExitStack = made.pop_all()
+
+    @property
+    def named(self) -> bool:
+        """Whether the name leads to it."""
+        return self.state in (states.FRESH, states.SHARED)
+
+    def move(self, event: str) -> None:
+        """Go on to the state after an event."""
+        self.state = TERMINAL.after(self.state, event, self.name)
 
     def close(self) -> None:
         """Free all descriptors; again is harmless.
@@ -241,7 +249,7 @@ class PtyTransport(Transport):
 
     def _look_at_times(self, terminal: _Terminal) -> None:
         """Do without a watch: whoever opens the terminal is noticed a little later."""
-        if terminal in self._terminals and terminal.named:
+        if terminal.named:
             self._notice(terminal)
             self._loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
 
@@ -252,6 +260,7 @@ class PtyTransport(Transport):
                 unmade.callback(terminal.close)
                 if terminal.named:
                     unmade.callback(self._remove_name, terminal)
+                terminal.move(states.STOP)
 
     def _remove_name(self, terminal: _Terminal) -> None:
         """Remove the name, if it is not another's by now."""
@@ -259,16 +268,22 @@ class PtyTransport(Transport):
             if os.readlink(self._link_path) == terminal.name:
                 self._link_path.unlink()
 
-    def _renew(self, terminal: _Terminal) -> None:
+    def _renew(self, terminal: _Terminal, event: str) -> None:
         """Let the name lead from one terminal to a new one."""
         self._name_new(terminal)
-        terminal.named = False
+        self._move(terminal, event)
         terminal.learn()  # whoever has come before the name led elsewhere
 
     def _retire(self, terminal: _Terminal) -> None:
         """Let the name lead to a new terminal; whoever has this one open keeps it."""
-        self._renew(terminal)
+        self._renew(terminal, states.LEFT)
         terminal.unwatch()
+
+    def _move(self, terminal: _Terminal, event: str) -> None:
+        """Go on with a terminal; one without a session is closed, if no client is opening it."""
+        terminal.move(event)
+        if terminal.state == states.UNUSED:
+            self._loop.call_later(REST_SECONDS, self._free_unused, terminal)
 
     def _name_new(self, terminal: _Terminal) -> None:
         """Let the name lead to a new terminal; to none for now if there is none to be had."""
@@ -291,15 +306,15 @@ class PtyTransport(Transport):
 
     def _free(self, terminal: _Terminal) -> None:
         """Close a terminal; whoever has it open finds it hung up."""
-        if terminal in self._terminals:
-            self._terminals.remove(terminal)
-            terminal.close()
+        terminal.move(states.FREE)
+        self._terminals.remove(terminal)
+        terminal.close()
 
     # -- clients come and go --------------------------------------------------------------------
 
     def _notice(self, terminal: _Terminal) -> None:
         """Begin and end the session of a terminal as clients open and close it."""
-        if terminal not in self._terminals:
+        if terminal.state == states.CLOSED:
             return
         came = terminal.learn()
         state, fresh = terminal.look(), terminal.named
@@ -312,7 +327,6 @@ class PtyTransport(Transport):
                 self._retire(terminal)
                 if not terminal.look() & select.POLLHUP:
                     self._begin(terminal)
-                self._free_soon(terminal)
         self._end_if_gone(terminal)
 
     def _end_if_gone(self, terminal: _Terminal) -> None:
@@ -342,7 +356,7 @@ class PtyTransport(Transport):
         data = terminal.read()
         terminal.learn()
         mixed = terminal.mixed
-        self._renew(terminal)
+        self._renew(terminal, states.WROTE)
         if mixed or not terminal.followed:
             terminal.unwatch()
             return data
@@ -358,7 +372,7 @@ class PtyTransport(Transport):
 
     def pass_on(self, terminal: _Terminal, data: bytes) -> None:
         """Give what has been read to the session of those who have the terminal open."""
-        if terminal not in self._terminals:  # they have been hung up on
+        if terminal.state == states.CLOSED:  # they have been hung up on
             return
         link = terminal.link
         if link is None and (data or not terminal.look() & select.POLLHUP):
@@ -371,6 +385,7 @@ class PtyTransport(Transport):
         for other in tuple(self._terminals):
             if other is not terminal:
                 self._end_if_gone(other)
+        terminal.move(states.OPENED)
         link = terminal.link = PtyLink(self, terminal)
         self._on_link(link)
         return link
@@ -381,19 +396,16 @@ class PtyTransport(Transport):
         if terminal.link is not link:
             return
         terminal.link = None
-        if self.closing or terminal not in self._terminals:
+        if self.closing or terminal.state == states.CLOSED:
             return
-        if terminal.named and terminal.look() & select.POLLHUP:
+        if terminal.named:
             self._retire(terminal)
+        self._move(terminal, states.OVER)
         self._loop.call_soon(self._notice, terminal)
-        self._free_soon(terminal)
-
-    def _free_soon(self, terminal: _Terminal) -> None:
-        """Close a terminal that has had its clients, but for one that is opening it just now."""
-        self._loop.call_later(REST_SECONDS, self._free_unused, terminal)
 
     def _free_unused(self, terminal: _Terminal) -> None:
-        if terminal.link is None and not terminal.named and terminal in self._terminals:
+        """Close a terminal that has had its clients, but for one that is opening it just now."""
+        if terminal.state == states.UNUSED:
             if terminal.look() & select.POLLHUP:
                 self._free(terminal)
             else:
@@ -402,8 +414,11 @@ class PtyTransport(Transport):
     def take_away(self, link: PtyLink) -> None:
         """End a session with its terminal."""
         terminal = link.terminal
-        if terminal.link is link:
-            terminal.link = None
-            if terminal.named and not self.closing:
-                self._renew(terminal)
+        if terminal.link is not link:
+            return
+        if terminal.named and not self.closing:
+            self._renew(terminal, states.LEFT)
+        terminal.link = None
+        if not self.closing:
+            self._move(terminal, states.OVER)
             self._free(terminal)

@@ -1,7 +1,7 @@
-"""One table of settings against its rows: units, ranges, spelling; every mistake at once."""
+"""One setting against its row: unit, range, spelling."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from typing import Final
 
 from vbus.options import Option, Value
@@ -9,12 +9,7 @@ from vbus.values import units
 
 NAME_FORM: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 """What a name looks like that may stand in ``"name.pin"``."""
-
-WITHDRAWN: Final = {"substeps": "motors are solved exactly; leave substeps out"}
-"""Keys of earlier versions, and what to do about each."""
-
-Complain = Callable[[str, str], None]
-"""Takes the key and what is wrong with it; key ``""`` is the table itself."""
+A_NAME: Final = "a name begins with a letter and goes on with letters, digits, - and _"
 
 
 def quoted(value: object) -> str:
@@ -56,6 +51,17 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     return f'did you mean "{close[0]}"? ' if close else ""
 
 
+def among(name: str, known: Iterable[str], they: str) -> str:
+    """Return the likely name and all that are known: ``'did you mean "x"? THEY x, y'``."""
+    known = list(known)
+    return f"{suggestion(name, known)}{they} {listed(known)}"
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Return what to say of a name that is none of the ``known`` ones."""
+    return f"found {quoted(name)}; {among(name, known, 'known are')}"
+
+
 def rule_names(rules: Iterable[str]) -> set[str]:
     """Return names of rules, and those of their families, which stand for all rules of one."""
     return {name for rule in rules for name in (rule, rule.partition(".")[0])}
@@ -64,32 +70,6 @@ def rule_names(rules: Iterable[str]) -> set[str]:
 def rule_hint(name: str, known: Iterable[str]) -> str:
     """Return what to do about a name that is none of the ``known`` ones of rules."""
     return f'{suggestion(name, sorted(known))}"vbus check --rules" lists them all'
-
-
-def check_table(
-    table: Mapping[str, object], options: Iterable[Option], complain: Complain
-) -> dict[str, Value]:
-    """Return the settings of ``table`` that are right, in the units parts work with.
-
-    Every row of ``options`` that is missing or wrong, and every key that is no row, is reported
-    to ``complain``. Absent keys with a default are left out of the result.
-    """
-    rows = {option.name: option for option in options}
-    result: dict[str, Value] = {}
-    for key, value in table.items():
-        row = rows.get(key)
-        if row is None:
-            hint = f"unknown key; {suggestion(key, rows)}allowed are {listed(sorted(rows))}"
-            complain(key, WITHDRAWN.get(key, hint))
-            continue
-        try:
-            result[key] = check_value(value, row)
-        except ValueError as error:
-            complain(key, f"found {quoted(value)}; {error}")
-    for row in rows.values():
-        if row.default is None and row.name not in table:
-            complain("", f'key "{row.name}" is missing: {row.title}; {allowed(row)}')
-    return result
 
 
 def allowed(option: Option) -> str:
@@ -102,6 +82,8 @@ def allowed(option: Option) -> str:
         "rate": 'write a number without unit, or "max"',
         "flag": "write true or false",
         "text": "write a text in quotes",
+        "name": "write a text in quotes",
+        "names": 'write a list of names, such as ["x"]',
     }.get(option.kind)
     if text is None:
         text = "write " + units.describe(option.kind)
@@ -130,7 +112,9 @@ def check_value(value: object, option: Option) -> Value:
         return _in_range(units.parse(value, kind), option)
     if kind == "flag" and isinstance(value, bool):
         return value
-    if kind == "text" and isinstance(value, str):
+    if kind in ("text", "name") and isinstance(value, str):
+        if kind == "name" and not NAME_FORM.fullmatch(value):
+            raise ValueError(A_NAME)
         return value
     if kind == "choice" and isinstance(value, str):
         if value in option.choices:

@@ -15,19 +15,20 @@ class DC8(Chip):
     PARTS = ("DC-8",)
     PINS = ds.PINS
     RULES = ds.RULES
-    STATE = ("load_value", "start", "taken", "reading: bool", "writing: bool")
+    VALUES = ds.VALUES
+    STATE = ("load", "start", "taken", "reading: bool", "writing: bool")
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
         self.cycle_ps, self.read_low_ps = 200_000, 100_000
-        self.load_value = self.start = self.taken = 0
+        self.load = self.start = self.taken = 0
         self.reading = self.writing = False
         watcher = Watcher(self.kernel, self.strobe_moved)
         for name in ("/CS", "/RD", "/WR"):
             self.pins[name].net.watch(watcher)
 
     def power_on(self, done):
-        self.load_value = 0
+        self.load = 0
         self.advance()
         self.touched()
 
@@ -40,7 +41,7 @@ class DC8(Chip):
     def count(self):
         """What is left now: it follows from when it was started."""
         gone = (self.clock.cycle_at(self.kernel.now) - self.start) // ds.COUNT_CLK
-        return max(0, self.load_value - gone)
+        return max(0, self.load - gone)
 
     def advance(self):
         self.pins["DONE"].drive(LOW if self.count else HIGH)
@@ -48,13 +49,13 @@ class DC8(Chip):
     def next_event(self):
         if not self.count:
             return NEVER
-        return self.clock.ps(self.start + ds.COUNT_CLK * self.load_value)
+        return self.clock.ps(self.start + ds.COUNT_CLK * self.load)
 
     # -- bus cycles: whole ones come here, and so does what the pins see ---------------------
 
     def begin_read(self, address):
         self.advance()
-        self.taken = self.count if address else self.load_value
+        self.taken = self.count if address else self.load
 
     def end_read(self):
         return self.taken
@@ -63,7 +64,7 @@ class DC8(Chip):
         self.advance()
         if address or (self.count and self.report(ds.RUNNING)):
             return
-        self.load_value, self.start = data, self.clock.cycle_at(self.kernel.now)
+        self.load, self.start = data, self.clock.cycle_at(self.kernel.now)
         self.advance()
         self.touched()
 
@@ -89,8 +90,3 @@ class DC8(Chip):
         edges += [(-80_000, "D0-D7", data)] if write else []
         edges += [(0, strobe, HIGH), (20_000, "/CS", HIGH)]
         return edges + ([(20_000, "D0-D7", Z)] if write else [])
-
-    # -- looking in, and snapshots ----------------------------------------------------------
-
-    def telemetry(self):
-        return {"load": self.load_value, "count": self.count}

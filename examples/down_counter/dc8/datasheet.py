@@ -1,7 +1,7 @@
 """The DC-8's tables: pins, registers, rules."""
 
 from vbus.chips.tables import PinRow, Register, RegisterMap
-from vbus.signals import HIGH, LOW, Rule
+from vbus.signals import HIGH, LOW, Rule, ValueTable
 
 COUNT_CLK = 16
 """Cycles of CLK for one count (DC-CNT-1)."""
@@ -19,5 +19,6 @@ REGISTERS = RegisterMap(
     Register("LOAD", (0,), clause="DC-REG-1", title="what is counted down from"),
     Register("COUNT", (1,), access="r", clause="DC-REG-2", title="what is left"),
 )
+VALUES = ValueTable(registers=REGISTERS)
 RUNNING = Rule("dc8.running", "DC-REG-1", "LOAD is written only while the count is 0.")
 RULES = (RUNNING,)

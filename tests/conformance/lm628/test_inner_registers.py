@@ -2,7 +2,7 @@
 
 import pytest
 
-from vbus.chips.lm628.inner_registers import REGISTERS
+from vbus.chips.lm628.datasheet import VALUES
 
 
 @pytest.mark.spec("LM-TRJ-2")
@@ -15,17 +15,17 @@ from vbus.chips.lm628.inner_registers import REGISTERS
     ],
 )  # fmt: skip
 def test_what_has_a_fraction_has_sixteen_bits_of_it(name: str, unit: str) -> None:
-    (row,) = (row for row in REGISTERS if row.name == name)
+    (row,) = (row for row in VALUES.rows if row.group and row.name == name)
     assert (row.fraction, row.unit) == (16, unit)
 
 
 @pytest.mark.spec("LM-TRJ-1")
 def test_the_control_word_keeps_its_bits_12_to_8() -> None:
-    (row,) = (row for row in REGISTERS if row.name == "trajectory control word")
+    (row,) = (row for row in VALUES.rows if row.name == "trajectory control word")
     assert [bit.number for bit in row.fields] == [12, 11, 10, 9, 8]
 
 
 @pytest.mark.spec("LM-CMD-17")
 def test_the_interrupt_mask_has_the_flags_that_raise_hi() -> None:
-    (row,) = (row for row in REGISTERS if row.name == "interrupt mask")
+    (row,) = (row for row in VALUES.rows if row.name == "interrupt mask")
     assert [bit.number for bit in row.fields] == [6, 5, 4, 3, 2, 1]

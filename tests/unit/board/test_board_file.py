@@ -10,7 +10,7 @@ from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
 from vbus.board.cards import Card, card_of_rows
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.chips.tables import CardRow
 from vbus.errors import ConfigError
 from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Z
@@ -395,7 +395,8 @@ MISTAKES = [
     ("", "[nets]\na = 3\n", 'b.toml:9: nets.a: found 3; write a list of names, such as ["x"]'),
     ("", '[nets]\na = {rest = "z"}\n',
      'b.toml:9: nets.a.rest: found "z"; allowed are "low", "high", "keep"',
-     'b.toml:9: nets.a: key "pins" is missing: the pins soldered to it, as "chip.pin"'),
+     'b.toml:9: nets.a: key "pins" is missing: the pins soldered to it, as "chip.pin";'
+     ' write a list of names, such as ["x"]'),
     (
         "", '[nets]\na = ["x./RST"]\nb = [\n  "x.IRQ",\n  "x./RST",\n]\n',
         'b.toml:12: nets.b[2]: pin "x./RST" is on net "a" already; a pin is soldered to one net',
@@ -412,7 +413,8 @@ MISTAKES = [
     ("", '[buses.b]\nchips = ["x"]\n[nets]\na = ["x./RD"]\n', 'b.toml:11: nets.a[1]: pin "x./RD" is'
      " on bus b already; a pin is soldered to one net"),
     ("", "[buses.b]\nchips = []\n", "b.toml:8: buses.b: a bus joins at least one chip"),
-    ("", "[buses.b]\n", 'b.toml:8: buses.b: key "chips" is missing: chips of one family'),
+    ("", "[buses.b]\n", 'b.toml:8: buses.b: key "chips" is missing: chips of one family; write'
+     ' a list of names, such as ["x"]'),
     (
         "", '[buses.b]\nchips = ["x", "y"]\n' + Y.replace("ACME-1", "GRUMPY").replace("8 M", "6 M")
         + '[buses.c]\nchips = ["x", "w"]\n',
@@ -436,7 +438,8 @@ MISTAKES = [
      ' behind "isa"?'),
     ("", '[cards.c]\ndecode = "isaa"\nchips = ["x"]\n', 'b.toml:9: cards.c.decode: found "isaa";'
      ' did you mean "isa"? known are direct, isa, reset'),
-    ("", "[cards.c]\nports = 3\n", "b.toml:9: cards.c.ports: found 3; this is a list of tables"),
+    ("", "[cards.c]\nports = 3\n", "b.toml:9: cards.c.ports: found 3; this is a list of tables:"
+     " [[cards.c.ports]]"),
     (
         "", '[cards.c]\nports = [\n{offset=1,chip="x",address=0},\n7,\n'
         '{offset=1,chip="x",address=9}]\n',
@@ -448,9 +451,10 @@ MISTAKES = [
         "", '[cards.c]\nports = [\n{offset=1,chip="x",address=0},\n'
         '{offset=-1,chip="q",address=0},{offset=2,chip="q",address=0}]\n',
         "b.toml:11: cards.c.ports[2].offset: found -1; out of range: at least 0",
+        "b.toml:11: cards.c.ports[2].chip: there is no [chips.q]; this file has x",
         "b.toml:11: cards.c.ports[3].chip: there is no [chips.q]; this file has x",
     ),
-    ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables"),
+    ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables: [[hosts]]"),
     ("", "[[hosts]]\ntransport = 'pty'\n", 'b.toml:9: hosts[1].transport: found "pty"; write'
      ' SCHEME:ADDRESS, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"'),
     ("[chips.x]", "hosts = [3]\n[chips.x]", "b.toml:1: hosts[1]: found 3; this is a table"),

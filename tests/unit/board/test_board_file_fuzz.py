@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.unit.board.test_board_file import GOOD
 from vbus.board.build import card_of, load_board_text
 from vbus.board.config import read_board_text
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 
 pytestmark = pytest.mark.usefixtures("acme")
 

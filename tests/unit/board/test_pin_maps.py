@@ -5,7 +5,7 @@ import pytest
 from vbus.board.build import build, pin_map_of
 from vbus.board.config import read_board_text
 from vbus.board.pin_maps import roles
-from vbus.board.source import BoardFileError
+from vbus.boardfile.source import BoardFileError
 from vbus.chips.base import Chip
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.mc1241a.chip import MC1241A

@@ -9,7 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from vbus.board.schema import schema
+from vbus.boardfile.schema import schema
 
 ROOT = Path(__file__).parents[3]
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)

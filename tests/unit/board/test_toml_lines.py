@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.board.toml_lines import Path, TomlLines
+from vbus.boardfile.lines import Path, TomlLines
 
 TEXT = '''# line 1
 [board]

@@ -1,7 +1,6 @@
-"""The asyncio client: the same calls, awaited; the blocking one is made from it."""
+"""The asyncio client: the same calls, awaited."""
 
 import asyncio
-from pathlib import Path
 
 import pytest
 
@@ -9,7 +8,6 @@ from tests.unit.client.served import Served
 from vbus.client.aio import Event, connect
 from vbus.errors import TransportError
 from vbus.kernel import US
-from vbus.tools.generate.targets import blocking, blocking_sources, stale
 
 
 @pytest.mark.asyncio
@@ -66,25 +64,3 @@ async def test_events_are_waited_for(pty_served: Served) -> None:
         await bus.write(0, 1)
         assert await bus.next_event() == Event(1, US)
         assert await bus.next_event(timeout=0.0) is None
-
-
-def test_the_blocking_client_is_what_would_be_made_now() -> None:
-    assert stale(blocking_sources()) == []
-
-
-def test_a_twin_differs_in_nothing_but_waiting(tmp_path: Path) -> None:
-    source = (
-        '"""Things, for asyncio."""\n\n'
-        "from vbus.client.aio.bus import Bus\n\n\n"
-        "async def f(bus: Bus) -> int:\n"
-        "    async with bus.claim():\n"
-        "        return await bus.read(0)\n"
-    )
-    assert blocking(source, "vbus/client/things.py") == (
-        "# Made from aio/things.py by vbus.tools.generate; change that file.\n"
-        '"""Things, blocking."""\n\n'
-        "from vbus.client.bus import Bus\n\n\n"
-        "def f(bus: Bus) -> int:\n"
-        "    with bus.claim():\n"
-        "        return bus.read(0)\n"
-    )

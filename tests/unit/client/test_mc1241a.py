@@ -8,9 +8,8 @@ import pytest
 from tests.unit.client.served import Served
 from tests.unit.fake_port import FakePort
 from vbus.chips.mc1241a.datasheet import COMMANDS
-from vbus.chips.mc1241a.generated.calls import Mc1241aCalls
 from vbus.client import Bus, connect
-from vbus.client.mc1241a import Mc1241a
+from vbus.client.mc1241a import Mc1241a, Mc1241aCalls
 from vbus.errors import ChecksumError, NotReadyError
 
 

@@ -2,19 +2,19 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType
 
 import pytest
 
 from tests.unit.client.served import Served
-from vbus.chips.family import Family
 from vbus.chips.mcp1200.datasheet import REGISTERS
-from vbus.chips.mcp1200.generated.calls import Mcp1200Calls
 from vbus.chips.tables import Register
 from vbus.client import Bus, connect
-from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200
+from vbus.client.aio import access
+from vbus.client.aio.access import calls_of
+from vbus.client.blocking import blocking
+from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200, Mcp1200Calls
 from vbus.errors import NotReadyError
-from vbus.tools.generate.calls import calls
 
 
 @pytest.fixture
@@ -117,14 +117,18 @@ def test_waiting_gives_up_after_the_time_given(axis: Mcp1200, board: Served) -> 
         axis.wait_flags(2, 2, "2ms")
 
 
-def test_the_calls_follow_the_rows() -> None:
-    sheet = SimpleNamespace(REGISTERS=(
+def test_the_calls_follow_the_rows(bus: Bus, board: Served) -> None:
+    sheet = ModuleType("made.datasheet")
+    sheet.__dict__["REGISTERS"] = (
         Register("SPEED", (0x41, 0x40), signed=True, fraction=8, clause="X-1", title="Speed"),
         Register("COUNT", (0x10,), access="r", clause="X-2", title="Count"),
-    ))  # fmt: skip
-    text = calls(Family("made", datasheet=sheet))
-    assert "def read_speed(self) -> int:" in text
-    assert "read_bytes((0x41, 0x40), signed=True)" in text
-    assert "16 bits, two's complement, in 1/256" in text
-    assert "Count (R10H, X-2)." in text
-    assert "write_count" not in text
+    )
+    calls = blocking(calls_of("Made", access.RegisterCycles, sheet))
+    board.port.answers = {0x40: [0xFE], 0x41: [0xFF]}
+    assert calls(bus).read_speed() == -2
+    calls(bus).write_speed(-3)
+    bus.echo()
+    assert writes(board) == [(0x41, 0xFF), (0x40, 0xFD)]
+    assert calls.read_speed.__doc__.endswith("Returns 16 bits, two's complement, in 1/256.")
+    assert calls.read_count.__doc__.startswith("Read Count (R10H, X-2).")
+    assert not hasattr(calls, "write_count")

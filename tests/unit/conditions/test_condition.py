@@ -40,8 +40,7 @@ def test_what_makes_sense_holds_or_does_not(text: str, values: list[int]) -> Non
         assert 0 <= refused.at <= len(text)
         return
     course = Course()
-    told = {"x": BOARD.chips[0].telemetry()}
-    condition.look(course, told)
+    condition.look(course)
     found = [condition.holds(course, 0)]
     for now, value in enumerate(values, 1):
         for key, before in course.values.items():
@@ -57,7 +56,7 @@ def test_what_makes_sense_holds_or_does_not(text: str, values: list[int]) -> Non
 def test_edges_within_one_look_are_both_seen() -> None:
     course = Course()
     both = Condition("rising(x.HI) and falling(x.HI)", BOARD)
-    both.look(course, {})
+    both.look(course)
     assert not both.holds(course, 0)
     course.change("x.HI", 1 - int(course.values["x.HI"]))
     assert not both.holds(course, 1)
@@ -71,7 +70,7 @@ def test_what_is_asked_of_a_part_does_not_depend_on_the_others() -> None:
     """``previous`` and ``stable`` go on where ``and`` has no need of them."""
     condition = Condition("x.A == 1 and x.real - previous(x.real) == 4", BOARD)
     course = Course()
-    condition.look(course, {"x": BOARD.chips[0].telemetry()})
+    condition.look(course)
     for real, level in ((0, 0), (3, 0), (7, 1)):
         course.change("x.real", real)
         course.change("x.A", level)

@@ -11,9 +11,9 @@ from tests.unit.glue.test_paths import TWO, steady
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.card_bus import CLOCK, CardBus
-from vbus.board.card_buses import BUSES
 from vbus.board.snapshot import restore, take
 from vbus.errors import ConfigError
+from vbus.glue.card_buses import BUSES
 from vbus.kernel import MS, US
 from vbus.signals import Observer
 

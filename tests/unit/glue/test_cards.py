@@ -10,12 +10,12 @@ from tests.unit.trace.conftest import record
 from tests.unit.trace.test_replay import played
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, load_board_text
-from vbus.board.card_buses import BUSES
 from vbus.board.card_map import address_map, lines, remarks
 from vbus.board.config import read_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import fork, restore, take
 from vbus.errors import ConfigError
+from vbus.glue.card_buses import BUSES
 from vbus.kernel import MS, NS, US
 from vbus.protocols.port import CardAccess
 from vbus.signals import Observer

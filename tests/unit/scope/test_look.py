@@ -4,16 +4,17 @@ from typing import Any
 
 import pytest
 
-from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.chips.base import Chip
 from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
 from vbus.scope.frames import SAMPLES, numbers, read
 from vbus.scope.lane import Lane
 from vbus.scope.look import Behind
 from vbus.scope.recording import Recorder
-from vbus.signals import LaneRow, nearest
+from vbus.signals import Value, ValueTable, nearest
+from vbus.signals.values import reader
 from vbus.trace.journal.journal import end_of
 
 CHIPS = {
@@ -66,21 +67,21 @@ def give(board: Board, part: str) -> None:
 def named(board: Board) -> list[tuple[list[Any], list[Any]]]:
     """Return what chips and plants give for lanes, and the same of what telemetry names."""
     pairs = []
-    for chip in board.chips:
-        told = chip.telemetry()
-        rows = plugins.family(chip.FAMILY).lanes
-        numbered = range(1, chip.axis_count + 1)
+    for part in (*board.chips, *board.axes.values()):
+        axes = part.axis_count if isinstance(part, Chip) else 1
+        told = part.telemetry()
         by_name = [
-            nearest(told[row.key.format(number)] / row.scale)  # type: ignore[operator]
-            for number in numbered
-            for row in rows
+            nearest(told[row.key.format(axis + 1)] / row.scale)  # type: ignore[operator]
+            for row, axis in part.VALUES.lanes(axes)
         ]
-        pairs.append((chip.lane_steps(), [*by_name, told.get("interrupt", 0)]))
-    for plant in board.axes.values():
-        values = plant.telemetry()
-        by_name = [nearest(values[row.key] / row.scale) for row in plant.LANES]
-        pairs.append((plant.lane_steps(), by_name))
+        pairs.append((part.VALUES.steps(axes)(part), [*by_name, told.get("interrupt", 0)]))
     return pairs
+
+
+def steps_of(chip: Chip) -> list[float]:
+    """Return what the lanes of a chip are given."""
+    chip.advance()
+    return chip.VALUES.steps(chip.axis_count)(chip)
 
 
 @pytest.mark.parametrize("part", CHIPS)
@@ -94,8 +95,20 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
         for values, told in named(board):
             assert values == told
             assert [type(value) for value in values] == [type(value) for value in told]
-        seen.add(repr(board.chips[0].lane_steps()))
+        seen.add(repr(steps_of(board.chips[0])))
     assert len(seen) > 50
+
+
+@pytest.mark.parametrize("part", CHIPS)
+def test_each_value_has_its_place_in_the_chip(part: str) -> None:
+    (chip,) = made(part).chips
+    assert len(chip.VALUES.rows) > 30
+    for row in chip.VALUES.rows:
+        for axis in row.of_axes(chip.axis_count):
+            value = reader(row.raw(axis))(chip)
+            assert isinstance(value, str if row.text else int | float), row.name
+    keys = [row.key for row in chip.VALUES.rows if row.key]
+    assert len(keys) == len({*keys})
 
 
 def rows_of(lane: Lane) -> list[tuple[int, float]]:
@@ -108,17 +121,28 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
     lanes = Recorder(board, edges=False).lanes
     (chip,) = board.chips
     give(board, part)
-    rows = lanes.telemetry["x"], lanes.plants["x"]
-    for lane in [lane for _, lane in rows[0]] + [lane for _, _, lane in rows[1]]:
+    rows = [
+        (row.key.format(axis + 1), lane)
+        for (row, axis), lane in zip(
+            chip.VALUES.lanes(chip.axis_count), lanes.values["x"], strict=True
+        )
+    ]
+    behind = [
+        (plant, row.key, lane)
+        for plant, those in lanes.plants["x"]
+        for (row, _), lane in zip(plant.VALUES.lanes(1), those, strict=True)
+    ]
+    for lane in [lane for _, lane in rows] + [lane for _, _, lane in behind]:
         lane.forget()
     while board.now < 200 * MS:
         told = chip.telemetry()
-        for key, lane in rows[0]:
+        for key, lane in rows:
             lane.note(board.now, told[key])  # type: ignore[arg-type]
         due = chip.next_sample()
-        for plant, key, lane in rows[1]:
+        for plant, key, lane in behind:
             first = lane.untold or due == NEVER
-            lane.note(board.now if first else due, plant.telemetry()[key])
+            value = plant.telemetry()[key]
+            lane.note(board.now if first else due, value)  # type: ignore[arg-type]
         board.run_until(due if due != NEVER else board.now + MS)
     return {(lane.axis, lane.name): rows_of(lane) for lane in lanes.all if lane.axis}
 
@@ -174,13 +198,13 @@ def test_samples_between_two_sendings_can_be_left_out_and_taken_again(part: str)
     give(board, part)
     position, real = next(
         (place, lane.number)
-        for place, (_, lane) in enumerate(recorder.lanes.telemetry["x"])
+        for place, lane in enumerate(recorder.lanes.values["x"])
         if lane.name == "real"
     )
     taken(recorder, real)
     for _ in range(3):
         board.run_for(20 * MS)
-        assert taken(recorder, real) == [(board.now, board.chips[0].lane_steps()[position])]
+        assert taken(recorder, real) == [(board.now, steps_of(board.chips[0])[position])]
     begun = board.now
     recorder.look_at_samples(True)
     board.run_for(20 * MS)
@@ -205,20 +229,20 @@ def test_nothing_is_recorded_once_nobody_watches() -> None:
 
 
 @pytest.mark.core("interpreted")
-def test_a_plant_with_lanes_of_its_own_is_asked_for_them_by_name() -> None:
+def test_a_plant_may_have_a_lane_more_and_numbers_that_are_not_whole() -> None:
     class Warm(DcMotor):
         """A motor with a lane more."""
 
-        LANES = (*DcMotor.LANES, LaneRow("heat", "heat", "K", "heat"))
-
-        def telemetry(self) -> dict[str, float]:
-            return {**super().telemetry(), "heat": 12.5}
+        VALUES = ValueTable(
+            *DcMotor.VALUES.rows, Value("heat", "heat", unit="K", key="heat", lane="heat")
+        )
+        heat = 12.5
 
     plant = Warm()
     plant.prepare(256e-6)
     lanes = [
-        Lane(n, "x", row.name, row.name, "number", row.unit, row.scale)
-        for n, row in enumerate(Warm.LANES)
+        Lane(n, "x", row.lane, row.name, "number", row.unit, row.scale)
+        for n, (row, _) in enumerate(Warm.VALUES.lanes(1))
     ]
     Behind(plant, lanes).note(5, 7)
     assert [rows_of(lane) for lane in lanes] == [[(5, 0)], [(5, 0)], [(5, 12.5)]]

@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.faults.bench import build
 from tests.unit.server.test_steps import READ, RESET, Bench, delay, heard
-from vbus.board.sections import RecordSection
+from vbus.boardfile.sections import RecordSection
 from vbus.kernel import MS
 from vbus.server.control import Order
 from vbus.server.fault_orders import FaultOrders

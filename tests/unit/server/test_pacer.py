@@ -782,3 +782,61 @@ def test_a_chip_that_begins_to_move_is_brought_up_to_date_again() -> None:
     moved = board.plants[0].count
     sleep(pacer, wall, SECOND)
     assert board.plants[0].count > moved, "though nobody has looked at the chip"
+
+
+def test_a_host_of_a_node_is_woken_when_the_nodes_grant_what_it_waits_for() -> None:
+    board, pacer, loop = laborious(cost_ns=0)
+    board.granted = True
+    board.limit = MS
+    moved: list[int] = []
+    woken: list[int] = []
+    pacer.on_moved = lambda: moved.append(board.now)
+    pacer.wake_at(2 * MS, lambda: woken.append(board.limit))
+    assert pacer.catch_up()
+    assert (board.now, board.limit, loop.step(), moved) == (0, MS, False, [0])
+    for board.limit in (2 * MS - 1, 2 * MS):
+        pacer.grant_came()
+    assert woken == [2 * MS]
+    pacer.touched()
+    assert len(moved) == 2
+
+
+def test_the_time_of_nodes_counts_from_their_epoch_and_follows_its_drift() -> None:
+    board, _, wall = paced()
+    pacer = Pacer(board, clock=wall, epoch=wall.ns - 3_000_000)
+    moved: list[int] = []
+    pacer.on_moved = lambda: moved.append(board.now)
+    with closing(asyncio.new_event_loop()) as loop:
+        pacer.start(loop)
+        pacer.catch_up()
+        assert board.now == 3 * MS
+        pacer.shift(1_000_000)
+        wall.ns += 2_000_000
+        pacer.catch_up()
+        assert board.now == 4 * MS
+        pacer.touched()
+        assert moved == [4 * MS]
+        pacer.stop()
+
+
+def test_hosts_of_a_board_that_cannot_follow_do_not_wait_for_a_slice_each() -> None:
+    """Chips have half of the time, however many hosts ask: 300 waited 6 s for as many slices."""
+    board = Board("bench", "realtime", rate=1.0)
+    chip = board.add_chip(Ticking, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Ticking)
+    wall = chip.wall = WallClock()
+    chip.cost_ns = 50_000  # of each us of chip time
+    pacer = Pacer(board, clock=wall)
+    chip.ticks()
+
+    shares = []
+    for _ in range(20):
+        begun, reached = wall.ns, board.now
+        for _ in range(300):
+            pacer.catch_up()
+            wall.ns += 100_000
+        shares.append((wall.ns - begun) // 300)
+    assert board.now > reached, "and yet time goes on"
+
+    # Only the first ones do not know yet how long a stretch takes.
+    assert max(shares[10:]) <= 100_000 * 2 + SLICE_NS * 2 // 300

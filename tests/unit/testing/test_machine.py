@@ -186,6 +186,12 @@ def test_what_makes_no_sense_is_refused_in_words() -> None:
         machine.advance("5ms")
     port.close()
     machine.advance("5ms")
+    chip = machine.chip("x")
+    then = machine.now + MS
+    chip.clock.advance("1ms")
+    assert machine.now == machine.board("right").now == chip.clock.now == then
+    with pytest.raises(VbusError, match="time of a node is that of all"):
+        chip.clock.wait_until("x.HI == 1")
     machine.close()
     bare = '[board]\nname = "b"\n[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
     with pytest.raises(ConfigError, match='has no nodes: take the fixture "vbus_board"'):

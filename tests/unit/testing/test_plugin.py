@@ -402,7 +402,7 @@ def test_fixtures_of_two_chips_share_one_board_and_one_time(suite: pytest.Pytest
             assert list(vbus_board.axes) == ["x.1", "y.1", "y.2"]
             vbus_mcp1200.host.reset()
             assert vbus_mc1241a.host.select(2) >= 0
-            assert vbus_mcp1200.bus.read(1) == vbus_mcp1200.chip.peek(1)
+            assert vbus_mcp1200.bus.read(7) == vbus_mcp1200.chip.telemetry()["status"]
             vbus_clock.advance("1 ms")
             assert vbus_mcp1200.bus.now() == vbus_mc1241a.bus.now() == vbus_clock.now
 

@@ -13,16 +13,17 @@ import pytest
 
 from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
-from vbus.chips.mcp1200.generated.host import PROFILE
 from vbus.client import Bus
+from vbus.client.mcp1200 import PROFILE
 from vbus.errors import VbusError
 from vbus.kernel import MS
+from vbus.testing.around_chip import ChipBench
 from vbus.testing.bench import Bench
-from vbus.testing.chips import ChipBench, chip_bench
+from vbus.testing.chips import chip_bench
 from vbus.testing.clock import BoardClock
 from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
-from vbus.testing.machine import NodeChip, TestedMachine
+from vbus.testing.machine import TestedMachine
 from vbus.testing.robot import robot
 from vbus.testing.triggers import Triggers
 
@@ -36,6 +37,7 @@ ACTS = {
 }  # fmt: skip
 """Methods without an argument that do something: all others tell something, and are asked."""
 NO_VALUES = {
+    "beyond": "leads to what nodes agree on, where a call without arguments is an act",
     "batch": "counts the changes of the board, and a look is one",
     "caught": "the instant up to which chips were brought, which is what is tried here",
     "link": "a descriptor",
@@ -82,7 +84,7 @@ def of_board(value: object) -> bool:
     """Whether it is of vbus, and no client: to ask a client is to let time pass."""
     module = type(value).__module__
     client = CLIENTS.match(module) or hasattr(value, "bus")
-    return isinstance(value, ChipBench | NodeChip) or (module[:5] == "vbus." and not client)
+    return isinstance(value, ChipBench) or (module[:5] == "vbus." and not client)
 
 
 def attributes(value: object) -> Iterator[tuple[str, object]]:
@@ -255,10 +257,10 @@ NO_WAYS = {
     "BoardClock": "board now",
     "Board": "add_chip add_glue adopt after_load axes beyond broken buses catch_up caught chip"
     " chips clock_step connect counters disturbed end_leases faults file file_violation find_pin"
-    " glue glue_of hosts join kernel levels limit listen listeners load meet name nets next_due now"
-    " observe observers open_port parts pass_until pin_nets pins plants player policy port_type"
-    " ports power_on rate reads save seed serve_links set_counters settled share_bus sliced"
-    " start_trace state_hash stream stride tail tell_cycle text through trace_hash"
+    " glue glue_of granted hosts join kernel levels limit listen listeners load meet name nets"
+    " next_due now observe observers open_port parts pass_until pin_nets pins plants player policy"
+    " port_type ports power_on rate reads save seed serve_links set_counters settled share_bus"
+    " sliced start_trace state_hash stream stride tail tell_cycle text through trace_hash"
     " unobserve violation_policy violations watch wires writes",
 }
 """Public names by which a test lets no time pass; ``pass_until`` and ports are the server's."""

@@ -140,18 +140,18 @@ def test_one_of_two_needs_it(vbus_make_board, part):
 """
     )
     of_test = "test_an_acceptance_that_is_never_needed_fails.py"
-    result = suite.runpytest("-q", *options)
+    result = suite.runpytest_subprocess("-q", *options)
     result.assert_outcomes(passed=3, errors=1)
     result.stdout.fnmatch_lines(
         [f"{of_test}::test_alone accepts lm628.reset-write (the bootloader cannot wait), which*"]
     )
     assert "polls too fast" not in result.stdout.str(), "not all tests of the module have passed"
 
-    result = suite.runpytest("-q", "-k", "needs", *options)
+    result = suite.runpytest_subprocess("-q", "-k", "needs", *options)
     result.assert_outcomes(passed=2, deselected=0 if options else 1)
     assert result.ret == pytest.ExitCode.OK
 
-    result = suite.runpytest("-q", f"{of_test}::test_one_of_two_needs_it", *options)
+    result = suite.runpytest_subprocess("-q", f"{of_test}::test_one_of_two_needs_it", *options)
     result.assert_outcomes(passed=2)
     assert result.ret == pytest.ExitCode.OK
 
@@ -172,7 +172,7 @@ def test_it(vbus_lm629, number):
 """,
         test_none="def test_it(): pass\n",
     )
-    result = suite.runpytest("-q", *options)
+    result = suite.runpytest_subprocess("-q", *options)
     result.assert_outcomes(passed=5)
     assert result.ret == pytest.ExitCode.TESTS_FAILED
     result.stdout.fnmatch_lines_random(
@@ -181,10 +181,13 @@ def test_it(vbus_lm629, number):
             "the project accepts lm628.busy-write (old firmware), which never happened; *",
         ]
     )
-    result = suite.runpytest("-q", "test_early.py", *options)
+    result = suite.runpytest_subprocess("-q", "test_early.py", *options)
     assert "the project" not in result.stdout.str()
     assert "test_early.py accepts lm628.busy-read" in result.stdout.str()
-    assert suite.runpytest("-q", "test_early.py::test_it[2]", *options).ret == pytest.ExitCode.OK
+    assert (
+        suite.runpytest_subprocess("-q", "test_early.py::test_it[2]", *options).ret
+        == pytest.ExitCode.OK
+    )
 
 
 @pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
@@ -202,7 +205,7 @@ def test_it(vbus_board, number):
         too_early(vbus_board)
 """
     )
-    result = suite.runpytest("-q", *options)
+    result = suite.runpytest_subprocess("-q", *options)
     result.assert_outcomes(passed=6)
     assert result.ret == pytest.ExitCode.OK
 
@@ -328,7 +331,7 @@ def test_c_without_a_board():
     pass
 """
     )
-    result = suite.runpytest("-q", *options)
+    result = suite.runpytest_subprocess("-q", *options)
     result.assert_outcomes(passed=3)
     assert result.ret == pytest.ExitCode.TESTS_FAILED
     result.stdout.fnmatch_lines(

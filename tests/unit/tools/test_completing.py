@@ -36,9 +36,7 @@ def test_commands_and_options(complete: Complete) -> None:
     assert complete("run --jo") == ["--journal"]
 
 
-@pytest.mark.parametrize(
-    "line", ["monitor ", "ls ", "fault arm ", "fault log ", "snap save ", "order "]
-)
+@pytest.mark.parametrize("line", ["monitor ", "ls ", "fault arm ", "fault log ", "snap save "])
 def test_names_of_running_boards(complete: Complete, line: str) -> None:
     for name in ("bench", "bend", "second"):
         (boards_directory() / f"{name}.sock").touch()
@@ -59,7 +57,7 @@ def test_journals_and_board_files(complete: Complete, tmp_path: Path) -> None:
     for name in ("a.vbj", "b.toml", "logs/c.vbj", "logs/d.txt"):
         (tmp_path / name).touch()
 
-    assert complete("replay ") == ["a.vbj"]
+    assert complete("replay ") == complete("wave ") == ["a.vbj"]
     assert complete("explain logs/") == ["logs/c.vbj"]
     assert complete("replay x") == ["file:x"]
     assert complete("run ") == ["b.toml"]

@@ -7,8 +7,8 @@ import pytest
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.schema import schema
-from vbus.nodes.plan import build_nodes
+from vbus.boardfile.schema import schema
+from vbus.nodes.machine import build_nodes
 from vbus.tools.generate.targets import DOCUMENTS, ROOT, Target, stale
 
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)

@@ -7,14 +7,15 @@ import pytest
 
 from tests.frozen.frozen import RUNS, board_of, read_journal
 from tests.unit.trace.conftest import LM629
+from tests.unit.trace.plain_recorder import recorded
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END, MS
-from vbus.protocols.port import PortError
+from vbus.protocols.port import NotYet, PortError
+from vbus.trace.journal.format import NOT_YET
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.player import Player
 from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.recorder import recorded
 
 Port = Callable[..., HostBus]
 
@@ -53,8 +54,9 @@ def test_the_fast_recorder_writes_the_bytes_of_the_plain_one(name: str) -> None:
     assert read_journal(data)[1] == read_journal((RUNS / f"{name}.vbj").read_bytes())[1]
 
 
-def refused_and_unfinished(port: Port) -> bytes:
+def refused_and_unfinished(port: Port, granted: bool) -> bytes:
     board = load_board_text(LM629.replace("lockstep", "slaved"))
+    board.granted = granted
     file = io.BytesIO()
     journal = Journal(board, file, LM629, port=port)
     host = board.open_port("h")
@@ -63,12 +65,13 @@ def refused_and_unfinished(port: Port) -> bytes:
         ("pin", [99, 1]), ("getpin", [99]), ("delay", [1 << 62]), ("delay", [MS]), ("at", [0]),
         ("events", [7]), ("take_events", []), ("select", [0]), ("drive", [1]), ("sample", []),
         ("release", []), ("claim", []), ("unclaim", []), ("sync", []), ("now", []),
+        ("at", [8 * MS]), ("read", [0]), ("lines", [1, 0]), ("write", [0, 0]),
     ]  # fmt: skip
     board.limit = 5 * MS
     for name, args in calls:
         try:
             getattr(host, name)(*args)
-        except PortError:
+        except (NotYet, PortError):
             continue
     board.limit = END
     host.claim()
@@ -78,11 +81,13 @@ def refused_and_unfinished(port: Port) -> bytes:
     return file.getvalue()
 
 
-def test_refused_and_unfinished_calls_and_the_end_are_the_same_bytes() -> None:
-    data = refused_and_unfinished(RecordedBus)
-    assert data == refused_and_unfinished(recorded(HostBus))
+@pytest.mark.parametrize("granted", [False, True])
+def test_refused_and_unfinished_calls_and_the_end_are_the_same_bytes(granted: bool) -> None:
+    data = refused_and_unfinished(RecordedBus, granted)
+    assert data == refused_and_unfinished(recorded(HostBus), granted)
     entries = read_journal(data)[1]
     assert [entry.op for entry in entries].count("close") == 1
     assert entries[-2].op == "close"
     assert any(entry.error for entry in entries)
     assert any(entry.limit >= 0 for entry in entries)
+    assert any(entry.error == NOT_YET for entry in entries) is granted

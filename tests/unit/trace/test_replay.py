@@ -22,7 +22,7 @@ from tests.unit.trace.conftest import (
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.board.sections import WaveSection
+from vbus.boardfile.sections import WaveSection
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.kernel import MS, US
 from vbus.protocols import codes

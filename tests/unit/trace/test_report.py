@@ -212,14 +212,19 @@ GOOD = '[[suppress]]\nrule = "lm628.T14"\nchip = "x"\nreason = "slow cable"\n'
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[[suppress", "s.toml: no TOML"),
-        (GOOD.replace("reason", "why"), "s.toml: suppress[1].why: unknown key; allowed are rule"),
-        (GOOD.replace('"slow cable"', '" "'), "s.toml: suppress[1].reason: write a text"),
-        ('[[suppress]]\nrule = "lm628.T14"\n', "s.toml: suppress[1]: reason is missing"),
-        ('[[suppress]]\nreason = "r"\n', "s.toml: suppress[1]: rule is missing"),
+        ("[[suppress", "s.toml:1: no TOML"),
+        (GOOD.replace("reason", "why"), "s.toml:4: suppress[1].why: unknown key; allowed are chip"),
+        (GOOD.replace('"slow cable"', '" "'), "s.toml:4: suppress[1].reason: say in words why"),
+        (GOOD.replace('"slow cable"', "3"), "s.toml:4: suppress[1].reason: found 3; write a text"),
+        (
+            '[[suppress]]\nrule = "lm628.T14"\n',
+            's.toml:1: suppress[1]: key "reason" is missing: why it is accepted',
+        ),
+        ('[[suppress]]\nreason = "r"\n', 's.toml:1: suppress[1]: key "rule" is missing'),
         (GOOD.replace("T14", "busy-wirte"), 'unknown rule; did you mean "lm628.busy-write"?'),
-        ('[ignore]\nrule = "x"\n', "s.toml: ignore: unknown section; write [[suppress]]"),
-        ("suppress = 3\n", "s.toml: suppress: write [[suppress]]"),
+        ('[ignore]\nrule = "x"\n', "s.toml:1: ignore: unknown section; allowed are suppress"),
+        ('[supress]\nrule = "x"\n', 'did you mean "suppress"?'),
+        ("suppress = 3\n", "s.toml:1: suppress: found 3; this is a list of tables: [[suppress]]"),
     ],
 )
 def test_a_wrong_suppression_file_is_refused_with_what_is_allowed(text: str, message: str) -> None:

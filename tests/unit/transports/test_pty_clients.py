@@ -261,10 +261,10 @@ def test_the_next_host_comes_while_one_that_sent_nothing_is_found_to_have_gone(
     transport, second = hosts.transport, list[int]()
     renew = transport._renew
 
-    def late(terminal: pty._Terminal) -> None:
+    def late(terminal: pty._Terminal, event: str) -> None:
         second.append(hosts.open())
         os.write(second[0], b"\x10")
-        renew(terminal)
+        renew(terminal, event)
 
     monkeypatch.setattr(transport, "_renew", late)
     hosts.look()

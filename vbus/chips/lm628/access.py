@@ -1,7 +1,7 @@
 """How a host moves words to and from an LM628 or LM629, for asyncio."""
 
 from vbus.chips.lm628.datasheet import BUSY, COMMAND_PORT, DATA_PORT
-from vbus.client.aio.packets import Packets
+from vbus.client.aio.access import Packets
 
 
 class Lm628Packets(Packets):

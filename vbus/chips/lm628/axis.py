@@ -10,15 +10,11 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Trajectory
 from vbus.options import Settings
-from vbus.signals import nearest
 from vbus.state import Names
 
 START_NONE: Final = 0
 START_STOP: Final = 1
 START_FULL: Final = 2
-
-OUTPUT_STEP: Final = 2.0**-11
-"""In what the family's lane of the motor output counts."""
 
 _HALF: Final = ds.POSITION_MAX + 1
 _VELOCITY_MIN: Final = -0x4000
@@ -58,12 +54,6 @@ class ServoAxis:
         stuck: the breakpoint flag re-asserts itself.
     """
 
-    __slots__ = (
-        "_settings", "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
-        "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
-        "real", "real_change", "sip", "start", "stop_on_error", "stuck", "stuck_part", "threshold",
-        "udf",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "profile: part", "pid: part", "count", "real", "real_change", "error", "following",
         "command", "flags", "mask", "motor_off: bool", "port8: bool", "threshold",
@@ -153,12 +143,8 @@ class ServoAxis:
         """MSKI: ones enable (LM-CMD-17)."""
         self.mask = enable & ds.INTERRUPTS
 
-    def reset_interrupts(self, keep: int) -> None:
-        """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
-        self.flags = self.kept_flags(keep)
-
     def kept_flags(self, keep: int) -> int:
-        """Return what RSTI with ``keep`` leaves of the flags."""
+        """Return what RSTI with ``keep`` leaves of the flags (LM-CMD-18, LM-RST-6)."""
         flags = self.flags & keep
         return flags | ds.BREAKPOINT if self.stuck else flags
 
@@ -326,30 +312,10 @@ class ServoAxis:
         """What RDRV reads: whole counts per sample (LM-CMD-12)."""
         return clamp(self.real_change, _VELOCITY_MIN, _VELOCITY_MAX)
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows of the axis; positions in counts, rates per sample."""
-        profile = self.profile
+    def signal_names(self) -> str:
+        """Return the names of the signals that are set."""
         signals = self.signals
-        return {
-            "desired": profile.position / 65536,
-            "target": profile.target,
-            "velocity": profile.velocity / 65536,
-            "real": self.real,
-            "real_velocity": self.real_velocity,
-            "error": self.error,
-            "integral": self.pid.term,
-            "command": self.command,
-            "signals": signals,
-            "signal_names": " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask),
-        }
-
-    def lane_steps(self, output: float, interrupt: int) -> list[int]:
-        """Return what the lanes have of that, with the motor output and HI, in their steps."""
-        profile = self.profile
-        return [
-            profile.position, self.real, self.error, self.real_velocity, profile.velocity,
-            nearest(output / OUTPUT_STEP), interrupt,
-        ]  # fmt: skip
+        return " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask)
 
     # -- rest ---------------------------------------------------------------------------------
 

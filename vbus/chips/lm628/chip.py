@@ -8,7 +8,7 @@ from mypy_extensions import i64
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
-from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
+from vbus.chips.lm628.commands import UNKNOWN, AxisCommands, flag_names
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
 from vbus.chips.lm628.host_port import PortState
@@ -17,7 +17,7 @@ from vbus.chips.lm628.pins import BusPins, strobes
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, ValueTable, Violation, Watcher
 from vbus.state import Names
 
 _RUNNING: Final = 0
@@ -56,6 +56,7 @@ class LM628(FrontEndHost):
     PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
     PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    VALUES: ClassVar[ValueTable] = ds.VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     PERIOD_CLK: ClassVar[int] = ds.SAMPLE_CLK
@@ -421,22 +422,23 @@ class LM628(FrontEndHost):
         """Whether samples repeat themselves and nothing else is due."""
         return self._still and self._next_inside() == NEVER
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return desired and real motion, filter and output, status and signals by name."""
-        self.advance()
-        return self.axis.telemetry() | {
-            "output": self.output.command, "code": self.output.code(), "status": self.status(),
-            "interrupt": self._hi.level,
-        }  # fmt: skip
-
     def undriven(self, axis: int) -> str:
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
 
-    def lane_steps(self) -> list[int]:
-        """Return what the lanes have of that."""
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
         self.advance()
-        return self.axis.lane_steps(self.output.command, self._hi.level)
+        axis = self.axis
+        found = []
+        if axis.interrupt() and self._hi.net.heard:
+            flags = flag_names(int(axis.flags & axis.mask))
+            found.append((ds.HI_STANDS, f"HI is high at the end: {flags}; RSTI lets it fall"))
+        if axis.pid.waits():
+            found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
+        if axis.profile.waits():
+            found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        return found
 
     def after_load(self) -> None:
         """Work out what is due."""

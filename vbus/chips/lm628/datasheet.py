@@ -11,7 +11,7 @@ from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
 from vbus.kernel import MS, NS, US
 from vbus.options import Option
-from vbus.signals import HIGH, LOW, Rule, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "lm628"
 PARTS: Final = ("LM628N-6", "LM628N-8", "LM629N-6", "LM629N-8", "LM629M-6", "LM629M-8")
@@ -289,10 +289,43 @@ INDEX_GROUNDED: Final = Rule(
     "lm628.index-grounded", "LM-POS-3", "The index input is not held low for more than a turn."
 )
 
+FILTER_WAITS: Final = Rule(
+    "lm628.filter-waits", "LM-CMD-5",
+    "What LFIL has loaded is taken by UDF before STT turns the motor on.", "warning",
+)  # fmt: skip
+NO_ACCELERATION: Final = Rule(
+    "lm628.no-acceleration", "LM-TRJ-12",
+    "A move from rest has an acceleration above 0: with 0 it never begins.", "warning",
+)  # fmt: skip
+NO_TRAJECTORY: Final = Rule(
+    "lm628.no-trajectory", "LM-CMD-2", "STT starts what LTRJ has loaded before.", "note"
+)
+OFF_AT_SPEED: Final = Rule(
+    "lm628.off-at-speed", "LM-TRJ-10",
+    "A stop bit 9 or 10 ends a motion; with bit 8 the axis runs on without drive.", "note",
+)  # fmt: skip
+RESETS_NOTHING: Final = Rule(
+    "lm628.resets-nothing", "LM-CMD-18",
+    "Of the word of RSTI a 0 clears a flag: with a 1 in each of bits 6 to 1 it clears none.",
+    "warning",
+)  # fmt: skip
+LEAVES_FLAGS: Final = Rule(
+    "lm628.leaves-flags", "LM-CMD-18", "RSTI clears a flag that is set.", "note"
+)
+HI_STANDS: Final = Rule(
+    "lm628.hi-stands", "LM-STA-7",
+    "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
+)  # fmt: skip
+LEFT_LOADED: Final = Rule(
+    "lm628.left-loaded", "LM-BUS-11",
+    "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
+)  # fmt: skip
+
 RULES: Final = (
     *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
     WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
-    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED,
+    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_TRAJECTORY,
+    OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS, HI_STANDS, LEFT_LOADED,
 )  # fmt: skip
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
@@ -341,4 +374,80 @@ OPTIONS: Final = (
            low=1, clause="LM-POS-3"),
     Option("clk_duty", "ratio", 0.5, "part of the clock period during which CLK is high",
            low=0.01, high=0.99, clause="LM-TIM-4"),
+)  # fmt: skip
+
+# -- Values: registers that commands load and read, and what is told of the chip ----------------
+
+_STATUS: Final = "status"
+_POSITION: Final = "position"
+_TRAJECTORY: Final = "trajectory"
+_FILTER: Final = "filter"
+_MASK: Final = tuple(bit for bit in STATUS if bit.mask & INTERRUPTS)
+_CONTROL: Final = tuple(bit for bit in TRAJECTORY if bit.number >= 8)
+_ACCELERATION: Final = "cnt/sample/sample"
+_VELOCITY: Final = "cnt/sample"
+
+
+def _filter(name: str, number: int, title: str) -> tuple[Value, ...]:
+    """Return a filter parameter as it is loaded, and as it is used since the last UDF."""
+    return (
+        Value(f"{name} loaded", f"axis.pid.loaded[{number}]", _FILTER, "LM-CMD-19",
+              f"{title}, as LFIL loaded it"),
+        Value(name, f"axis.pid.{name}", _FILTER, "LM-CMD-5", f"{title}, in use"),
+    )  # fmt: skip
+
+
+VALUES: Final = ValueTable(
+    Value("status byte", "status()", _STATUS, "LM-STA-1", "what RDSTAT reads",
+          digits=2, fields=STATUS, key="status"),
+    Value("signals register", "axis.signals", _STATUS, "LM-STA-2", "what RDSIGS reads",
+          digits=4, fields=SIGNALS, key="signals"),
+    Value("interrupt mask", "axis.mask", _STATUS, "LM-CMD-17",
+          "flags that raise HI, as MSKI enables them", digits=2, fields=_MASK),
+    Value("real position", "axis.real", _POSITION, "LM-CMD-11", "what RDRP reads", "cnt",
+          key="real", lane="real"),
+    Value("desired position", "axis.profile.position", _POSITION, "LM-CMD-9",
+          "what RDDP reads, with its fraction", "cnt", 16, key="desired", lane="desired"),
+    Value("position error", "axis.error", _POSITION, "LM-TRJ-17",
+          "desired less real position, of the last sample", "cnt", key="error", lane="error"),
+    Value("real velocity", "axis.real_velocity", _POSITION, "LM-CMD-12",
+          "what RDRV reads", _VELOCITY, key="real_velocity", lane="velocity"),
+    Value("desired velocity", "axis.profile.velocity", _POSITION, "LM-CMD-8",
+          "what RDDV reads", _VELOCITY, 16, key="velocity", lane="profile"),
+    Value("index position", "axis.index", _POSITION, "LM-CMD-10", "what RDIP reads", "cnt"),
+    Value("breakpoint", "axis.breakpoint", _POSITION, "LM-CMD-21",
+          "as SBPA or SBPR set it", "cnt"),
+    Value("breakpoint armed", "axis.breakpoint_armed", _POSITION, "LM-POS-5",
+          "whether it can be reached", words=("no", "yes")),
+    Value("error threshold", "axis.threshold", _POSITION, "LM-CMD-15",
+          "as LPEI or LPES loaded it", "cnt"),
+    Value("trajectory control word", "axis.profile.control", _TRAJECTORY, "LM-TRJ-1",
+          "bits 12 to 8 of the last LTRJ", digits=4, fields=_CONTROL),
+    Value("acceleration loaded", "axis.profile.raw[0]", _TRAJECTORY, "LM-TRJ-1",
+          "as LTRJ loaded it", _ACCELERATION, 16),
+    Value("acceleration", "axis.profile.accel", _TRAJECTORY, "LM-TRJ-3",
+          "in use since STT", _ACCELERATION, 16),
+    Value("velocity loaded", "axis.profile.raw[1]", _TRAJECTORY, "LM-TRJ-1",
+          "as LTRJ loaded it", _VELOCITY, 16),
+    Value("velocity", "axis.profile.top", _TRAJECTORY, "LM-TRJ-3",
+          "the limit in use since STT", _VELOCITY, 16),
+    Value("position loaded", "axis.profile.raw[2]", _TRAJECTORY, "LM-TRJ-1",
+          "as LTRJ loaded it", "cnt", digits=8),
+    Value("target position", "axis.profile.target", _TRAJECTORY, "LM-AMB-5",
+          "where the motion under way goes", "cnt", key="target"),
+    *_filter("kp", 1, "proportional coefficient"),
+    *_filter("ki", 2, "integral coefficient"),
+    *_filter("kd", 3, "derivative coefficient"),
+    *_filter("il", 4, "integration limit"),
+    *_filter("ds", 0, "derivative interval less one sample"),
+    Value("integration sum", "axis.pid.term", _FILTER, "LM-CMD-14", "what RDSUM reads",
+          moves=True, key="integral"),
+    Value("motor command", "axis.command", _FILTER, "LM-PID-7", "what the filter gives",
+          moves=True, key="command"),
+    Value("names of the signals", "axis.signal_names()", key="signal_names", text=True),
+    Value("motor output", "output.command", key="output", lane="output", step=2.0**-11),
+    Value("code of the output", "output.code()", key="code"),
+    Value("host interrupt", "pins['HI'].level", key="interrupt"),
+    order=("desired", "target", "velocity", "real", "real_velocity", "error", "integral", "command",
+           "signals", "signal_names", "output", "code", "status", "interrupt"),
 )  # fmt: skip

@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from vbus.chips.lm628.datasheet import STATUS
 from vbus.client import Bus, Units
-from vbus.client.demo import Demo, Gauge, Step
+from vbus.client.demo import Demo, Step
 from vbus.client.lm628 import Lm628
 
 _BOARD: Final = """\
@@ -69,14 +68,7 @@ DEMO: Final = Demo(
     title="LM629 and a brushed DC motor",
     board=_BOARD,
     chip="x",
-    gauges=(
-        Gauge("desired position (counts)", "desired", 15_000, 1),
-        Gauge("real position (counts)", "real", 15_000),
-        Gauge("position error (counts)", "error", 20),
-        Gauge("velocity (counts/sample)", "velocity", 8, 3),
-        Gauge("PWM (of full scale)", "output", 1.0, 3),
-    ),
-    flags={"status": STATUS},
+    shown={"desired": 15_000, "real": 15_000, "error": 20, "velocity": 8, "output": 1, "status": 0},
     host=_host,
     rest=(0,),
 )

@@ -30,7 +30,6 @@ class EncoderCounts:
         index_count: count at that index.
     """
 
-    __slots__ = ("_end", "_from", "_start", "_to", "index_at", "index_count", "inputs", "plant")
     STATE: ClassVar[Names] = (
         "plant: part | None", "inputs: part", "index_at", "index_count", "_start", "_end", "_from",
         "_to",

@@ -3,7 +3,6 @@
 from typing import Final
 
 from vbus.chips.family import Family
-from vbus.signals import LaneRow
 
 FAMILY: Final = Family(
     "lm628",
@@ -23,8 +22,7 @@ FAMILY: Final = Family(
     packets="packets:Lm628Decoder",
     coverage="coverage:Lm628Exercises",
     access="access:Lm628Packets",
-    calls="generated.calls:Lm628Calls",
-    host="generated.host:Lm628",
+    host="host:Lm628",
     demo="demo:DEMO",
     demo_name="lm629",
     typical=("LM629N-8", "LM628N-8"),
@@ -44,22 +42,4 @@ FAMILY: Final = Family(
         ("Trajectory control word (LTRJ)", "TRAJECTORY"),
         ("Filter control word (LFIL)", "FILTER"),
     ),
-    lanes=(
-        LaneRow("desired", "desired position", "counts", "desired", 2**-16, "desired position"),
-        LaneRow("real", "real position", "counts", "real", register="real position"),
-        LaneRow("error", "position error", "counts", "error", register="position error"),
-        LaneRow(
-            "velocity", "real velocity", "counts/sample", "real_velocity", register="real velocity"
-        ),
-        LaneRow(
-            "profile", "desired velocity", "counts/sample", "velocity", 2**-16, "desired velocity"
-        ),
-        LaneRow("output", "motor output", "", "output", 2**-11),
-    ),
-    inner="inner_registers:REGISTERS",
-    flags={"status": "STATUS", "signals": "SIGNALS"},
-    units={
-        **dict.fromkeys(("desired", "target", "real", "error"), "counts"),
-        **dict.fromkeys(("velocity", "real_velocity"), "counts/sample"),
-    },
 )

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from vbus.chips.lm628.calls import Lm628Calls
 from vbus.chips.lm628.datasheet import (
     COEFFICIENT_MAX,
     FORWARD,
@@ -15,10 +16,8 @@ from vbus.chips.lm628.datasheet import (
     TURN_OFF,
     VELOCITY_MODE,
 )
-from vbus.chips.lm628.generated.aio_calls import Lm628Calls
+from vbus.client.aio.access import READY_POLLS, words_of
 from vbus.client.aio.bus import Bus, Chip
-from vbus.client.aio.packets import READY_POLLS
-from vbus.client.words import words_of
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 

@@ -54,11 +54,6 @@ class PortState:
         words_due: data words the host still has to write.
     """
 
-    __slots__ = (
-        "_busy_clk", "_clock", "_code", "_execute", "_high", "_jitter_clk", "_kind", "_latched",
-        "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "busy_end",
-        "words_due", "worst",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "busy_end", "words_due", "_pending", "_value", "_code", "_step", "_reply: list[i64, ...]",
         "_second: bool", "_high", "_latched", "_kind", "_random",

@@ -41,7 +41,6 @@ class ServoOutput:
         ValueError: the frame does not fit the sample a whole number of times.
     """
 
-    __slots__ = ("_code", "_frame_clk", "_high_clk", "_mode", "_pwm", "_sign", "command")
     STATE: ClassVar[Names] = ("_mode", "_code", "_sign", "_high_clk", "command: float")
     WIRING: ClassVar[Names] = ("_frame_clk", "_pwm")
 
@@ -148,7 +147,6 @@ class ServoOutputPins:
         due: instant of the pins' next change (ps).
     """
 
-    __slots__ = ("_clock", "_output", "_pins", "_word", "anchor", "due")
     STATE: ClassVar[Names] = ("anchor",)
     WIRING: ClassVar[Names] = ("_clock", "_output", "_pins")
     DERIVED: ClassVar[Names] = ("_word", "due")

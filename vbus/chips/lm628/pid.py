@@ -44,10 +44,6 @@ class Pid:
         phase: samples since the last derivative sample began, 0..ds.
     """
 
-    __slots__ = (
-        "_limits_sum", "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error",
-        "limited", "loaded", "phase", "sent", "sum", "term",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "kp", "ki", "kd", "il", "ds", "loaded: list[i64]", "sent: list[i64]", "sum", "term",
         "derivative", "last_error", "phase", "limited: bool",
@@ -83,6 +79,10 @@ class Pid:
         """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""
         self.ds, self.kp, self.ki, self.kd, self.il = self.sent
         self.phase = 0
+
+    def waits(self) -> bool:
+        """Whether LFIL has loaded a coefficient that UDF has not taken (LM-CMD-5)."""
+        return self.loaded[1:] != self.sent[1:]
 
     def lacking(self) -> str:
         """Return why all terms are 0: until UDF, LFIL changes nothing (LM-CMD-5). "" if none is."""

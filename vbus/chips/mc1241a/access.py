@@ -3,8 +3,8 @@
 from typing import Final
 
 from vbus.chips.mc1241a.datasheet import COMMAND_PORT, COMMANDS, DATA_PORT, STATUS_READY
+from vbus.client.aio.access import Packets
 from vbus.client.aio.bus import ChipCycles
-from vbus.client.aio.packets import Packets
 from vbus.errors import ChecksumError
 
 READY_POLLS: Final = 10_000

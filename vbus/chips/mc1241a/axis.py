@@ -4,40 +4,8 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters, SharedParameters
-from vbus.chips.mc1241a.datasheet import (
-    AUTO_STOP,
-    AUTO_UPDATE_OFF,
-    AXIS_ON,
-    AXIS_SHIFT,
-    BREAKPOINT,
-    BRK_ACTL_NEG,
-    BRK_ACTL_POS,
-    BRK_EXT,
-    BRK_MTN_CMPLT,
-    BRK_NEG,
-    BRK_OFF,
-    BRK_POS,
-    BRK_TIME,
-    CAPTURE,
-    COMMAND_ERROR,
-    COMMAND_REFUSED,
-    EVENTS,
-    GEAR,
-    IN_MOTION,
-    MOTION_COMPLETE,
-    MOTION_ERROR,
-    MOTOR_COMMAND_LOST,
-    MOTOR_ON,
-    MOVING,
-    PHASE_SHIFT,
-    PROFILE_SHIFT,
-    S_CURVE,
-    STOP_TWICE,
-    TRAPEZOIDAL,
-    WITHOUT_CURRENT,
-    WRAP,
-)
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
@@ -117,7 +85,7 @@ class StepperAxis:
         self._motor_command_taken: bool = False
         self._motor_command_from: int = UPDATED
         self.interrupt_mask: int = 0
-        self.breakpoint_mode: int = BRK_OFF
+        self.breakpoint_mode: int = ds.BRK_OFF
         self.breakpoint_value: int = 0
         self.start_velocity: int = 0
         self.step_ratio: int = 0
@@ -138,24 +106,24 @@ class StepperAxis:
     @property
     def status(self) -> int:
         """The status word (PMD-STA-1)."""
-        word = self.events | AXIS_ON | self.number << AXIS_SHIFT
+        word = self.events | ds.AXIS_ON | self.number << ds.AXIS_SHIFT
         if self.motor_on:
-            word |= MOTOR_ON
+            word |= ds.MOTOR_ON
         if self.profile.in_motion():
-            word |= IN_MOTION
+            word |= ds.IN_MOTION
         return word
 
     @property
     def mode(self) -> int:
         """The mode word (PMD-STA-5)."""
         mode = self.profile.mode
-        word = mode << PROFILE_SHIFT
+        word = mode << ds.PROFILE_SHIFT
         if self.auto_stop:
-            word |= AUTO_STOP
+            word |= ds.AUTO_STOP
         if not self.auto_update:
-            word |= AUTO_UPDATE_OFF
-        if mode == S_CURVE:
-            word |= self.profile.phase() << PHASE_SHIFT
+            word |= ds.AUTO_UPDATE_OFF
+        if mode == ds.S_CURVE:
+            word |= self.profile.phase() << ds.PHASE_SHIFT
         return word
 
     # -- one cycle ----------------------------------------------------------------------------
@@ -165,16 +133,16 @@ class StepperAxis:
         profile = self.profile
         counts = self.encoder.read()
         if self.encoder.take_capture():
-            self.events |= CAPTURE
+            self.events |= ds.CAPTURE
         if self.encoder.wrapped:
-            self.events |= WRAP
+            self.events |= ds.WRAP
         # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
         met = self._breakpoint_met()
         if self._update_pending:
             self._update()
         if met:
-            self.breakpoint_mode = BRK_OFF
-            self.events |= BREAKPOINT
+            self.breakpoint_mode = ds.BRK_OFF
+            self.events |= ds.BREAKPOINT
             if self.auto_update:
                 self.request_update()
                 self._update()
@@ -182,12 +150,12 @@ class StepperAxis:
         hit = self.limits.look(positive, negative, self.events, self._shared.sensing)
         if hit:
             profile.halt()
-            self.events |= hit | MOTION_COMPLETE  # PMD-LIM-1
+            self.events |= hit | ds.MOTION_COMPLETE  # PMD-LIM-1
         start = profile.position
         ended = profile.step(self.active, self.start_velocity, counts)
-        if ended & MOTION_COMPLETE and self.active.motor_command == 0:
+        if ended & ds.MOTION_COMPLETE and self.active.motor_command == 0:
             self._report(
-                WITHOUT_CURRENT,
+                ds.WITHOUT_CURRENT,
                 f"axis {self.number + 1}: the profile has run to its end while the motor command"
                 " was 0: set it by SET_MTR_CMD, or by SET_BUF_MTR_CMD and UPDATE",
             )
@@ -204,22 +172,22 @@ class StepperAxis:
     def _breakpoint_met(self) -> bool:
         """Tell whether the breakpoint's condition holds."""
         mode, value = self.breakpoint_mode, self.breakpoint_value
-        if mode == BRK_OFF:
+        if mode == ds.BRK_OFF:
             return False
-        if mode == BRK_TIME:
+        if mode == ds.BRK_TIME:
             return self._shared.time == value & 0xFFFFFFFF  # PMD-CMD-27
-        if mode == BRK_MTN_CMPLT:
-            return self.events & MOTION_COMPLETE != 0  # PMD-CMD-32
-        if mode == BRK_EXT:
+        if mode == ds.BRK_MTN_CMPLT:
+            return self.events & ds.MOTION_COMPLETE != 0  # PMD-CMD-32
+        if mode == ds.BRK_EXT:
             return self.encoder.home_level() == 0  # PMD-CMD-33
         limit = sign_extend(value, 32)
-        if mode == BRK_POS:
+        if mode == ds.BRK_POS:
             return self.profile.target_position >= limit  # PMD-CMD-28
-        if mode == BRK_NEG:
+        if mode == ds.BRK_NEG:
             return self.profile.target_position <= limit  # PMD-CMD-29
-        if mode == BRK_ACTL_POS:
+        if mode == ds.BRK_ACTL_POS:
             return self.encoder.actual >= limit  # PMD-CMD-30
-        return mode == BRK_ACTL_NEG and self.encoder.actual <= limit  # PMD-CMD-31
+        return mode == ds.BRK_ACTL_NEG and self.encoder.actual <= limit  # PMD-CMD-31
 
     def _check_error(self) -> None:
         """Compare target and actual position (PMD-STL-1)."""
@@ -229,7 +197,7 @@ class StepperAxis:
         error = self._expected() - self.encoder.counted - self._error_offset
         self.position_error = max(-32_768, min(32_767, error))
         if self._has_motion_error():
-            self.events |= MOTION_ERROR
+            self.events |= ds.MOTION_ERROR
             if self.auto_stop and self.motor_on:
                 self.disable()
 
@@ -246,6 +214,21 @@ class StepperAxis:
         self._error_offset = self._expected() - self.encoder.counted
 
     # -- update -------------------------------------------------------------------------------
+
+    def loaded(self) -> bool:
+        """Whether the buffer has what no update has taken."""
+        buffer, active = self.buffer, self.active
+        return (
+            buffer.differs(active)
+            or (self.motor_command_given and buffer.motor_command != active.motor_command)
+            or buffer.stop + buffer.smooth_stop + buffer.synch > 0
+        )
+
+    def up_to_date(self) -> bool:
+        """Whether an update now would change nothing: of a move that goes on, or has ended."""
+        if self._update_pending or self.position_given or self.motor_command_given:
+            return False
+        return self.motor_on and self.profile.settled(self.active) and not self.loaded()
 
     def request_update(self) -> None:
         """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""
@@ -272,23 +255,23 @@ class StepperAxis:
         before = self.active.position
         refused = self._copy(taken)
         if stop and smooth:
-            self._report(STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
+            self._report(ds.STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
         if synch:
             self._renumber(self.encoder.actual)
         if refused:
             self._refuse(refused)
         if stop:
             profile.halt()
-            self.events |= MOTION_COMPLETE  # PMD-TRJ-9
+            self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-9
             return
-        if smooth and profile.mode != GEAR:
+        if smooth and profile.mode != ds.GEAR:
             # With the motor off it rests, and goes on waiting.
             if not self.motor_on or profile.smooth_stop():
-                self.events |= MOTION_COMPLETE  # PMD-TRJ-10, at rest
+                self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-10, at rest
             return
         if not self.motor_on:
             return  # PMD-MTR-2
-        if self._shared.sensing and profile.mode in (TRAPEZOIDAL, S_CURVE):
+        if self._shared.sensing and profile.mode in (ds.TRAPEZOIDAL, ds.S_CURVE):
             positive, negative = self._limits()
             way = (taken.position << 32) - profile.position
             if (way > 0 and positive) or (way < 0 and negative):
@@ -296,7 +279,7 @@ class StepperAxis:
                 self.active.position = before
                 return
         if profile.start(self.active, given):
-            self.events |= MOTION_COMPLETE  # PMD-TRJ-12
+            self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-12
 
     def _copy(self, buffer: ProfileRegisters) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
@@ -304,10 +287,10 @@ class StepperAxis:
         refused = ""
         kept: tuple[str, ...] = ()
         if profile.in_motion():
-            if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
+            if profile.mode == ds.TRAPEZOIDAL and buffer.acceleration != active.acceleration:
                 refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
                 kept = ("velocity", "acceleration")
-            elif profile.mode == S_CURVE and (
+            elif profile.mode == ds.S_CURVE and (
                 buffer.velocity != active.velocity
                 or buffer.max_acceleration != active.max_acceleration
                 or buffer.jerk != active.jerk
@@ -328,21 +311,21 @@ class StepperAxis:
         elif self._motor_command_from == DIRECT and active.motor_command != buffered:
             self._motor_command_from = DIRECT_REPORTED
             self._report(
-                MOTOR_COMMAND_LOST,
+                ds.MOTOR_COMMAND_LOST,
                 f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"
                 f" stays; an update of every register would bring the buffered {buffered}",
             )
 
     def _refuse(self, why: str) -> None:
-        self.events |= COMMAND_ERROR
-        self._report(COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
+        self.events |= ds.COMMAND_ERROR
+        self._report(ds.COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
 
     # -- commands of this axis ----------------------------------------------------------------
 
     def set_profile(self, mode: int) -> None:
         """SET_PRFL_S_CRV, _TRAP, _VEL and _GEAR: at once (PMD-CMD-4 to PMD-CMD-7)."""
         if self.profile.set_mode(mode, self.active.position):
-            self._report(MOVING, f"axis {self.number + 1} is in motion")
+            self._report(ds.MOVING, f"axis {self.number + 1} is in motion")
 
     def set_position(self, value: int) -> None:
         """SET_POS: that it was given at all counts too (PMD-CMD-8, PMD-TRJ-12)."""
@@ -385,14 +368,14 @@ class StepperAxis:
     def disable(self) -> None:
         """MTR_OFF: freeze the microstep angle; the windings keep their currents (PMD-MTR-2)."""
         if self.profile.in_motion():
-            self.events |= MOTION_COMPLETE
+            self.events |= ds.MOTION_COMPLETE
         self.motor_on = False
         self.profile.halt()
 
     def enable(self) -> None:
         """MTR_ON: enable the generator; nothing moves until the next update (PMD-MTR-1)."""
         if self.profile.in_motion():
-            self.events |= MOTION_COMPLETE
+            self.events |= ds.MOTION_COMPLETE
         self.motor_on = True
         self.profile.halt()
         self.zero_error()
@@ -400,8 +383,8 @@ class StepperAxis:
     def clear_events(self, keep: int) -> None:
         """Clear the events whose bits in ``keep`` are 0, but no lasting error (PMD-STA-4)."""
         if self._has_motion_error():
-            keep |= MOTION_ERROR
-        self.events &= keep & EVENTS
+            keep |= ds.MOTION_ERROR
+        self.events &= keep & ds.EVENTS
 
     # -- rest ---------------------------------------------------------------------------------
 
@@ -417,9 +400,11 @@ class StepperAxis:
         positive, negative = self._limits()
         if not self.limits.steady(positive, negative, self.events, self._shared.sensing):
             return 0
-        if self._breakpoint_met() or (self._has_motion_error() and not self.events & MOTION_ERROR):
+        if self._breakpoint_met() or (
+            self._has_motion_error() and not self.events & ds.MOTION_ERROR
+        ):
             return 0
         # Everything but time stands still while an axis rests.
-        if self.breakpoint_mode != BRK_TIME:
+        if self.breakpoint_mode != ds.BRK_TIME:
             return FOR_EVER
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF

@@ -12,17 +12,25 @@ from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
     AC,
     CARD_DECODES,
+    CHECKSUM_UNREAD,
+    COMMAND_ERROR,
     COMMAND_PORT,
     DATA_PORT,
+    ERRORS_STAND,
     FAMILY,
+    INTERRUPT_STANDS,
+    LEFT_LOADED,
+    MOTION_ERROR,
     OPTIONS,
     PINS,
     RESET_CLK,
     RESET_PORT,
     RULES,
     SLOT_CLK,
+    STATUS_BITS,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
+    VALUES,
 )
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
@@ -33,7 +41,7 @@ from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Z
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Z
 from vbus.state import Names
 
 
@@ -56,6 +64,7 @@ class MC1241A(ChipSet):
     PARTS: ClassVar[tuple[str, ...]] = ("MC1241A", "MC1141A")
     PINS: ClassVar[tuple[PinRow, ...]] = PINS
     RULES: ClassVar[tuple[Rule, ...]] = RULES
+    VALUES: ClassVar[ValueTable] = VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     PERIOD_CLK: ClassVar[int] = SLOT_CLK
@@ -369,28 +378,9 @@ class MC1241A(ChipSet):
 
     # -- state --------------------------------------------------------------------------------
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows, per axis with its number in front."""
-        self.advance()
-        values: dict[str, int | float | str] = {
-            "time": self.shared.time,
-            "ready": int(self.kernel.now >= self.port.busy_until),
-            "interrupt": self.interrupts.axis + 1,
-        }
-        for axis in self.axes:
-            n = axis.number + 1
-            a, b = self.cycles.phase_outputs(axis.number)
-            values |= {
-                f"target {n}": axis.profile.target_position,
-                f"velocity {n}": axis.profile.velocity / (1 << 32),
-                f"actual {n}": axis.encoder.actual,
-                f"error {n}": axis.position_error,
-                f"status {n}": axis.status,
-                f"mode {n}": axis.mode,
-                f"phase A {n}": a,
-                f"phase B {n}": b,
-            }
-        return values
+    def ready(self) -> int:
+        """Return the level of HostRdy."""
+        return int(self.kernel.now >= self.port.busy_until)
 
     def undriven(self, axis: int) -> str:
         """Return that the amplitude of the windings is 0, as after a reset (PMD-CMD-66)."""
@@ -399,17 +389,28 @@ class MC1241A(ChipSet):
             return ""
         return "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
 
-    def lane_steps(self) -> list[int]:
-        """Return what the lanes have of that."""
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what stands, what was loaded in vain, and that no checksum was read."""
         self.advance()
-        steps: list[int] = []
+        found = []
+        if self.port.unchecked > 0:
+            text = f"no checksum of {self.port.unchecked} packets was read"
+            found.append((CHECKSUM_UNREAD, text))
+        number = self.interrupts.axis
+        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+            found.append(
+                (INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
+            )
         for axis in self.axes:
-            steps += [
-                axis.profile.target_position, axis.encoder.actual, axis.position_error,
-                axis.profile.velocity,
-            ]  # fmt: skip
-        steps.append(self.interrupts.axis + 1)
-        return steps
+            errors = axis.events & (COMMAND_ERROR | MOTION_ERROR)
+            names = [bit.name for bit in STATUS_BITS if errors & bit.mask]
+            if names:
+                text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
+                found.append((ERRORS_STAND, text))
+            if axis.loaded():
+                text = f"axis {axis.number + 1}: what is loaded last no update has taken"
+                found.append((LEFT_LOADED, text))
+        return found
 
     def next_change(self) -> int:
         """Return when anything happens inside."""

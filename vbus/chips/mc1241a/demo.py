@@ -2,10 +2,9 @@
 
 from typing import Final
 
-from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.generated.host import Mc1241a
 from vbus.client import Bus
-from vbus.client.demo import Demo, Gauge, Step
+from vbus.client.demo import Demo, Step
+from vbus.client.mc1241a import Mc1241a
 
 _BOARD: Final = """\
 [chips.xy]
@@ -92,15 +91,10 @@ DEMO: Final = Demo(
     title="MC1241A and two stepper motors",
     board=_BOARD,
     chip="xy",
-    gauges=(
-        Gauge("target 1 (microsteps)", "target 1", 30_000),
-        Gauge("actual 1 (counts)", "actual 1", 4700),
-        Gauge("error 1 (counts)", "error 1", 20),
-        Gauge("target 2 (microsteps)", "target 2", 30_000),
-        Gauge("actual 2 (counts)", "actual 2", 4700),
-        Gauge("error 2 (counts)", "error 2", 20),
-    ),
-    flags={"status 1": ds.STATUS_BITS},
+    shown={
+        "target 1": 30_000, "actual 1": 4700, "error 1": 20,
+        "target 2": 30_000, "actual 2": 4700, "error 2": 20, "status 1": 0,
+    },
     host=_host,
     rest=(0, 0),
-)
+)  # fmt: skip

@@ -5,15 +5,8 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.bits import wrap, wrap_word
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.datasheet import (
-    AC,
-    CAPTURE_HOME,
-    CAPTURE_INDEX,
-    FILTER_CLK,
-    POSITION_BITS,
-    TWO_CHANNELS,
-)
 from vbus.chips.motion.input_limits import judge_inputs
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
@@ -29,7 +22,7 @@ from vbus.state import Names
 
 FAR: Final = (1 << 62) - 1
 """Beyond every count."""
-_HALF: Final = 1 << POSITION_BITS - 1
+_HALF: Final = 1 << ds.POSITION_BITS - 1
 
 
 def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
@@ -81,9 +74,9 @@ class AxisInputs:
         self._quadrature = (pins[f"QuadA{n}"], pins[f"QuadB{n}"], pins[f"~Index{n}"])
         self._home: Pin = pins[f"~Home{n}"]
         self._limits = (pins[f"PosLimit{n}"], pins[f"NegLimit{n}"])
-        dwell = chip.clock.span_up(FILTER_CLK)
+        dwell = chip.clock.span_up(ds.FILTER_CLK)
         self._decoder: Final[Quadrature] = Quadrature(
-            dwell, dwell, dwell_limit=AC["T2"].min_ps, pulse_limit=AC["T1"].min_ps
+            dwell, dwell, dwell_limit=ds.AC["T2"].min_ps, pulse_limit=ds.AC["T1"].min_ps
         )
         self._home_filter: Final[InputFilter] = InputFilter(dwell)
         self._wired: bool = False
@@ -116,7 +109,7 @@ class AxisInputs:
         self.wrapped: bool = False
         """Whether the actual position has wrapped in the last cycle."""
         self._turn: int = 0
-        self._capture_source: int = CAPTURE_INDEX
+        self._capture_source: int = ds.CAPTURE_INDEX
         self._armed: bool = True
         self._captured: int = 0
         self._fresh: bool = False
@@ -165,7 +158,7 @@ class AxisInputs:
         return self._decoder.filter_dwell
 
     def _follow_plant(self, plant: Plant, count: i64) -> None:
-        if self._armed and self._capture_source == CAPTURE_INDEX:
+        if self._armed and self._capture_source == ds.CAPTURE_INDEX:
             found, at = plant.index_between(self._seen, count)
             if found:
                 self._capture(self.count + at - self._seen)
@@ -173,7 +166,7 @@ class AxisInputs:
         self._seen = count
 
     def _follow_home(self, plant: Plant, count: i64) -> None:
-        if self._armed and self._capture_source == CAPTURE_HOME:
+        if self._armed and self._capture_source == ds.CAPTURE_HOME:
             switch = plant.switches.get("home")
             if switch is not None:
                 found, at = falls_between(switch, self._mechanics_seen, count)
@@ -199,17 +192,17 @@ class AxisInputs:
                 return
             if switch < quadrature:
                 home.take()
-                if home.level == LOW and self._armed and self._capture_source == CAPTURE_HOME:
+                if home.level == LOW and self._armed and self._capture_source == ds.CAPTURE_HOME:
                     self._capture(self.count)
                 continue
             found = decoder.settle(instant)
             if found & COUNTED:
                 self.count += decoder.direction
             if found & SKIPPED:
-                self._chip.report(TWO_CHANNELS, when=decoder.at)
+                self._chip.report(ds.TWO_CHANNELS, when=decoder.at)
             # The index must have fallen before the later of A and B (PMD-CAP-1).
             if found & (ALL_LOW | INDEX_FELL) == ALL_LOW:
-                if self._armed and self._capture_source == CAPTURE_INDEX:
+                if self._armed and self._capture_source == ds.CAPTURE_INDEX:
                     self._capture(self.count)
 
     def read(self) -> int:
@@ -220,7 +213,7 @@ class AxisInputs:
         moved = self.count - self._read
         self._read = self.count
         self.counted = self.count - self._zero
-        turn = self.counted + (1 << POSITION_BITS - 1) >> POSITION_BITS
+        turn = self.counted + (1 << ds.POSITION_BITS - 1) >> ds.POSITION_BITS
         self.wrapped = turn != self._turn
         self._turn = turn
         self.actual = wrap_word(self.counted, _HALF)
@@ -244,7 +237,7 @@ class AxisInputs:
     # -- capture ------------------------------------------------------------------------------
 
     def _capture(self, count: int) -> None:
-        self._captured = wrap(count - self._zero, POSITION_BITS)
+        self._captured = wrap(count - self._zero, ds.POSITION_BITS)
         self._armed = False
         self._fresh = True
 
@@ -300,7 +293,7 @@ class AxisInputs:
         self._unsettled = True
         found = self._decoder.edge(now, a.value, b.value, index.value)
         if found and chip.judged:
-            judge_inputs(chip, AC, self._decoder, found)
+            judge_inputs(chip, ds.AC, self._decoder, found)
         chip.touched()
 
     def _home_moved(self) -> None:

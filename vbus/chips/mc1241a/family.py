@@ -3,7 +3,6 @@
 from typing import Final
 
 from vbus.chips.family import Family
-from vbus.signals import LaneRow
 
 FAMILY: Final = Family(
     "mc1241a",
@@ -23,8 +22,7 @@ FAMILY: Final = Family(
     packets="packets:Mc1241aDecoder",
     coverage="coverage:Mc1241aExercises",
     access="access:Mc1241aPackets",
-    calls="generated.calls:Mc1241aCalls",
-    host="generated.host:Mc1241a",
+    host="host:Mc1241a",
     demo="demo:DEMO",
     demo_name="mc1241a",
     typical=("MC1241A", "MC1141A"),
@@ -47,23 +45,5 @@ FAMILY: Final = Family(
         ("Axis status word (GET_STATUS)", "STATUS_BITS"),
         ("Axis mode word (GET_MODE)", "MODE_BITS"),
     ),
-    inner="inner_registers:REGISTERS",
-    flags={"status": "STATUS_BITS", "mode": "MODE_BITS"},
-    units={"actual": "counts"},
     kept=frozenset({"T11", *(f"T{number}" for number in range(19, 28))}),
-    lanes=(
-        LaneRow(
-            "desired", "target position", "microsteps", "target {}", register="target position"
-        ),
-        LaneRow("real", "actual position", "counts", "actual {}", register="actual position"),
-        LaneRow("error", "position error", "counts", "error {}", register="position error"),
-        LaneRow(
-            "velocity",
-            "target velocity",
-            "microsteps/cycle",
-            "velocity {}",
-            2**-32,
-            "target velocity",
-        ),
-    ),
 )

@@ -3,8 +3,8 @@
 from typing import Final
 
 from vbus.chips.mc1241a.access import READY_POLLS
+from vbus.chips.mc1241a.calls import Mc1241aCalls
 from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
-from vbus.chips.mc1241a.generated.aio_calls import Mc1241aCalls
 from vbus.client.aio.bus import Bus, Chip
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration

@@ -57,7 +57,6 @@ def pwm_magnitude(output: int) -> int:
 class PhasePlace:
     """What both phases put out at one place in the electrical cycle, of full scale."""
 
-    __slots__ = ("a", "b")
     WIRING: ClassVar[Names] = ("a", "b")
 
     def __init__(self, a: i64, b: i64) -> None:

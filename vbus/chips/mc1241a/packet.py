@@ -4,22 +4,10 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
-from vbus.chips.mc1241a.datasheet import (
-    ABORTED,
-    BUSY_HALF_CLK,
-    COMMANDS,
-    FAMILY_CODES,
-    ILLEGAL,
-    NOT_READY,
-    RESERVED,
-    RESERVED_CODE,
-    SLOT_CLK,
-    UNEXPECTED_READ,
-    UNEXPECTED_WRITE,
-)
 from vbus.chips.tables import Command
 from vbus.kernel import HELD, NEVER
 from vbus.signals import HIGH, LOW, Pin
@@ -53,7 +41,7 @@ class PacketPort:
     WIRING: ClassVar[Names] = (
         "_chip", "_commands", "_cycles", "_noop_codes", "_ready_pin", "_slot_busy",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_row",)
+    DERIVED: ClassVar[Names] = ("_row", "unchecked")
 
     def __init__(self, chip: ChipSet, commands: Commands, cycles: SampleCycles) -> None:
         self._chip: ChipSet = chip
@@ -66,6 +54,9 @@ class PacketPort:
         self._high: int = 0
         self._word: int = 0
         self._word_is_data: bool = False
+        self.unchecked: int = 0
+        """Packets begun before a checksum was read at all, -1 from then on; no part of the state
+        that is saved."""
         self.reset(0, 0)
 
     def reset(self, since: int, ready: int) -> None:
@@ -104,7 +95,7 @@ class PacketPort:
         now = self._chip.kernel.now
         if now >= self.busy_until:
             return True
-        self._chip.report(NOT_READY, now - self.busy_since, 0)
+        self._chip.report(ds.NOT_READY, now - self.busy_since, 0)
         return False
 
     def _go_busy(self, pending: int, value: int) -> None:
@@ -115,10 +106,10 @@ class PacketPort:
         self.busy_since = chip.kernel.now
         if self._slot_busy and not clock.stopped:
             slot = self._cycles.slot_at(self.busy_since)
-            end: int = self._cycles.ps_of((slot + 1) * SLOT_CLK)
+            end: int = self._cycles.ps_of((slot + 1) * ds.SLOT_CLK)
         else:
             end = HELD if clock.stopped else self.busy_since
-            end += clock.span(BUSY_HALF_CLK) // 2
+            end += clock.span(ds.BUSY_HALF_CLK) // 2
         self.busy_until = end + chip.busy_stretch
         self.show_ready(False)
 
@@ -127,7 +118,7 @@ class PacketPort:
         if not self._ready():
             return
         if self._given < self._writes:
-            self._chip.report(ABORTED, self._given, self._writes)  # PMD-BUS-10
+            self._chip.report(ds.ABORTED, self._given, self._writes)  # PMD-BUS-10
         self._go_busy(COMMAND, data)
 
     def write_data(self, data: int) -> None:
@@ -140,7 +131,7 @@ class PacketPort:
             return
         self._low_write_next = False
         if self._given >= self._writes and not self._illegal:
-            self._chip.report(UNEXPECTED_WRITE)  # PMD-BUS-11
+            self._chip.report(ds.UNEXPECTED_WRITE)  # PMD-BUS-11
         self._go_busy(WORD, self._high << 8 | data)
 
     def begin_read(self) -> int:
@@ -176,13 +167,14 @@ class PacketPort:
         """Take the word whose bytes the host reads next."""
         self._word_is_data = False
         if self._given < self._writes:
-            self._chip.report(UNEXPECTED_READ)  # PMD-BUS-11
+            self._chip.report(ds.UNEXPECTED_READ)  # PMD-BUS-11
             self._word = 0
         elif self._taken < self._reads:
             self._word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
             self._word_is_data = True
         else:
             self._word = self._checksum
+            self.unchecked = -1
 
     # -- at the end of the busy time ----------------------------------------------------------
 
@@ -201,17 +193,19 @@ class PacketPort:
     def _begin_packet(self, code: int) -> None:
         self._code = code
         self._checksum = code
-        row = COMMANDS.by_code(code)
+        if self.unchecked >= 0:
+            self.unchecked += 1
+        row = ds.COMMANDS.by_code(code)
         if row is not None:
             self._open(row, row.write, row.read)
             if not row.write:
                 self._result = self._commands.execute(row, self._value)
             return
-        if code == RESERVED_CODE:
+        if code == ds.RESERVED_CODE:
             self._open(None, 0, 0)  # PMD-PKT-5
-            self._chip.report(RESERVED, code, when=self._chip.instant)
+            self._chip.report(ds.RESERVED, code, when=self._chip.instant)
             return
-        family = FAMILY_CODES.get(code)
+        family = ds.FAMILY_CODES.get(code)
         if family is not None and self._noop_codes:
             self._open(None, family[1], family[2])  # PMD-PKT-6
             return
@@ -219,7 +213,7 @@ class PacketPort:
         self._illegal = True  # PMD-PKT-4
         self._checksum = 0
         detail = f"{code:02X}H is not a command of this chip set"
-        self._chip.report(ILLEGAL, code, detail=detail, when=self._chip.instant)
+        self._chip.report(ds.ILLEGAL, code, detail=detail, when=self._chip.instant)
 
     def _take_word(self, word: int) -> None:
         if self._given >= self._writes:
@@ -243,4 +237,4 @@ class PacketPort:
 
     @known.setter
     def known(self, known: bool) -> None:
-        self._row = COMMANDS.by_code(self._code) if known else None
+        self._row = ds.COMMANDS.by_code(self._code) if known else None

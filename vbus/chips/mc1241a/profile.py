@@ -3,18 +3,8 @@
 from typing import ClassVar, Final
 
 from vbus.bits import wrap, wrap_word
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters
-from vbus.chips.mc1241a.datasheet import (
-    ACCELERATION_BITS,
-    GEAR,
-    MAGNITUDE_BITS,
-    MOTION_COMPLETE,
-    POSITION_BITS,
-    S_CURVE,
-    TRAPEZOIDAL,
-    VELOCITY,
-    WRAP,
-)
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity
@@ -26,10 +16,10 @@ RUNNING: Final = 1
 HALTED: Final = 2
 """Stopped by STOP, a limit switch or the motor's being off: waits for an update, also in gear."""
 
-MAGNITUDE_MASK: Final = (1 << MAGNITUDE_BITS) - 1
-WORD_BITS: Final = POSITION_BITS + 32
+MAGNITUDE_MASK: Final = (1 << ds.MAGNITUDE_BITS) - 1
+WORD_BITS: Final = ds.POSITION_BITS + 32
 """A position with its 32 fraction bits (PMD-TRJ-1)."""
-_HALF_ACCELERATION: Final = 1 << ACCELERATION_BITS - 1
+_HALF_ACCELERATION: Final = 1 << ds.ACCELERATION_BITS - 1
 _FAR_INSIDE: Final = 1 << 61
 """Positions nearer to 0 are far from the ends of their range, and fit a machine word."""
 
@@ -57,7 +47,7 @@ class Profile:
 
     def reset(self) -> None:
         """Position 0, trapezoidal, at rest."""
-        self.mode: int = TRAPEZOIDAL
+        self.mode: int = ds.TRAPEZOIDAL
         self.position: int = 0
         """Target position (2^-32 usteps), wrapped."""
         self.velocity: int = 0
@@ -89,7 +79,7 @@ class Profile:
 
     def travelled(self) -> int:
         """Return the target position as if it did not wrap, for the comparison with an encoder."""
-        return self.target_position + (self._turns << POSITION_BITS)
+        return self.target_position + (self._turns << ds.POSITION_BITS)
 
     def phase(self) -> int:
         """Return the S-curve phase, 1 to 7, or 0 at rest (PMD-STA-5)."""
@@ -97,9 +87,9 @@ class Profile:
 
     def in_motion(self) -> bool:
         """Whether the trajectory is in motion (PMD-TRJ-8, PMD-STA-3)."""
-        if self.mode == GEAR:
+        if self.mode == ds.GEAR:
             return False
-        if self.mode == VELOCITY:
+        if self.mode == ds.VELOCITY:
             return self.velocity != 0
         return self._state == RUNNING
 
@@ -108,9 +98,9 @@ class Profile:
 
         What moves is told by the microstepper, which is not still.
         """
-        if self._state != RUNNING or self.mode == GEAR:
+        if self._state != RUNNING or self.mode == ds.GEAR:
             return True
-        return self.mode == VELOCITY and (active.velocity == 0 or active.acceleration == 0)
+        return self.mode == ds.VELOCITY and (active.velocity == 0 or active.acceleration == 0)
 
     # -- what commands and updates do ---------------------------------------------------------
 
@@ -125,11 +115,11 @@ class Profile:
             return False
         # A trapezoid that turns round has velocity 0 on the way.
         moving = self.velocity != 0 or self.in_motion()
-        rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
+        rude = moving and mode in (ds.TRAPEZOIDAL, ds.S_CURVE)
         self.mode = mode
         self._clear_curve()
         self._destination = destination
-        if mode == S_CURVE:
+        if mode == ds.S_CURVE:
             self.velocity = 0
             moving = False
         if self._state != HALTED:
@@ -143,7 +133,7 @@ class Profile:
         """
         before = self.position
         self.position = position << 32
-        if self.mode == S_CURVE and self._state == RUNNING:
+        if self.mode == ds.S_CURVE and self._state == RUNNING:
             self._start += self.position - before
             self._retarget(self._destination)
 
@@ -159,7 +149,7 @@ class Profile:
 
         Not for electronic gear.
         """
-        if self.mode == S_CURVE:
+        if self.mode == ds.S_CURVE:
             self._curve.stop()
             rests = self._curve.done
         else:
@@ -178,12 +168,12 @@ class Profile:
         Returns:
             Whether motion is complete at once: the axis rests on the destination given.
         """
-        if self.mode in (VELOCITY, GEAR):
+        if self.mode in (ds.VELOCITY, ds.GEAR):
             self._smooth = False  # PMD-TRJ-10
             self._state = RUNNING
             return False
         running = self._state == RUNNING
-        if self.mode == S_CURVE and running:
+        if self.mode == ds.S_CURVE and running:
             if self._retarget(active.position):
                 self._destination = active.position
             return False
@@ -193,7 +183,7 @@ class Profile:
         if way == 0 and self.velocity == 0 and not given and not running:
             self._state = DONE
             return False
-        if self.mode == S_CURVE:
+        if self.mode == ds.S_CURVE:
             self._sign = -1 if way < 0 else 1
             self._start = self.position
             moves = self._curve.plan(
@@ -204,6 +194,14 @@ class Profile:
         self._state = RUNNING if moves else DONE
         # What cannot begin has not ended either (NOTES 21).
         return not moves and (way == 0 or running)
+
+    def settled(self, active: ProfileRegisters) -> bool:
+        """Whether :meth:`start` would leave a point-to-point move as it is: under way, or over."""
+        if self.mode in (ds.VELOCITY, ds.GEAR):
+            return self._state == RUNNING and not self._smooth
+        if self._state == RUNNING:
+            return not self._smooth and self._destination == active.position
+        return self.velocity == 0 and self.position == active.position << 32
 
     def _retarget(self, destination: int) -> bool:
         """Stretch or cut a running S-curve to end elsewhere, if that can be (PMD-TRJ-5)."""
@@ -220,21 +218,21 @@ class Profile:
             counts: how far the encoder has moved since the last cycle.
         """
         self.moved = 0
-        if self.mode == GEAR:
+        if self.mode == ds.GEAR:
             if self._state != HALTED:
                 # The encoder's way times the ratio, fraction carried (PMD-TRJ-7).
                 self.velocity = self.moved = counts * active.ratio << 16
             return self._advance()
         if self._state != RUNNING:
             return 0
-        if self.mode == TRAPEZOIDAL:
+        if self.mode == ds.TRAPEZOIDAL:
             done = self._trapezoid(active, start_velocity)
-        elif self.mode == VELOCITY:
+        elif self.mode == ds.VELOCITY:
             done = self._contour(active, start_velocity)
         else:
             done = self._s_curve()
         events = self._advance()
-        return events | MOTION_COMPLETE if done else events
+        return events | ds.MOTION_COMPLETE if done else events
 
     def _trapezoid(self, active: ProfileRegisters, start_velocity: int) -> bool:
         """PMD-TRJ-2, in 1/65536 usteps: finer fractions left by an S-curve are dropped."""
@@ -302,6 +300,6 @@ class Profile:
         if position == self.position:
             return 0
         self._turns += (position - self.position) >> WORD_BITS
-        if self.mode == S_CURVE:
+        if self.mode == ds.S_CURVE:
             self._start += self.position - position
-        return WRAP
+        return ds.WRAP

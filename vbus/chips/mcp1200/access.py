@@ -1,10 +1,12 @@
 """How a host moves register values to and from an MCP-1200, for asyncio."""
 
-from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
-from vbus.client.aio.bus import ChipCycles
-from vbus.client.aio.registers import RegisterCycles
+from typing import Final
 
-FIRST_EXTENDED = 0x40
+from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
+from vbus.client.aio.access import RegisterCycles
+from vbus.client.aio.bus import ChipCycles
+
+FIRST_EXTENDED: Final = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
 
 

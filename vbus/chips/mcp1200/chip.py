@@ -15,13 +15,10 @@ from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z, nearest
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher, Z
 from vbus.state import Names
 
 NO_READ: Final = -1
-
-_OUTPUT_STEP: Final = 1e-4
-"""In what the family's lane of the motor output counts."""
 """In place of an address: no read is under way."""
 STROBE_PS: Final = 80_000
 """From the first edge of :meth:`MCP1200.strobes` to the last."""
@@ -48,6 +45,7 @@ class MCP1200(HostInterface):
     PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
     PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    VALUES: ClassVar[ValueTable] = ds.VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.STATUS,)
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
@@ -333,49 +331,32 @@ class MCP1200(HostInterface):
 
     # -- looking in, and state ----------------------------------------------------------------
 
-    def telemetry(self) -> dict[str, int | float | str]:
-        """Return what a live view shows."""
-        self.advance()
+    def mode(self) -> str:
+        """Return what the chip does: reset, idle, halted, or the mode of its control loop."""
         axis = self.axis
-        registers = axis.registers
         if axis.state < STANDING:
-            mode = "reset"
-        elif axis.state == STANDING:
-            mode = "idle"
-        else:
-            mode = "halted" if axis.loop.halted else MODES[axis.loop.mode]
-        return {
-            "mode": mode,
-            "command": registers.command_position,
-            "actual": axis.counter.position(self.cycle_now()),
-            "error": registers.position_error,
-            "velocity": registers.actual_velocity,
-            "drive": round(axis.drive.level(), 4),
-            "flags": registers.flag,
-            "status": registers.status,
-            "phase": registers.phase,
-        }
+            return "reset"
+        if axis.state == STANDING:
+            return "idle"
+        return "halted" if axis.loop.halted else MODES[axis.loop.mode]
 
-    def lane_steps(self) -> list[int]:
-        """Return what the lanes have of that; this chip has no interrupt."""
+    def drive(self) -> float:
+        """Return the motor output as a fraction of full scale."""
+        return round(self.axis.drive.level(), 4)
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that errors of the status register stand."""
         self.advance()
-        axis = self.axis
-        registers = axis.registers
-        return [
-            registers.command_position, axis.counter.position(self.cycle_now()),
-            registers.position_error, registers.actual_velocity,
-            nearest(round(axis.drive.level(), 4) / _OUTPUT_STEP), 0,
-        ]  # fmt: skip
+        standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
+        if not standing:
+            return []
+        names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+        return [(ds.ERRORS_STAND, f"in R07 these are 0 at the end, and mean errors: {names}")]
 
     def next_change(self) -> int:
         """Return when anything happens inside."""
         self.advance()
         return self._due_ps
-
-    def peek(self, address: int) -> int:
-        """Return the byte a read of a register would give."""
-        self.advance()
-        return self.axis.host.read(address, self.cycle_now())
 
     def before_save(self) -> None:
         """However seldom anybody has looked at Pulse, its frame is the one under way now."""

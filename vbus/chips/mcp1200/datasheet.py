@@ -10,7 +10,7 @@ from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
-from vbus.signals import LOW, Rule, Z
+from vbus.signals import LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")
@@ -396,9 +396,57 @@ STEP_OVERRUN: Final = Rule(
 DOUBLE_EDGE: Final = Rule(
     "mcp1200.double-edge", "MCP-ENC-1", "CHA and CHB must not change together.", "warning"
 )
+EXTENDED_OFF: Final = Rule(
+    "mcp1200.extended-off", "MCP-BUS-9",
+    "Registers from R40 on are written with bit 0 of R02 set: without it the byte goes to another.",
+    "warning",
+)  # fmt: skip
+LISTED_RANGE: Final = Rule(
+    "mcp1200.range", "MCP-REG-26", "A register is written with what the manual lists for it.",
+    "warning",
+)  # fmt: skip
+LISTED_MOST: Final = {0x18: 0x07, 0x27: 0x7F, 0x28: 0x7F}
+"""Largest bytes that the manual lists for some registers (MCP-REG-18, -25, -26)."""
+JUMP: Final = Rule(
+    "mcp1200.jump", "MCP-MOD-6",
+    "The command position is written before control begins, or the axis jumps to the old one.",
+    "warning",
+)  # fmt: skip
+JUMP_COUNTS: Final = 127
+"""So far an axis may have drifted since its host has looked where it is."""
+NO_GAIN: Final = Rule(
+    "mcp1200.no-gain", "MCP-FLT-3", "Control begins with a gain above 0.", "warning"
+)
+PRESET_IN_CONTROL: Final = Rule(
+    "mcp1200.preset-in-control", "MCP-REG-17",
+    "The position counter is preset in idle mode: a closed loop drives the difference away.",
+    "note",
+)  # fmt: skip
+MODE_LOST: Final = Rule(
+    "mcp1200.mode-lost", "MCP-MOD-1",
+    "R05 is written again once the sample has come that obeys it.", "warning",
+)  # fmt: skip
+TOO_EARLY: Final = Rule(
+    "mcp1200.flag-before-control", "MCP-FLG-4",
+    "A mode flag is set once R05 reads 03: before, F2 does not rise with it.", "note",
+)  # fmt: skip
+OTHER_VELOCITY: Final = Rule(
+    "mcp1200.other-velocity", "MCP-TRP-1",
+    "The velocity of a profile is in the register that bit 5 of R01 chooses.", "warning",
+)  # fmt: skip
+NO_RATE: Final = Rule(
+    "mcp1200.no-rate", "MCP-TRP-5",
+    "A profile has an acceleration and a velocity when it starts, or it waits for them.", "note",
+)  # fmt: skip
+ERRORS_STAND: Final = Rule(
+    "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
+)
+
 RULES: Final = (
     *AC["5 V"].rules.values(),
     CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
+    EXTENDED_OFF, LISTED_RANGE, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY,
+    OTHER_VELOCITY, NO_RATE, ERRORS_STAND,
 )  # fmt: skip
 
 # -- board file keys ----------------------------------------------------------------------------
@@ -425,4 +473,21 @@ OPTIONS: Final = (
     Option("clock_edge", "s", 0, "rise and fall time of the clock", low=0, clause="MCP-TIM-3"),
     Option("input_edge", "s", 0, "rise and fall time of the other inputs", low=0,
            clause="MCP-TIM-9"),
+)  # fmt: skip
+
+# -- Values: what is told of the chip; its other registers are found as the map names them ------
+
+VALUES: Final = ValueTable(
+    Value("mode", "mode()", key="mode", text=True),
+    Value("command position", key="command", lane="desired", register="COMMAND_POSITION"),
+    Value("actual position", "axis.counter.position(chip.cycle_now())", key="actual", lane="real",
+          register="ACTUAL_POSITION"),
+    Value("position error", key="error", lane="error", register="POSITION_ERROR"),
+    Value("actual velocity", key="velocity", lane="velocity", register="ACTUAL_VELOCITY"),
+    Value("motor output", "drive()", key="drive", lane="output", step=1e-4),
+    Value("flags", key="flags", register="FLAG"),
+    Value("status", key="status", register="STATUS"),
+    Value("profile phase", key="phase", register="PHASE"),
+    Value("sample timer", "axis.timer.count(chip.cycle_now())", register="SAMPLE_TIMER"),
+    registers=REGISTERS, file="axis.registers.",
 )  # fmt: skip

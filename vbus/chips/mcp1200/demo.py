@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.generated.host import PROFILE, Mcp1200
 from vbus.client import Bus
-from vbus.client.demo import Demo, Gauge, Step
+from vbus.client.demo import Demo, Step
+from vbus.client.mcp1200 import PROFILE, Mcp1200
 
 _BOARD: Final = """\
 [chips.x]
@@ -77,15 +77,10 @@ DEMO: Final = Demo(
     title="MCP-1200 and a brushed DC motor",
     board=_BOARD,
     chip="x",
-    gauges=(
-        Gauge("mode", "mode"),
-        Gauge("command position (counts)", "command", 15_000),
-        Gauge("actual position (counts)", "actual", 15_000),
-        Gauge("position error (counts)", "error", 20),
-        Gauge("velocity (counts/sample)", "velocity", 12),
-        Gauge("PWM (of full scale)", "drive", 1.0, 3),
-    ),
-    flags={"flags": ds.FLAG_BITS, "status": ds.STATUS_BITS},
+    shown={
+        "mode": 0, "command": 15_000, "actual": 15_000, "error": 20, "velocity": 12, "drive": 1,
+        "flags": 0, "status": 0,
+    },
     host=_host,
     rest=(0,),
-)
+)  # fmt: skip

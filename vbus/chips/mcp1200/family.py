@@ -3,7 +3,6 @@
 from typing import Final
 
 from vbus.chips.family import Family
-from vbus.signals import LaneRow
 
 FAMILY: Final = Family(
     "mcp1200",
@@ -22,8 +21,7 @@ FAMILY: Final = Family(
     packets="packets:Mcp1200Decoder",
     coverage="coverage:Mcp1200Exercises",
     access="access:Mcp1200Access",
-    calls="generated.calls:Mcp1200Calls",
-    host="generated.host:Mcp1200",
+    host="host:Mcp1200",
     demo="demo:DEMO",
     demo_name="mcp1200",
     typical=("MCP-1200",),
@@ -36,20 +34,6 @@ FAMILY: Final = Family(
     reset_name="soft reset",
     outputs=("PROF", "IDLE", "BUSY"),
     addresses=(("00H to 7FH", "address latched by /ALE or /CS", "register byte", "register byte"),),
-    flags={"flags": "FLAG_BITS", "status": "STATUS_BITS"},
-    units={
-        **dict.fromkeys(("command", "actual", "error"), "counts"),
-        "velocity": "counts/sample",
-    },
     compatibility={"hctl-1100": "compatible:Hctl1100Uses"},
     kept=frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
-    lanes=(
-        LaneRow("desired", "command position", "counts", "command", register="COMMAND_POSITION"),
-        LaneRow("real", "actual position", "counts", "actual", register="ACTUAL_POSITION"),
-        LaneRow("error", "position error", "counts", "error", register="POSITION_ERROR"),
-        LaneRow(
-            "velocity", "actual velocity", "counts/sample", "velocity", register="ACTUAL_VELOCITY"
-        ),
-        LaneRow("output", "motor output", "", "drive", 1e-4),
-    ),
 )

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from vbus.chips.mcp1200.calls import Mcp1200Calls
 from vbus.chips.mcp1200.datasheet import (
     CAPTURE_CONTROL,
     CONTROL_CODE,
@@ -17,7 +18,6 @@ from vbus.chips.mcp1200.datasheet import (
     INDEX_RISING,
     SOFT_RESET_CODE,
 )
-from vbus.chips.mcp1200.generated.aio_calls import Mcp1200Calls
 from vbus.client.aio.bus import Bus, Chip
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import parse_duration

@@ -53,7 +53,6 @@ class InputFilter:
         since: instant at which ``raw`` began.
     """
 
-    __slots__ = ("_floor", "dwell", "level", "raw", "since")
     STATE: ClassVar[Names] = ("dwell", "level", "raw", "since", "_floor")
 
     def __init__(self, dwell: int, level: int = 1) -> None:
@@ -111,10 +110,6 @@ class Quadrature:
         pulse: how long the last level of A or B lasted, when :meth:`edge` ended it.
     """
 
-    __slots__ = (
-        "_a", "_a_since", "_b", "_b_since", "_index", "_since", "_state", "_together", "at",
-        "count", "direction", "dwell", "dwell_limit", "pulse", "pulse_limit",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "count", "direction", "at", "dwell", "pulse", "_state", "_since", "_a_since", "_b_since",
         "_a: part", "_b: part", "_index: part",

@@ -63,10 +63,6 @@ class SCurve:
         hold: samples at peak velocity (``Tv``).
     """
 
-    __slots__ = (
-        "_c", "_den", "_end_part", "_k", "_left", "_num", "_part", "_peak", "_rest",
-        "_stopping", "distance", "done", "flat", "hold", "offset", "phase", "rise", "velocity",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "distance: int", "offset: int", "velocity: int", "phase: int", "done: bool", "rise: int",
         "flat: int", "hold: int", "_num: int", "_den: int", "_part: int", "_end_part: int",

@@ -1,19 +1,23 @@
 """A bus over any link, for asyncio."""
 
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager, nullcontext, suppress
-from types import TracebackType
-from typing import Concatenate, Final, ParamSpec, Self, TypeVar
+from __future__ import annotations
 
-from vbus.client.aio.ready import Lock, opened, pause, until_ready
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import nullcontext, suppress
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Self, TypeVar
+
+from vbus.client.aio.waits import Core, Waits
 from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
 from vbus.errors import TransportError, VbusError
-from vbus.protocols.port import PortInfo
 from vbus.protocols.requests import FORESEEING
 from vbus.wall_clock import monotonic
+
+if TYPE_CHECKING:
+    from vbus.protocols.info import PortInfo
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -27,14 +31,14 @@ MOST_KEPT: Final = 4096
 _LONGEST_WAIT: Final = 86400.0
 
 
-class ChipCycles:
+class ChipCycles(Core):
     """What can be done to one chip, or to whatever is selected."""
 
     def _names(self) -> PortInfo | None:
         """What is known of the names of chips, lines and pins."""
         raise NotImplementedError
 
-    async def _exchange(self, message: Message) -> None:
+    def _exchange(self, message: Message) -> Coroutine[Any, Any, None]:
         """Send a message and take its replies."""
         raise NotImplementedError
 
@@ -79,17 +83,42 @@ class ChipCycles:
         """
         return await self._ask(Message.wait, longest)
 
-    @asynccontextmanager
-    async def batch(self) -> AsyncIterator[Message]:
+    def batch(self) -> Batch:
         """Collect requests and send them as one message when the block is left.
 
         Inside the block, calls go to the message it gives; each call that has a reply returns a
         :class:`~vbus.client.message.Later`, whose ``value`` can be had after the block. Several
         cycles in one message cost little more than one.
         """
-        message = Message(self._names())
-        yield message
-        await self._exchange(message)
+        return Batch(self)
+
+
+class Batch(Core):
+    """A block whose requests travel as one message; made by :meth:`ChipCycles.batch`."""
+
+    def __init__(self, cycles: ChipCycles) -> None:
+        self._cycles: ChipCycles = cycles
+        self._message: Message = Message(cycles._names())
+
+    async def __aenter__(self) -> Message:
+        return self._message
+
+    async def __aexit__(self, kind: type[BaseException] | None, *why: object) -> None:
+        if kind is None:
+            await self._cycles._exchange(self._message)
+
+
+class Claim(Core):
+    """A block that no other session disturbs; made by :meth:`Bus.claim`."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus: Bus = bus
+
+    async def __aenter__(self) -> None:
+        await self._bus._ask(Message.claim)
+
+    async def __aexit__(self, *why: object) -> None:
+        await self._bus._post(Message.unclaim)
 
 
 class Bus(ChipCycles):
@@ -109,11 +138,13 @@ class Bus(ChipCycles):
         timeout: seconds a reply may take, on top of the time the requests let pass.
     """
 
+    _WAITS: ClassVar[type[Waits]] = Waits
+
     def __init__(self, link: BoardLink, timeout: float = TIMEOUT) -> None:
         self.link: BoardLink = link
         self.timeout: float = timeout
         self._wire: SessionWire = SessionWire()
-        self._lock = Lock()
+        self._waits: Waits = self._WAITS()
         self._info: PortInfo | None = None
         self._passing: int = 0
         self._posting: bool = False
@@ -153,7 +184,7 @@ class Bus(ChipCycles):
             raise ValueError("nothing is known of the session yet; call hello first")
         return self._info
 
-    def chip(self, *names: str) -> "Chip":
+    def chip(self, *names: str) -> Chip:
         """Return the chip called so; with several names, chips written in one strobe.
 
         Raises:
@@ -164,6 +195,33 @@ class Bus(ChipCycles):
             if name not in known:
                 raise ValueError(f"no chip {name!r}; this session has {', '.join(known)}")
         return Chip(self, sum(1 << known.index(name) for name in set(names)))
+
+    @classmethod
+    async def _connect(cls, where: str, timeout: float, wait: str | None) -> Self:
+        """Open a session as :func:`connect` does."""
+        patience = RetryPolicy(where, wait)
+        while True:
+            try:
+                return await cls._try(where, timeout)
+            except TransportError:
+                if not patience.left():
+                    raise
+            await cls._WAITS().pause(PAUSE_SECONDS)
+
+    @classmethod
+    async def _try(cls, where: str, timeout: float) -> Self:
+        waits = cls._WAITS()
+        link = await waits.opened(open_link, where)
+        bus = cls(link, timeout)
+        try:
+            if not await waits.until_ready(link.fd, True, monotonic() + timeout):
+                raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
+            link.check()
+            link.check_board((await bus.hello()).board)
+        except BaseException:
+            await bus.close()
+            raise
+        return bus
 
     # -- one call for each request ----------------------------------------------------------------
 
@@ -183,14 +241,9 @@ class Bus(ChipCycles):
         """Let the following cycles of the bus go to these chips; bit n is ``info.chips[n]``."""
         await self._post(Message.select, mask)
 
-    @asynccontextmanager
-    async def claim(self) -> AsyncIterator[None]:
+    def claim(self) -> Claim:
         """Hold the selected chips' bus for the length of the block; waits its turn."""
-        await self._ask(Message.claim)
-        try:
-            yield
-        finally:
-            await self._post(Message.unclaim)
+        return Claim(self)
 
     async def lines(self, levels: Mapping[int | str, int]) -> None:
         """Put control lines, by number or name, to levels 0 or 1, all at one instant."""
@@ -271,10 +324,13 @@ class Bus(ChipCycles):
         Other calls wait meanwhile.
         """
         deadline = monotonic() + (self.timeout if timeout is None else timeout)
-        async with self._lock:
+        async with self._waits:
             while not self._wire.events:
                 until = self.link.until(deadline)
-                if not await until_ready(self.link.fd, False, until) and until == deadline:
+                if (
+                    not await self._waits.until_ready(self.link.fd, False, until)
+                    and until == deadline
+                ):
                     return None
                 self._receive()
         return self._wire.events.popleft()
@@ -284,31 +340,37 @@ class Bus(ChipCycles):
     def _names(self) -> PortInfo | None:
         return self._info
 
-    async def _exchange(self, message: Message) -> None:
-        await self.exchange(message, None)
+    def _exchange(self, message: Message) -> Coroutine[Any, Any, None]:
+        return self.exchange(message, None)
 
     async def exchange(self, message: Message, mask: int | None) -> None:
         """Send ``message`` with these chips selected (None: as it is) and take its replies."""
-        async with self._lock:
+        async with self._waits:
             polls = self._wire.known(message, mask)
             if polls is not None:
                 self._kept += polls
                 return
-            self._kept += self._wire.send(message, mask)
-            if self._posting and len(self._kept) < MOST_KEPT and message.done:
-                self._passing += message.duration
-                return
-            rest = memoryview(bytes(self._kept))
-            self._kept.clear()
+            sent = self._wire.send(message, mask)
             self._passing += message.duration
-            deadline = monotonic() + self._patience()
+            if self._kept or self._posting:
+                self._kept += sent
+                if self._posting and len(self._kept) < MOST_KEPT and message.done:
+                    return
+                sent = bytes(self._kept)
+                self._kept.clear()
             paused = self._wire.paused
+            rest = memoryview(sent)
             try:
                 rest = self._send(rest)
+                waiting = bool(rest) or not message.done
+                deadline = monotonic() + self._patience() if waiting else 0.0
                 while rest or not message.done:
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)
-                    if not await until_ready(self.link.fd, writing, until) and until == deadline:
+                    if (
+                        not await self._waits.until_ready(self.link.fd, writing, until)
+                        and until == deadline
+                    ):
                         before, paused = paused, self._wire.paused or self.link.paused()
                         if not (paused or before):  # who goes on has time to answer, too
                             raise self._late(message)
@@ -323,9 +385,11 @@ class Bus(ChipCycles):
                     self._wire.end(
                         TransportError(f"{self.link.where}: a message was cut off half-way")
                     )
-            if any(later is not None for _, later in message.requests):
+            if message.last is not None:
                 self._passing = 0
             self._wire.raise_refusal()
+            if message.requests:
+                self.link.replied()
 
     def _send(self, data: memoryview) -> memoryview:
         """Send what the link takes now; return the rest."""
@@ -378,8 +442,8 @@ class Chip(ChipCycles):
     def _names(self) -> PortInfo | None:
         return self.bus.info
 
-    async def _exchange(self, message: Message) -> None:
-        await self.bus.exchange(message, self.mask)
+    def _exchange(self, message: Message) -> Coroutine[Any, Any, None]:
+        return self.bus.exchange(message, self.mask)
 
 
 async def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None) -> Bus:
@@ -398,32 +462,4 @@ async def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None)
         ProtocolError: whoever answers speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
-    patience = RetryPolicy(where, wait)
-    while True:
-        try:
-            return await _connect(where, timeout)
-        except TransportError:
-            if not patience.left():
-                raise
-        await pause(PAUSE_SECONDS)
-
-
-async def _connect(where: str, timeout: float) -> Bus:
-    link = await opened(open_link, where)
-    bus = Bus(link, timeout)
-    try:
-        if not await until_ready_to_write(link, timeout):
-            raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
-        link.check_board((await bus.hello()).board)
-    except BaseException:
-        await bus.close()
-        raise
-    return bus
-
-
-async def until_ready_to_write(link: BoardLink, timeout: float) -> bool:
-    """Wait until a link that is being opened is open; False if time ran out first."""
-    if not await until_ready(link.fd, True, monotonic() + timeout):
-        return False
-    link.check()
-    return True
+    return await Bus._connect(where, timeout, wait)

@@ -11,7 +11,8 @@ from vbus.board.board import Board
 from vbus.chips.packets import Packet
 from vbus.chips.tables import Bit
 from vbus.circuit.stream import PacketReader
-from vbus.client.demo import Demo, Gauge
+from vbus.client.demo import Demo
+from vbus.signals import Reading, Value
 from vbus.trace.latest_lines import LatestLines
 
 BAR: Final = 31
@@ -55,14 +56,19 @@ def screen(
     demo: Demo, board: Board, traffic: LatestTraffic, link: str, steps: list[str]
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
-    seen = board.chip(demo.chip).telemetry()
+    chip = board.chip(demo.chip)
+    seen, rows = chip.telemetry(), chip.VALUES.told(chip.axis_count)
     gauges = Table.grid(padding=(0, 2))
     gauges.add_column(no_wrap=True)
     gauges.add_column(justify="right", min_width=9)
     gauges.add_column()
-    for gauge in demo.gauges:
-        gauges.add_row(gauge.title, *_gauge(gauge, seen))
-    flags = [_flags(int(seen[key]), bits) for key, bits in demo.flags.items()]
+    flags = []
+    for key, full in demo.shown.items():
+        row, axis = rows[key]
+        if row.fields:
+            flags.append(_flags(int(seen[key]), row.fields))
+        else:
+            gauges.add_row(_title(row, axis), *_gauge(seen[key], full))
     shown = traffic.lines()
     return Group(
         Panel(
@@ -86,11 +92,18 @@ def _last(lines: list[str]) -> Text:
     return text
 
 
-def _gauge(gauge: Gauge, seen: dict[str, int | float | str]) -> tuple[str, RenderableType]:
-    value = seen[gauge.key]
+def _title(row: Value, axis: int) -> str:
+    """Return what a value is called, with its unit."""
+    number = f" {axis + 1}" if "{}" in row.key else ""
+    unit = row.plain_unit or ("of full scale" if row.step else "")
+    return f"{row.name}{number}" + (f" ({unit})" if unit else "")
+
+
+def _gauge(value: Reading, full: float) -> tuple[str, RenderableType]:
     if isinstance(value, str):
         return value, ""
-    return f"{value:.{gauge.digits}f}", bar(value, gauge.full) if gauge.full else ""
+    text = f"{value}" if isinstance(value, int) else f"{value:.3f}"
+    return text, bar(value, full) if full else ""
 
 
 def _flags(word: int, bits: tuple[Bit, ...]) -> Text:

@@ -1,47 +1,33 @@
 """Fills the tables of the board-file pages: every section, every registered chip and plant."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Final
 
-from msgspec import Struct
-
 from vbus import plugins
-from vbus.board import sections
-from vbus.board.card_buses import BUSES, DATA
-from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.cards import decodes
-from vbus.board.section import NAMES, GlueSection, rows
+from vbus.boardfile.key import NAMES, Below, Section, below, rows
+from vbus.boardfile.sections import BoardFile
+from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.table import PARTS
 from vbus.options import Option
 from vbus.tools.generate.layout import ROOT, filled, table
 from vbus.values import units
 from vbus.values.settings import allowed, quoted
 
-_PAGES: Final[dict[str, dict[str, type[Struct]]]] = {
-    "board": {"board": sections.BoardSection},
-    "chips": {"chips": sections.ChipSection},
-    "plants": {"plants": sections.PlantSection, "switches": sections.SwitchSection},
-    "nets": {"nets": sections.NetSection},
-    "hosts": {"hosts": sections.HostSection},
-    "violations": {},
-    "buses": {"buses": sections.BusSection},
-    "glue": {"glue": GlueSection},
-    "cards": {
-        "cards": CardSection,
-        "ports": CardPortSection,
-        "registers": CardRegisterSection,
-    },
-    "pinmaps": {"pinmaps": sections.PinMapSection},
-    "nodes": {"nodes": sections.NodeSection},
-    "zenoh": {"zenoh": sections.ZenohSection},
-    "record": {"record": sections.RecordSection},
-    "waves": {"waves": sections.WaveSection},
-    "scope": {"scope": sections.ScopeSection},
-    "metrics": {"metrics": sections.MetricsSection},
-    "faults": {"faults": sections.FaultSection},
-}
-"""The page of each kind of section in the order of the overview, with its tables of keys."""
+_PAGES: Final = (
+    "board", "chips", "plants", "nets", "hosts", "violations", "buses", "glue", "cards", "pinmaps",
+    "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
+)  # fmt: skip
+"""Sections in the order of the overview; each has a page."""
+
+
+def _tables(field: Below) -> Iterator[tuple[str, list[str]]]:
+    """Give a table of the keys of a section, and of each section below it."""
+    if isinstance(field.of, type) and issubclass(field.of, Section):
+        yield field.name, option_table(rows(field.of))
+        for inner in below(field.of):
+            yield from _tables(inner)
 
 
 def targets() -> list[tuple[str, Callable[[], str]]]:
@@ -57,7 +43,7 @@ def _overview() -> str:
 
 def _page(name: str) -> str:
     """Return the page of a kind of section with its tables up to date."""
-    tables = {title: option_table(rows(keys)) for title, keys in _PAGES[name].items()}
+    tables = dict(_tables(next(one for one in below(BoardFile) if one.name == name)))
     for title, make in _FURTHER.get(name, {}).items():
         tables[title] = make()
     return filled(f"board-file/{name}", tables)

@@ -7,6 +7,7 @@ from pathlib import Path
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
 from vbus.tools.generate.layout import ROOT, fill, filled, table
+from vbus.transports.states import CLOSED, EVENTS, SESSION, STATES, TERMINAL, Machine
 
 
 def byte_protocol() -> str:
@@ -40,6 +41,24 @@ def text_protocol() -> str:
     """Return the text protocol's page with its table up to date."""
     rows = ((f"`{verb.usage}`", f"`{verb.answer}`", verb.title) for verb in VERBS.values())
     return filled("text-protocol", {"verbs": table(("line", "an answer", "meaning"), rows)})
+
+
+def architecture() -> str:
+    """Return the page about the architecture with the states of sessions and terminals."""
+    page = (ROOT / "ARCHITECTURE.md").read_text()
+    figure = ["```mermaid", "stateDiagram-v2", *_drawn(SESSION), *_drawn(TERMINAL), "```", ""]
+    states = table(("state", "what it is"), STATES.items())
+    events = table(("event", "what happens"), EVENTS.items())
+    return fill(page, "sessions", [*figure, *states, "", *events])
+
+
+def _drawn(machine: Machine) -> Iterator[str]:
+    """Yield the lines of a state diagram; the first row is of the first state."""
+    yield f"    state {machine.name} {{"
+    yield f"        [*] --> {machine.rows[0][0]}"
+    for state, event, to in machine.rows:
+        yield f"        {state} --> {'[*]' if to == CLOSED else to}: {event}"
+    yield "    }"
 
 
 def add_a_chip() -> str:

@@ -31,13 +31,16 @@ def folder_of(family: Family) -> Path:
 def formatted(text: str, name: str) -> str:
     """Return Python source as ``ruff format`` lays it out, its imports sorted.
 
+    A stub (``.pyi``) imports only what it uses, and names what stands later without quotes.
+
     Raises:
         VbusError: ruff is missing, or the text is not Python.
     """
     ruff = [sys.executable, "-m", "ruff"]
     plain = ["--quiet", "--isolated", f"--config=line-length={WIDTH}", "--config=src=['.']"]
+    rules = "I,F401,UP037" if name.endswith(".pyi") else "I"
     for command in (
-        [*ruff, "check", *plain, "--select", "I", "--fix-only", "--stdin-filename", name, "-"],
+        [*ruff, "check", *plain, "--select", rules, "--fix-only", "--stdin-filename", name, "-"],
         [*ruff, "format", *plain, "--stdin-filename", name, "-"],
     ):
         done = subprocess.run(command, input=text, capture_output=True, text=True, cwd=ROOT)

@@ -137,9 +137,19 @@ def _copy(module: str) -> str:
     return _HEAD.format(path) + text
 
 
+def _decoder(family: Family, packets: type[Decoder]) -> str:
+    """Return a copy of the decoder, or one of the register map alone."""
+    if family.packets:
+        return _copy(packets.__module__)
+    return _HEAD.format("its register map") + (
+        f'"""{family.title}: its registers."""\n\nfrom . import tables as ds\n'
+        f"from .packets import packets_of\n\nPackets = packets_of({family.name!r}, ds.REGISTERS)\n"
+    )
+
+
 def _tables(family: Family, packets: type[Decoder]) -> str:
     """Return the rows of the datasheet that the decoder uses."""
-    _, source = _source(packets.__module__)
+    source = _decoder(family, packets)
     used = sorted(set(re.findall(r"\bds\.([A-Z][A-Z0-9_]*)", source)))
     path, rows = _source("vbus.chips.tables")
     rows = rows.replace("from vbus.signals import HIGH\n", "HIGH = 1\n")
@@ -177,5 +187,5 @@ def decoder_targets(family: Family, folder: str) -> list[tuple[str, Callable[[],
             if name != "tables"
         ),
         (f"{folder}/watch.py", partial(_copy, watch.__module__)),
-        (f"{folder}/decoder.py", partial(_copy, packets.__module__)),
+        (f"{folder}/decoder.py", partial(_decoder, family, packets)),
     ]

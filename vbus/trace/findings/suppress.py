@@ -1,18 +1,18 @@
 """Violations that are known and accepted: a TOML file with the reason for each."""
 
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
 from msgspec import Struct
 
 from vbus.board.checks import all_rules
+from vbus.boardfile.key import Section, row
+from vbus.boardfile.source import BoardFileError, Source
+from vbus.boardfile.walker import Walker
 from vbus.errors import VbusError, read_errors
-from vbus.file_kinds import foreign
 from vbus.signals import Violation
 from vbus.values.settings import rule_hint, rule_names
-
-_KEYS = ("rule", "chip", "reason")
 
 
 class Suppression(Struct):
@@ -34,6 +34,19 @@ class Suppression(Struct):
         """Tell whether a violation is accepted by it."""
         family = violation.rule.partition(".")[0]
         return self.rule in (violation.rule, family) and self.chip in ("", violation.chip)
+
+
+class _Suppress(Section, frozen=True, kw_only=True):
+    """``[[suppress]]``."""
+
+    rule: Annotated[str, row("name of a rule, or of a family")]
+    chip: Annotated[str, row("name of a chip; else all")] = ""
+    reason: Annotated[str, row("why it is accepted")]
+    place: int = 0
+
+
+class _File(Section, frozen=True, kw_only=True):
+    suppress: tuple[_Suppress, ...] = ()
 
 
 def suppressions_of(path: str) -> list[Suppression]:
@@ -61,31 +74,20 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
         VbusError: it is no TOML, or an entry is wrong; all are named.
     """
     try:
-        data = tomllib.loads(text)
-    except ValueError as error:
-        reason = foreign(file, text.encode()) or str(error)
-        raise VbusError(f"{file}: no TOML: {reason}; write [[suppress]] tables") from None
+        return _read(Source(file, text), rules)
+    except BoardFileError as error:
+        raise VbusError(str(error)) from None
+
+
+def _read(source: Source, rules: Iterable[str]) -> list[Suppression]:
+    data = source.parsed("list of accepted violations")
+    found = Walker(source, data).section(_File, (), data) or _File()
     known = rule_names(rules)
-    wrong = [f"{file}: {key}: unknown section; write [[suppress]]" for key in data
-             if key != "suppress"]  # fmt: skip
-    entries = data.get("suppress", [])
-    if not isinstance(entries, list):
-        raise VbusError(f"{file}: suppress: write [[suppress]] with two brackets on either side")
-    made = []
-    for place, entry in enumerate(entries, 1):
-        where = f"{file}: suppress[{place}]"
-        for key, value in entry.items():
-            if key not in _KEYS:
-                wrong.append(f"{where}.{key}: unknown key; allowed are {', '.join(_KEYS)}")
-            elif not isinstance(value, str) or not value.strip():
-                wrong.append(f"{where}.{key}: write a text in quotes")
-        for key in ("rule", "reason"):
-            if key not in entry:
-                wrong.append(f"{where}: {key} is missing")
-        rule = str(entry.get("rule", ""))
-        if rule and rule not in known:
-            wrong.append(f"{where}.rule: unknown rule; {rule_hint(rule, known)}")
-        made.append(Suppression(rule, str(entry.get("chip", "")), str(entry.get("reason", ""))))
-    if wrong:
-        raise VbusError("\n".join(wrong))
-    return made
+    for one in found.suppress:
+        where = ("suppress", one.place)
+        if one.rule not in known:
+            source.fail((*where, "rule"), f"unknown rule; {rule_hint(one.rule, known)}")
+        if not one.reason.strip():
+            source.fail((*where, "reason"), "say in words why it is accepted")
+    source.finish()
+    return [Suppression(one.rule, one.chip, one.reason) for one in found.suppress]

@@ -51,7 +51,7 @@ class Journal(Observer):
         text: the board file, for replays; empty for a board made in Python.
         name: name of the board file.
         report: takes a sentence when the file takes no more.
-        port: makes the ports that are written down, where the board has ports of its own kind.
+        port: makes the ports that are written down; for tests.
     """
 
     def __init__(

@@ -74,7 +74,7 @@ class Player:
         if entry.op in OUTSIDE:
             if self.board.beyond is None:
                 raise ValueError("this is of a node, and the board is none")
-            self.board.beyond(entry.op, entry.args)
+            self.board.beyond.replay(entry.op, entry.args)
             return None, 0
         port = self.ports.get(entry.port)
         if port is None:

@@ -1,12 +1,11 @@
-"""Hosts' ports under a journal: how calls are written down, and the fast port that does it.
+"""Hosts' ports under a journal, and how calls are written down.
 
-:class:`RecordedBus` is what :func:`~vbus.trace.journal.recorder.recorded` makes of a
-:class:`HostBus`, compiled; ``tests/unit/trace/test_recorder.py`` holds their journals equal, byte
-for byte.
+``tests/unit/trace/plain_recorder.py`` makes the same of a :class:`HostBus` in the plainest way;
+``test_recorder.py`` holds their journals equal, byte for byte.
 """
 
-# Compiled (LM629, a cycle with its entry): polls 154 ns and 689 ns by the decorator, 4.5 times; a
-# driver 2.7 times; a read by strobes 3.3 times.
+# Compiled (LM629, a cycle with its entry): polls 154 ns and 689 ns by the plain recorder, 4.5
+# times; a driver 2.7 times; a read by strobes 3.3 times.
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Final, TypeVar
@@ -104,6 +103,13 @@ class SessionRows(Observer):
             answer, more = reply if code == SAMPLE else (int(reply or 0), 0)
             self._rows.call(self._key + code, FORMS[code], first, second, answer, more, when, now)
 
+    def refused(self, when: int, op: str, args: list[Any], error: Exception) -> None:
+        """Write down a call that was refused, or that time has to run on for first."""
+        if isinstance(error, PortError):
+            self.note(when, op, args, None, error.code)
+        else:
+            self.note(when, op, args, None, NOT_YET, self._board.limit)
+
     def call(self, port: HostBus, op: str, args: list[Any], call: Callable[..., T]) -> T:
         """Make a call of the session's port and write it down, also if it is refused or unfinished.
 
@@ -118,11 +124,8 @@ class SessionRows(Observer):
         when = self._kernel.now
         try:
             reply = call(port, *args)
-        except NotYet:
-            self.note(when, op, args, None, NOT_YET, self._board.limit)
-            raise
-        except PortError as error:
-            self.note(when, op, args, None, error.code)
+        except (NotYet, PortError) as error:
+            self.refused(when, op, args, error)
             raise
         if reply or op != "edges":
             waits = op in ("wait", "delay") and not reply
@@ -179,8 +182,8 @@ class RecordedBus(HostBus):
         when = kernel.now
         try:
             data = HostBus.read(self, address)
-        except PortError as error:
-            self._notes.note(when, "read", [address], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "read", [address], error)
             raise
         self._rows.cycle(self._session, address << 9 | data, when, kernel.now)
         return data
@@ -191,8 +194,8 @@ class RecordedBus(HostBus):
         when = kernel.now
         try:
             HostBus.write(self, address, data)
-        except PortError as error:
-            self._notes.note(when, "write", [address, data], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "write", [address, data], error)
             raise
         self._rows.cycle(self._session, address << 9 | 0x100 | data & 0xFF, when, kernel.now)
 
@@ -203,8 +206,8 @@ class RecordedBus(HostBus):
         when = self._kernel.now
         try:
             HostBus.lines(self, mask, levels)
-        except PortError as error:
-            self._notes.note(when, "lines", [mask, levels], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "lines", [mask, levels], error)
             raise
         self._rows.call(self._key | LINES, 2, mask, levels, 0, 0, when, self._kernel.now)
 
@@ -213,8 +216,8 @@ class RecordedBus(HostBus):
         when = self._kernel.now
         try:
             HostBus.drive(self, data)
-        except PortError as error:
-            self._notes.note(when, "drive", [data], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "drive", [data], error)
             raise
         self._rows.call(self._key | DRIVE, 1, data, 0, 0, 0, when, self._kernel.now)
 
@@ -223,8 +226,8 @@ class RecordedBus(HostBus):
         when = self._kernel.now
         try:
             HostBus.release(self)
-        except PortError as error:
-            self._notes.note(when, "release", [], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "release", [], error)
             raise
         self._rows.call(self._key | RELEASE, 0, 0, 0, 0, 0, when, self._kernel.now)
 
@@ -233,8 +236,8 @@ class RecordedBus(HostBus):
         when = self._kernel.now
         try:
             data, outputs = HostBus.sample(self)
-        except PortError as error:
-            self._notes.note(when, "sample", [], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "sample", [], error)
             raise
         self._rows.call(self._key | SAMPLE, PAIR << 2, 0, 0, data, outputs, when, self._kernel.now)
         return data, outputs
@@ -246,8 +249,8 @@ class RecordedBus(HostBus):
             return self._notes.call(self, "delay", [duration], HostBus.delay)
         try:
             passed = HostBus.delay(self, duration)
-        except PortError as error:
-            self._notes.note(when, "delay", [duration], None, error.code)
+        except (NotYet, PortError) as error:
+            self._notes.refused(when, "delay", [duration], error)
             raise
         if passed:
             self._rows.call(

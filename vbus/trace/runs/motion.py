@@ -94,9 +94,9 @@ class Motion:
                 if name != chip.name:
                     continue
                 counts.append(board.axes[axis].count)
-                error = told.get("error", told.get(f"error {number}", 0))
-                if isinstance(error, int | float):
-                    self._errors[axis] = max(self._errors[axis], abs(int(error)))
+                row = chip.VALUES.lane("error")
+                error = told[row.key.format(number)] if row is not None else 0
+                self._errors[axis] = max(self._errors[axis], abs(int(error)))
         self._timer.at(board.now + STEP)
 
     def stop(self) -> dict[str, AxisCourse]:

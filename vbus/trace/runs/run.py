@@ -8,7 +8,7 @@ from typing import Any, Final
 from vbus import plugins
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.sections import BoardFile
+from vbus.boardfile.sections import BoardFile
 from vbus.chips.packets import STATUS, WHOLE, Packet
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import VbusError

@@ -8,8 +8,8 @@ from msgspec import Struct
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.events.names import Value, net_names
-from vbus.signals import Net
+from vbus.events.names import net_names
+from vbus.signals import Net, Reading
 
 FULL: Final = "full"
 SIGROK: Final = "sigrok"
@@ -69,7 +69,7 @@ def nets_of(board: Board, patterns: Sequence[str]) -> list[Net]:
     return list(dict.fromkeys(found))
 
 
-def values_of(board: Board) -> dict[str, Value]:
+def values_of(board: Board) -> dict[str, Reading]:
     """Return what chips tell of themselves, by ``"chip.name"``; they are up to date after that."""
     return {
         f"{chip.name}.{name.replace(' ', '_')}": value

@@ -9,7 +9,7 @@ from typing import Any, Final, TextIO
 
 from mypy_extensions import i64
 
-from vbus.events.names import Value
+from vbus.signals import Reading
 from vbus.trace.names import bit_names
 from vbus.trace.wave.signals import FULL, Signal
 from vbus.version import __version__
@@ -18,7 +18,7 @@ TICK: Final = 100
 """Picoseconds of the time scale: limits of the MCP-1200 have tenths of nanoseconds."""
 
 
-Change = tuple[int, Signal, Value]
+Change = tuple[int, Signal, Reading]
 """Instant (ps), signal, value from then on."""
 
 MOST_TEXTS: Final = 4096
@@ -76,7 +76,7 @@ class VcdFile:
         """The latest that stands in the file."""
         self._used: set[tuple[str, str]] = set()
 
-    def begin(self, signals: list[Signal], values: Mapping[Signal, Value], first: int) -> None:
+    def begin(self, signals: list[Signal], values: Mapping[Signal, Reading], first: int) -> None:
         """Write the head with the values at instant ``first`` (ps)."""
         from vcd import VCDWriter
 

@@ -10,10 +10,9 @@ from vbus.board.board import Board
 from vbus.chips.packets import Packet
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.errors import PluginError, VbusError
-from vbus.events.names import Value
 from vbus.events.watch import Watch
 from vbus.kernel import MS
-from vbus.signals import Violation
+from vbus.signals import Reading, Violation
 from vbus.trace.wave.changes import Changes
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.trace.wave.vcd_file import Change, VcdFile
@@ -93,9 +92,9 @@ class Wave(PacketReader):
         told = [chip for chip in board.chips if chip.name in self._words]
         self._stream: PacketStream = PacketStream.of(told, (self,))
         """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
-        self._values: dict[Signal, Value] = {}
+        self._values: dict[Signal, Reading] = {}
         """Values at the beginning of the ring, and later the latest written."""
-        self._latest: dict[Signal, Value] = {}
+        self._latest: dict[Signal, Reading] = {}
         """What the chips have told of themselves."""
         self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()

@@ -1,0 +1,1 @@
+"""The board file: its sections, and the walker that reads them."""

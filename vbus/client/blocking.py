@@ -1,0 +1,170 @@
+"""Blocking counterparts of the client's asyncio classes: the same calls, done when they return.
+
+A session that blocks never leaves a coroutine half-way, so one step carries it out. What a caller
+gets is a class of the same name that stands before the asyncio object. Who changes how a client
+works derives from the asyncio class, and passes that to :func:`blocking`.
+"""
+
+from collections.abc import Callable, Coroutine
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+from weakref import ref
+
+from vbus.client.aio.waits import Core
+
+T = TypeVar("T")
+
+_COROUTINE: Final = 0x80
+"""Flag of the code of ``async def``: ``inspect``, which has it too, takes 10 ms to import."""
+
+
+def run(steps: Coroutine[Any, Any, T]) -> T:
+    """Carry out a coroutine of a session that blocks."""
+    try:
+        steps.send(None)
+    except StopIteration as done:
+        value: T = done.value
+        return value
+    raise _unfinished(steps)
+
+
+def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:
+    steps.close()
+    return RuntimeError("a blocking session waited for an event loop")
+
+
+class Blocking:
+    """Stands before an asyncio object, of :attr:`_CORE`; has its attributes."""
+
+    _CORE: ClassVar[type[Core]]
+    _core: Core
+
+    if not TYPE_CHECKING:  # which knows attributes by the stubs
+
+        def __getattr__(self, name: str) -> Any:
+            if name == "_core":
+                raise AttributeError(name)
+            return fronted(getattr(self._core, name))
+
+        def __setattr__(self, name: str, value: object) -> None:
+            setattr(self._core, name, core_of(value))
+
+
+_MADE: Final[dict[type, type[Blocking]]] = {Core: Blocking}
+
+
+def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
+    """Return the blocking counterpart of an asyncio class.
+
+    Args:
+        cls: the class.
+        core: a subclass of it that blocks, where ``cls`` itself is what waits.
+    """
+    made = _MADE.get(cls)
+    if made is None:
+        body = {"__doc__": _without_aio(cls.__doc__), "__module__": _without_aio(cls.__module__)}
+        body |= dict(filter(None, map(_counterpart, vars(cls).items())))
+        made = type(cls.__name__, tuple(map(blocking, cls.__bases__)), body)
+        made._CORE = core or cls
+        _MADE[cls] = _MADE[made._CORE] = made
+    return made
+
+
+def export(module: ModuleType, names: dict[str, Any]) -> None:
+    """Give a module, by its ``globals()``, what is blocking of another one, and its constants."""
+    here, constants = names["__name__"], module.__annotations__
+    for name, value in vars(module).items():
+        if isinstance(value, type) and issubclass(value, Core):
+            for cls in value.__mro__[:-1]:
+                made = blocking(cls)
+                if (
+                    made.__module__ == cls.__module__
+                ):  # of a chip, whose folder has no blocking side
+                    made.__module__ = here
+                if made.__module__ == here:
+                    names[cls.__name__] = made
+        elif name in constants and not name.startswith("_"):
+            names[name] = value
+
+
+def core_of(value: Any) -> Any:
+    """Return the asyncio object that ``value`` stands before; else the value."""
+    return value._core if isinstance(value, Blocking) else value
+
+
+def fronted(value: Any) -> Any:
+    """Return what stands before an asyncio object of the client; any other value as it is."""
+    cls = _MADE.get(type(value))
+    if cls is None:
+        if not isinstance(value, Core):
+            return value
+        cls = blocking(type(value))
+    if value.front is not None and (front := value.front()) is not None:
+        return front
+    front = cls.__new__(cls)
+    _stand(front, value)
+    return front
+
+
+def _stand(front: Blocking, core: Core) -> None:
+    front.__dict__["_core"] = core
+    core.front = ref(front)
+
+
+def _init(front: Blocking, /, *args: Any, **kwargs: Any) -> None:
+    given = {name: core_of(value) for name, value in kwargs.items()}
+    _stand(front, front._CORE(*map(core_of, args), **given))
+
+
+def _counterpart(member: tuple[str, Any]) -> tuple[str, Any] | None:
+    """Return what stands for a member of a class; None if instances find it by themselves."""
+    name, value = member
+    if isinstance(value, property):
+        return name, property(_call(value.fget), doc=value.__doc__)
+    if not isinstance(value, FunctionType):
+        return member if name.isupper() and not name.startswith("_") else None
+    if name == "__init__":
+        return name, _like(value, _init_of(value))
+    return name.replace("__a", "__") if name.endswith("__") else name, _like(value, _call(value))
+
+
+def _init_of(function: FunctionType) -> Any:
+    return lambda *args, **kwargs: _init(*args, **kwargs)
+
+
+def _like(function: Any, made: Any) -> Any:
+    for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+        setattr(made, name, _without_aio(getattr(function, name)))
+    made.__wrapped__ = function
+    return made
+
+
+def _without_aio(text: str | None) -> str | None:
+    return text and text.replace("vbus.client.aio.", "vbus.client.")
+
+
+def _call(function: Any) -> Callable[..., Any]:
+    """Return the blocking function that stands for a method."""
+    if function.__code__.co_flags & _COROUTINE:
+
+        def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
+            steps = function(self._core, *args, **kwargs)
+            try:
+                steps.send(None)
+            except StopIteration as done:
+                return done.value
+            raise _unfinished(steps)
+
+        def enter(self: Blocking) -> Any:
+            value = run(function(self._core))
+            return self if value is self._core else value
+
+        if function.__name__ == "__aenter__":
+            return enter
+
+    else:
+
+        def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
+            return fronted(function(self._core, *args, **kwargs))
+
+    return call
