@@ -5,7 +5,7 @@ gets is a class of the same name that stands before the asyncio object. Who chan
 works derives from the asyncio class, and passes that to :func:`blocking`.
 """
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 from weakref import ref
@@ -14,6 +14,12 @@ from vbus.client.aio.waits import Core
 
 T = TypeVar("T")
 
+_SPECIAL: Final = {
+    "__init__": "__init__",
+    "__aenter__": "__enter__",
+    "__aexit__": "__exit__",
+}
+"""The special methods that have a counterpart, and the name of that."""
 _COROUTINE: Final = 0x80
 """Flag of the code of ``async def``: ``inspect``, which has it too, takes 10 ms to import."""
 
@@ -25,8 +31,12 @@ def run(steps: Coroutine[Any, Any, T]) -> T:
     except StopIteration as done:
         value: T = done.value
         return value
+    raise _unfinished(steps)
+
+
+def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:
     steps.close()
-    raise RuntimeError("a blocking session waited for an event loop")
+    return RuntimeError("a blocking session waited for an event loop")
 
 
 class Blocking:
@@ -59,7 +69,9 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
     made = _MADE.get(cls)
     if made is None:
         body = {"__doc__": _without_aio(cls.__doc__), "__module__": _without_aio(cls.__module__)}
-        body |= dict(filter(None, map(_counterpart, vars(cls).items())))
+        for name, value in vars(cls).items():
+            if name in _SPECIAL or not name.startswith("_"):
+                body[_SPECIAL.get(name, name)] = _counterpart(value)
         made = type(cls.__name__, tuple(map(blocking, cls.__bases__)), body)
         made._CORE = core or cls
         _MADE[cls] = _MADE[made._CORE] = made
@@ -73,11 +85,8 @@ def export(module: ModuleType, names: dict[str, Any]) -> None:
         if isinstance(value, type) and issubclass(value, Core):
             for cls in value.__mro__[:-1]:
                 made = blocking(cls)
-                if (
-                    made.__module__ == cls.__module__
-                ):  # of a chip, whose folder has no blocking side
+                if made.__module__ in (cls.__module__, here):  # a chip's folder is no module here
                     made.__module__ = here
-                if made.__module__ == here:
                     names[cls.__name__] = made
         elif name in constants and not name.startswith("_"):
             names[name] = value
@@ -90,15 +99,13 @@ def core_of(value: Any) -> Any:
 
 def fronted(value: Any) -> Any:
     """Return what stands before an asyncio object of the client; any other value as it is."""
-    cls = _MADE.get(type(value))
-    if cls is None:
-        if not isinstance(value, Core):
-            return value
+    if not isinstance(value, Core):
+        return value
+    front = value.front and value.front()
+    if front is None:
         cls = blocking(type(value))
-    if value.front is not None and (front := value.front()) is not None:
-        return front
-    front = cls.__new__(cls)
-    _stand(front, value)
+        front = cls.__new__(cls)
+        _stand(front, value)
     return front
 
 
@@ -107,56 +114,47 @@ def _stand(front: Blocking, core: Core) -> None:
     core.front = ref(front)
 
 
-def _init(front: Blocking, /, *args: Any, **kwargs: Any) -> None:
-    given = {name: core_of(value) for name, value in kwargs.items()}
-    _stand(front, front._CORE(*map(core_of, args), **given))
-
-
-def _counterpart(member: tuple[str, Any]) -> tuple[str, Any] | None:
-    """Return what stands for a member of a class; None if instances find it by themselves."""
-    name, value = member
+def _counterpart(value: Any) -> Any:
+    """Return what stands for a member of a class."""
     if isinstance(value, property):
-        return name, property(_call(value.fget), doc=value.__doc__)
-    if not isinstance(value, FunctionType):
-        return member if name.isupper() and not name.startswith("_") else None
-    if name == "__init__":
-        return name, _like(value, _init_of(value))
-    return name.replace("__a", "__") if name.endswith("__") else name, _like(value, _call(value))
+        return property(_call(value.fget), doc=value.__doc__)
+    return _call(value) if isinstance(value, FunctionType) else value
 
 
-def _init_of(function: FunctionType) -> Any:
-    return lambda *args, **kwargs: _init(*args, **kwargs)
-
-
-def _like(function: Any, made: Any) -> Any:
-    for name in ("__module__", "__name__", "__qualname__", "__doc__"):
-        setattr(made, name, _without_aio(getattr(function, name)))
-    made.__wrapped__ = function
-    return made
-
-
-def _without_aio(text: str | None) -> str | None:
-    return text and text.replace("vbus.client.aio.", "vbus.client.")
-
-
-def _call(function: Any) -> Callable[..., Any]:
+def _call(function: Any) -> Any:
     """Return the blocking function that stands for a method."""
-    if function.__code__.co_flags & _COROUTINE:
+    call: Any
+    if function.__name__ == "__init__":
+
+        def call(self: Blocking, /, *args: Any, **kwargs: Any) -> None:
+            given = {name: core_of(value) for name, value in kwargs.items()}
+            _stand(self, self._CORE(*map(core_of, args), **given))
+
+    elif function.__name__ == "__aenter__":
+
+        def call(self: Blocking) -> Any:
+            return fronted(run(function(self._core)))
+
+    elif function.__code__.co_flags & _COROUTINE:
 
         def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
             steps = function(self._core, *args, **kwargs)
-            try:
+            try:  # as run(), whose call would be 2 % of a round trip
                 steps.send(None)
             except StopIteration as done:
                 return done.value
-            return run(steps)  # which says that it should have ended
-
-        if function.__name__ == "__aenter__":
-            return lambda self: fronted(call(self))
+            raise _unfinished(steps)
 
     else:
 
         def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
             return fronted(function(self._core, *args, **kwargs))
 
+    for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+        setattr(call, name, _without_aio(getattr(function, name)))
+    call.__wrapped__ = function
     return call
+
+
+def _without_aio(text: str | None) -> str | None:
+    return text and text.replace("vbus.client.aio.", "vbus.client.")

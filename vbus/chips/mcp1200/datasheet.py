@@ -6,11 +6,12 @@ silent or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
-from vbus.signals import LOW, Rule, Value, ValueTable, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")
@@ -284,6 +285,36 @@ FILTER_STAGES: Final = 3
 DATA: Final = "DB0-DB7"
 DAC: Final = "MC0-MC11"
 
+_ADDRESSED: Final = (
+    (-70_000, DATA, ADDRESS), (-70_000, "/ALE", LOW), (-60_000, "/ALE", HIGH),
+)  # fmt: skip
+BUS: Final = BusTable(
+    ("/ALE", "/CS", "/OE", "R/W"),
+    strobes=(
+        Strobe(("R/W",), EITHER, "place"),
+        Strobe(("/ALE",), LOW, "open"),
+        Strobe(("/ALE",), HIGH, "latch"),
+        Strobe(("/CS",), LOW, "enter"),
+        Strobe(("/CS",), HIGH, "access", (("R/W", HIGH),)),
+        Strobe(("/CS",), HIGH, "write", (("R/W", LOW),)),
+        Strobe(("/OE",), HIGH, "take"),
+        Strobe(("/OE",), LOW, "begin", (("R/W", HIGH),)),
+        Strobe(("/OE",), LOW, "begin", (("/CS", HIGH),)),
+    ),
+    read=(
+        (-70_000, "R/W", HIGH), *_ADDRESSED, (-50_000, DATA, Z), (-50_000, "/CS", LOW),
+        (-45_000, "/OE", LOW), (0, "/CS", HIGH), (10_000, "/OE", HIGH),
+    ),
+    write=(
+        (-70_000, "R/W", LOW), *_ADDRESSED, (-50_000, DATA, BYTE), (-50_000, "/CS", LOW),
+        (0, "/CS", HIGH), (10_000, DATA, Z), (10_000, "R/W", HIGH),
+    ),
+    data=DATA,
+    cycle_ps=80_000,
+)  # fmt: skip
+"""The host bus (MCP-BUS-2 to MCP-BUS-7); whole cycles have the non-overlapped order, well above the
+minima."""
+
 PINS: Final = (
     PinRow("/ALE", "in", strobe=True, title="Address Latch Enable"),
     PinRow("/CS", "in", strobe=True, select=True, title="Chip Select"),
@@ -489,5 +520,5 @@ VALUES: Final = ValueTable(
     Value("status", key="status", register="STATUS"),
     Value("profile phase", key="phase", register="PHASE"),
     Value("sample timer", "axis.timer.count(chip.cycle_now())", register="SAMPLE_TIMER"),
-    registers=REGISTERS, file="axis.registers.",
+    registers=REGISTERS, home="axis.registers.",
 )  # fmt: skip

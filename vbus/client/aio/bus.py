@@ -350,17 +350,20 @@ class Bus(ChipCycles):
             if polls is not None:
                 self._kept += polls
                 return
-            self._kept += self._wire.send(message, mask)
-            if self._posting and len(self._kept) < MOST_KEPT and message.done:
-                self._passing += message.duration
-                return
-            rest = memoryview(bytes(self._kept))
-            self._kept.clear()
+            sent = self._wire.send(message, mask)
             self._passing += message.duration
-            deadline = monotonic() + self._patience()
+            if self._kept or self._posting:
+                self._kept += sent
+                if self._posting and len(self._kept) < MOST_KEPT and message.done:
+                    return
+                sent = bytes(self._kept)
+                self._kept.clear()
             paused = self._wire.paused
+            rest = memoryview(sent)
             try:
                 rest = self._send(rest)
+                waiting = bool(rest) or not message.done
+                deadline = monotonic() + self._patience() if waiting else 0.0
                 while rest or not message.done:
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)

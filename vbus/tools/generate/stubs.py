@@ -39,7 +39,7 @@ def _about(path: Path) -> str:
 
 def _call(call: FunctionType) -> Iterator[str]:
     yield ""
-    yield f"    async def {call.__name__}{inspect.signature(call)}:"
+    yield f"    async def {call.__name__}{inspect.signature(call, eval_str=True)}:"
     yield from docstring(*_paragraphs(call))
 
 
