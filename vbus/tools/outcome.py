@@ -84,6 +84,8 @@ class _AxisPath:
     def sentence(self) -> str:
         """Return what became of it."""
         parts = [f"ended at {self.last:g} counts"]
+        if error := self.largest.get("error"):
+            parts.append(f"was {error:g} counts off at most")
         if self.least == self.most:
             parts.append("did not move")
         else:
@@ -92,8 +94,6 @@ class _AxisPath:
                 commanded = self.largest.get("profile")
                 of = "" if commanded is None else f" (commanded {commanded:.6g})"
                 parts.append(f"at up to {speed:.6g}{of} {self.unit}")
-        if error := self.largest.get("error"):
-            parts.append(f"was {error:g} counts off at most")
         if self.in_vain:
             parts.append(f"its profile ran in vain: {self.in_vain}")
         elif self.undriven and self.least == self.most:

@@ -96,13 +96,13 @@ def test_a_failing_test_says_what_became_of_the_axis(suite: pytest.Pytester) -> 
     suite.runpytest("-q").stdout.fnmatch_lines(
         [
             "violations: none",
-            "axis x: ended at 2000 counts, moved from 0 between 0 and 2000, at up to 4 (commanded"
-            " 3.*) cnt/sample, was 7 counts off at most",
+            "axis x: ended at 2000 counts, was 7 counts off at most, moved from 0 between 0 and"
+            " 2000, at up to 4 (commanded 3.*) cnt/sample",
             "violations: 1",
             "*x broke lm628.filter-waits at *: STT: *UDF has not followed LFIL*",
             "notes: 1",
             "*x notes lm628.left-loaded at *: LFIL has loaded a filter that no UDF has taken*",
-            "axis x: ended at 0 counts, did not move, was 2000 counts off at most, its profile ran"
+            "axis x: ended at 0 counts, was 2000 counts off at most, did not move, its profile ran"
             " in vain: *UDF has not followed LFIL",
         ]
     )
