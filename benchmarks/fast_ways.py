@@ -20,7 +20,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import core
-from in_process import board, moving_lm629, moving_mc1241a, moving_mcp1200
+from in_process import board, moving_lm629
 
 from benchmarks import journal
 from tests.unit.trace.plain_recorder import recorded
@@ -149,15 +149,6 @@ def lengths(count: int) -> Work:
     return work
 
 
-def named(make: Callable[[], Board]) -> tuple[Work, Work]:
-    """What lanes take of a chip: numbers alone; by name."""
-    made = make()
-    made.run_for(SECOND)
-    made.catch_up()
-    chip = made.chips[0]
-    return partial(chip.VALUES.steps(chip.axis_count), chip), chip.telemetry
-
-
 def at_rest() -> tuple[Work, Work]:
     """A chip at rest is left alone: for a second; for samples one by one, as one that moves."""
     rest, moves = board("LM629"), moving_lm629()
@@ -182,7 +173,7 @@ _REPLAY = "unit/trace/test_replay.py, frozen"
 WAYS = (
     Way("chips/base.py", "a chip at rest, left alone for 1000 samples", "differential, frozen",
         at_rest),
-    Way("board/card_path.py", "a read through a 74HC138", "unit/glue/test_paths.py", through_glue),
+    Way("board/card_path.py", "a read through a 74HC138", "properties/test_cards.py", through_glue),
     Way("board/host_polls.py", "polls of a lease", "unit/board/test_leases.py",
         lambda: (polled(False), polled(True))),
     Way("plant/dc_motor.py", "two lengths of a period by turns", "unit/plant/test_solved_motor.py",
@@ -194,12 +185,6 @@ WAYS = (
         lambda: replayed(journal.moves)),
     Way("tools/journal_lines.py", "a driver's journal explained",
         "unit/tools/test_journal_lines.py", explained),
-    Way("signals/values.py", "lanes of an LM629", "unit/scope/test_look.py",
-        lambda: named(moving_lm629)),
-    Way("signals/values.py", "lanes of an MCP-1200", "unit/scope/test_look.py",
-        lambda: named(moving_mcp1200)),
-    Way("signals/values.py", "lanes of an MC1241A", "unit/scope/test_look.py",
-        lambda: named(moving_mc1241a)),
 )  # fmt: skip
 
 

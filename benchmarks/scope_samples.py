@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from many_axes import moving
 
 from vbus.board.board import Board
+from vbus.chips.base import SAMPLE
 from vbus.kernel import MS, NEVER, SECOND
 from vbus.scope.frames import numbers
 from vbus.scope.recording import Recorder
@@ -50,7 +51,7 @@ class Asking:
             value = values.get(key)
             if isinstance(value, int | float):
                 lane.note(now, value)
-        due = self.chip.next_sample()
+        due = self.chip.due(SAMPLE)
         for plant, key, lane in self.plants:
             lane.note(due, plant.telemetry()[key])
         for net, lane in self.levels:

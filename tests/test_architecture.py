@@ -55,7 +55,16 @@ ROLES = {
 """The room of a file in a chip's folder, by its name; all other files are of the chip itself."""
 NUMBERS = (["generated", "bits"], ["generated", "registers"])
 """What is made for the chip itself, not for its clients."""
-SHARED_BY_CHIPS = {"base", "bus_watch", "family", "motion", "packets", "strobes", "tables"}
+SHARED_BY_CHIPS = {
+    "base",
+    "bus_watch",
+    "family",
+    "front_end",
+    "motion",
+    "packets",
+    "strobes",
+    "tables",
+}
 DATA = {"tables", "datasheet", "bits"}
 CLAUSES = read_clauses(ROOT / "chips")
 CLAUSE = re.compile(
@@ -118,6 +127,24 @@ def looks_inside(node: ast.AST, insides: set[str]) -> bool:
     private = node.attr.startswith("_") and not node.attr.endswith("__")
     named = getattr(of, "attr", getattr(of, "id", "")) == ("chips" if element else "chip")
     return named and (private or node.attr in insides)
+
+
+def test_a_new_family_must_know_at_most_15_methods_of_a_chip() -> None:
+    """What the page on adding a chip names is enough, and what has no default is among it."""
+    text = (ROOT.parent / "docs" / "add-a-chip.md").read_text()
+    (body,) = [
+        node.body for node in ast.parse((ROOT / "chips" / "base.py").read_text()).body
+        if isinstance(node, ast.ClassDef) and node.name == "Chip"
+    ]  # fmt: skip
+    methods = {
+        node.name: ast.unparse(node) for node in body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    }  # fmt: skip
+    named = {name for name in methods if re.search(rf"\b{name}\(", text)}
+    demanded = {name for name, source in methods.items() if "NotImplementedError" in source}
+    assert demanded <= named
+    assert len(named) <= 15, sorted(named)
+    assert len(methods) <= 26, "of those, and of what few families answer otherwise"
 
 
 def test_only_the_probe_knows_the_inside_of_a_chip() -> None:

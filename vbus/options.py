@@ -29,6 +29,7 @@ class Option(Struct, frozen=True):
             the default: what a host must live with. The mildest comes first.
         evidence: of a choice between readings of a manual: what speaks for each of them.
         ref: of a key of a board file whose value is a name: what it is the name of.
+        needs: of a key of a board file: the keys beside it without which it means nothing.
     """
 
     name: str
@@ -42,12 +43,13 @@ class Option(Struct, frozen=True):
     extremes: tuple[Value, ...] = ()
     evidence: str = ""
     ref: str = ""
+    needs: tuple[str, ...] = ()
 
 
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:
     """Return every setting of ``options``: as given, or its default.
 
-    For parts made in Python. Board files are checked, with units, by :mod:`vbus.board.config`.
+    For parts made in Python. Board files are checked, with units, by :mod:`vbus.boardfile.walker`.
 
     Raises:
         ValueError: a key nobody knows, a required one missing, or a value out of range.

@@ -163,7 +163,7 @@ class _Run:
             options = ("--node", node, *patience, *more)
             running[node] = self._run(node, traces[node], *options, shown=shown)
         self._kill(running)
-        again = ("--node", self.accident.killed, "--rejoin", str(self.snapshot), *patience)
+        again = ("--node", self.accident.killed, "--from", str(self.snapshot), *patience)
         running[self.accident.killed] = self._run(
             self.accident.killed, traces[self.accident.killed], *again
         )

@@ -112,7 +112,7 @@ def test_a_packet_that_is_too_long_is_a_command_error_and_nothing_more(habit: Ha
             "status 82",
             "cleared 80",
         ],
-        ["lm628.wrong-way"],
+        ["lm628.wrong-way", "lm628.left-loaded"],
     )
 
 

@@ -108,7 +108,7 @@ OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
 PASSED = {("up", option) for option in ("--journal", "--report", "--coverage", "--wave")}
 """Options of ``vbus up``: the processes it starts take them."""
 INPUTS = {
-    "--suppress", "--from", "--scenario", "--rejoin", "--board", "--map", "--certificate", "--key",
+    "--suppress", "--from", "--scenario", "--board", "--map", "--certificate", "--key",
     "capture", "files", "first", "second", "scenario", "journal", "journals", "sources", "what",
     "file",
 }  # fmt: skip

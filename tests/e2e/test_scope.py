@@ -319,14 +319,14 @@ def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
             reached = drive(folder, target)
         board.send_signal(signal.SIGINT)
         with late.makefile("rb") as told:
-            told.readline()  # what the board is
-            lines = (json.loads(line) for line in told)
-            description = next(line[1] for line in lines if line[0] == "scope")
             data = told.read()
-    frames = b""
+    messages = []
     while data:
         size = int.from_bytes(data[:4], "little")
-        frames, data = frames + data[4 : 4 + size], data[4 + size :]
+        messages.append(data[4 : 4 + size])
+        data = data[4 + size :]
+    _, description = json.loads(messages[1])  # the first is what the board is
+    frames = b"".join(messages[2:])
     seen = Seen(description, frames)
     assert len(frames) > 1 << 19, "more than a socket holds"
     assert seen.rows["x.real"][-1][1] == reached

@@ -2,62 +2,155 @@
 
 import json
 import socket
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import toy_board
 from tests.e2e.test_sessions import UNIX, connect
+from tests.waiting import until
+from vbus.errors import VbusError
 from vbus.server.registry import watch_path
-from vbus.server.watching import MOST_WAVE, _BufferedText
+from vbus.server.server import Server
+from vbus.server.watching import MOST_WAVE, RemoteWatcher, WaveView
+from vbus.tools.feed import Feed
 
 
-def watch() -> socket.socket:
+def watch(**asked: Any) -> socket.socket:
     link = socket.socket(socket.AF_UNIX)
     link.settimeout(60)
     link.connect(str(watch_path("bench")))
+    if asked:
+        link.sendall(json.dumps(asked).encode() + b"\n")
     return link
 
 
-def test_lines_beyond_the_limit_are_counted_as_lost(
+def watchers(server: Server) -> list[RemoteWatcher]:
+    return [one for one in server.local_sockets[1].connections if isinstance(one, RemoteWatcher)]
+
+
+def messages(link: socket.socket) -> Iterator[Any]:
+    with link.makefile("rb") as file:
+        while head := file.read(4):
+            yield json.loads(file.read(int.from_bytes(head, "little")))
+
+
+def test_events_beyond_the_limit_are_counted_as_lost(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.server.watching.MOST_LINES", 5)
-    with served(toy_board(), UNIX), watch() as link, link.makefile() as lines:
-        assert json.loads(lines.readline())["board"] == "bench"
-        assert json.loads(lines.readline())[0] == "t", "it watches"
+    monkeypatch.setattr("vbus.server.watching.MOST_EVENTS", 5)
+    with served(toy_board(), UNIX), watch(events={}) as link:
+        told = messages(link)
+        assert next(told)["board"] == "bench"
+        assert next(told) == ["events", {}]
         with connect(runtime / "x") as host:
-            host.sendall(b"\x31\x01\x00" * 1000 + b"\x02\x01")  # one message: no line goes between
+            host.sendall(b"\x31\x01\x00" * 1000 + b"\x02\x01")  # one message: nothing goes between
             assert host.recv(2) == b"E\x01"
         kinds = []
         while kinds[-1:] != ["lost"]:
-            *_, last = line = json.loads(lines.readline())
-            kinds.append(line[0])
+            *_, last = item = next(told)
+            kinds.append(item[0])
     assert kinds.count("c") <= 10
     assert last + kinds.count("c") == 1000
 
 
-def test_whoever_does_not_read_is_kept_no_more_than_that(
+@pytest.mark.parametrize(
+    "asked", [{"events": {}}, {"scope": {}}, {"scope": {"samples": False}}, {"pins": {}}]
+)
+def test_a_board_is_not_looked_at_for_who_does_not_read(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any]
+) -> None:
+    """What is stored has an end, and behind it hosts are served as if nobody watched."""
+    for limit in ("MOST_PENDING", "MOST_FRAMES"):
+        monkeypatch.setattr(f"vbus.server.watching.{limit}", 1000)
+    monkeypatch.setattr("vbus.server.watching.View.most", 1000)
+    monkeypatch.setattr("vbus.server.watching.MOST_EVENTS", 100)
+    for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS", "View.pause"):
+        monkeypatch.setattr(f"vbus.server.watching.{pause}", 0.001)
+    board = toy_board()
+    with served(board, UNIX) as server, watch(**asked) as link, connect(runtime / "x") as host:
+        number = 0
+
+        def drive() -> int:
+            nonlocal number
+            number += 1
+            host.sendall(b"\x31\x01\x00" * 50 + bytes((0x02, number & 0xFF)))
+            answer = b""
+            while not answer.endswith(bytes((ord("E"), number & 0xFF))):
+                answer += host.recv(4096)
+            return max((len(one.pending) for one in watchers(server)), default=0)
+
+        def observed() -> bool:
+            return bool(board.observers or board.kernel.observed)
+
+        until(observed, "the watcher")
+        longest = 0
+        while observed():
+            longest = max(longest, drive())
+        assert longest < 1000 + 100 * 1000, "one sending at most beyond the limit"
+        stored = drive()
+        assert all(drive() == stored for _ in range(20))
+        link.settimeout(0.1)
+        while not observed():  # who reads is told again
+            link.recv(1 << 20)
+
+
+@pytest.mark.parametrize(
+    ("asked", "reason"),
+    [
+        ({"wave": {"signals": ["nothing"]}}, "nothing"),
+        ({"pins": {"chip": "nothing"}}, 'no chip is called "nothing"'),
+        ({"events": {"until": "x.nothing > 1"}}, "nothing"),
+        ({"events": {"till": 1}}, "till"),
+        ({"scope": {"after": -2}}, "after"),
+        ({"everything": {}}, "one of these can be asked for: events, wave, scope, pins"),
+        ({"scope": {}, "pins": {}}, "one of these can be asked for"),
+        ([], "one of these can be asked for"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_and_something_else_can_be_asked_for(
+    runtime: Path, asked: Any, reason: str
+) -> None:
+    with served(toy_board(), UNIX), watch() as link:
+        told = messages(link)
+        next(told)
+        link.sendall(json.dumps(asked).encode() + b"\n")
+        refused, said = next(told)
+        assert refused == "refused"
+        assert reason in said
+        link.sendall(b'{"events": {}}\n')
+        assert next(told) == ["events", {}]
+
+
+def test_a_board_that_stops_before_it_answers_is_an_error(runtime: Path) -> None:
+    with served(toy_board(), UNIX):
+        feed = Feed("bench")
+    with pytest.raises(VbusError, match='board "bench" has stopped'):
+        feed.watch()
+    feed.close()
+
+
+def test_who_closes_half_and_does_not_read_is_not_waited_for(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.server.watching.MOST_PENDING", 1000)
-    monkeypatch.setattr("vbus.server.watching.MOST_LINES", 100)
-    monkeypatch.setattr("vbus.server.watching.EVERY_SECONDS", 0.001)
-    with served(toy_board(), UNIX) as server, watch(), connect(runtime / "x") as host:
-        longest = 0
-        for number in range(500):
-            host.sendall(b"\x31\x01\x00" * 50 + bytes((0x02, number & 0xFF)))
-            assert host.recv(2) == bytes((ord("E"), number & 0xFF))
-            for connection in server.local_sockets[1].connections:
-                longest = max(longest, len(connection.pending))
-    assert longest < 1000 + 100 * 100, "one sending of 100 lines at most beyond the limit"
+    monkeypatch.setattr(
+        RemoteWatcher, "_send_last", lambda self: pytest.fail("the server waits for who watches")
+    )
+    with served(toy_board(), UNIX) as server, watch(scope={}) as link:
+        until(lambda: [one.view for one in watchers(server) if one.view], "the watcher")
+        link.shutdown(socket.SHUT_WR)
+        until(lambda: not watchers(server), "its end")
 
 
 def test_a_waveform_that_nobody_reads_ends() -> None:
-    buffer = bytearray(MOST_WAVE)
-    text = _BufferedText(buffer)
-    assert text.write("#1\n") == 3
+    view = WaveView.__new__(WaveView)
+    view._text = bytearray(MOST_WAVE)
+    view._watcher = RemoteWatcher.__new__(RemoteWatcher)
+    view._watcher.pending = bytearray()
+    assert view.write("#1\n") == 3
     with pytest.raises(OSError, match="the other end does not read"):
-        text.write("#2\n")
-    assert len(buffer) == MOST_WAVE + 3
+        view.write("#2\n")
+    assert len(view._text) == MOST_WAVE + 3

@@ -30,6 +30,7 @@ from vbus.nodes.machine_snapshot import MAGIC as MACHINE_SNAPSHOT
 from vbus.nodes.machine_snapshot import read as read_machine_snapshot
 from vbus.nodes.messages import decode as decode_message
 from vbus.nodes.node import Node
+from vbus.nodes.plan import Plan
 from vbus.nodes.scenario import read_scenario
 from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
@@ -213,10 +214,9 @@ def node_message(data: bytes) -> None:
 
 
 def node_order(data: bytes) -> None:
-    node = Node(("n",), 0, ())
+    node = Node(Plan("b", ("n",), (0,), (), "", "realtime"), 0)
     node.begin(build(LM, DC))
-    digest = read_request(data).digest
-    answer = take_order(node, data, 1000, digest)
+    answer = take_order(node, read_request(data), 1000)
     if answer.error:
         raise VbusError(answer.error)
 

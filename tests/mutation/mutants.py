@@ -266,8 +266,8 @@ def difference(root: Path, mutant: Mutant) -> tuple[str, str]:
 
 
 ROLES: Final = {
-    "bus": "vbus/trace", "packets": "vbus/trace", "coverage": "vbus/trace",
-    "upsets": "vbus/faults", "access": "", "calls": "", "host": "", "demo": "", "generated": "",
+    "packets": "vbus/trace", "coverage": "vbus/trace", "upsets": "vbus/faults",
+    "access": "", "calls": "", "host": "", "demo": "", "generated": "",
 }  # fmt: skip
 """What files of a chip's folder count for that are not its behaviour; clients are not mutated."""
 

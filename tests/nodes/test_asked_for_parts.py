@@ -19,7 +19,7 @@ from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot, take
 from vbus.board.snapshot import read as read_board
 from vbus.board.snapshot import write as write_board
-from vbus.cluster import node_link, timebase
+from vbus.cluster import node_link, peers, timebase
 from vbus.cluster.node_link import PIECE, NodeLink, Receiver
 from vbus.cluster.ordering import Answer, NodeRequest, read_answer
 from vbus.cluster.peers import Group
@@ -150,11 +150,11 @@ def test_a_part_that_cannot_be_had_is_refused_in_words(monkeypatch: pytest.Monke
 
         monkeypatch.setattr(base.conductors[1], "save", fail)
         assert ordered(base, data).error == f"node b cannot be saved: {said}"
-    monkeypatch.setattr(timebase, "LARGEST_ANSWER", 500)
+    monkeypatch.setattr(peers, "LARGEST_ANSWER", 500)
     refused = ordered(machine(), data)
     assert refused.part is None
-    assert refused.error.startswith("node b has a part of ")
-    assert refused.error.endswith(" bytes, and an answer has at most 500")
+    assert refused.error.startswith("node b: its answer has ")
+    assert refused.error.endswith(" bytes, and at most 500 are sent")
 
 
 class Line:

@@ -15,6 +15,7 @@ import pytest
 from tests.nodes.processes import Bench
 from tests.nodes.test_realtime import REAL, order
 from tests.waiting import PATIENCE
+from vbus.kernel import MS
 from vbus.tools.feed import Together, boards_of
 
 
@@ -48,8 +49,7 @@ def test_packets_of_all_nodes_are_shown_together(machine: Bench) -> None:
     process = monitor(machine, "--json", "--count", "2")
     assert process.stdout is not None
     assert json.loads(process.stdout.readline()) == {"board": "four"}
-    done = order(machine, "0us x w 0 1\n1ms y w 0 1", "--ahead", "500ms")
-    assert done.returncode == 0, done.stderr
+    order(machine, "0us x w 0 1\n1ms y w 0 1", 500 * MS)
     code, lines, errors = told(process)
     assert (code, errors) == (0, "")
     assert sorted((line["chip"], line["text"]) for line in lines) == [
@@ -62,6 +62,7 @@ def test_values_of_all_nodes_come_together_at_the_instant_all_have_come_to(
 ) -> None:
     monkeypatch.setenv("VBUS_RUNTIME", str(machine.folder / "run"))
     with closing(Together(boards_of(["four"]))) as together:
+        together.watch()
         told = [rest for kind, *rest in islice(together, 20) if kind == "t"]
     assert together.hello["board"] == "four"
     assert [chip["name"] for chip in together.hello["chips"]] == ["x", "y", "m", "p"]
@@ -75,8 +76,7 @@ def test_a_condition_is_looked_for_on_the_node_whose_chips_it_is_about(machine: 
     process = monitor(machine, "--json", "--until", "falling(y./CS)")
     assert process.stdout is not None
     assert json.loads(process.stdout.readline()) == {"board": "four"}
-    done = order(machine, "0us y w 0 1", "--ahead", "500ms")
-    assert done.returncode == 0, done.stderr
+    order(machine, "0us y w 0 1", 500 * MS)
     code, lines, errors = told(process)
     assert (code, errors) == (0, "")
     assert lines[-1]["until"] == "falling(y./CS)"

@@ -174,7 +174,9 @@ def test_a_killed_node_rejoins_from_its_snapshot_and_the_hash_stays(
     first.kill()
     first.wait()
     bench.until(lambda: bench.node("b").get("others", {}).get(killed) == "lost")
-    again = bench.start(killed, "--rejoin", str(file), *options, disturb="3:20")
+    done = bench.vbus("snap", "info", "node.snap")
+    assert done.stdout.startswith(f"four.{killed} (")
+    again = bench.start(killed, "--from", str(file), *options, disturb="3:20")
     for process in (again, *others.values()):
         code, out = ended(process)
         assert code == 0, out

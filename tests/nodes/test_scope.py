@@ -107,7 +107,7 @@ def test_a_node_that_is_killed_and_rejoins_goes_on_where_it_was_on_the_page(
         first.kill()
         first.wait()
         bench.until(lambda: bench.node("b").get("others", {}).get(killed) == "lost")
-        running.append(bench.start(killed, "--rejoin", str(file), "--patience", "60"))
+        running.append(bench.start(killed, "--from", str(file), "--patience", "60"))
         seen = seen_by_a_page(link, all_of(whole := recorded()))
     finally:
         os.kill(page, signal.SIGTERM)

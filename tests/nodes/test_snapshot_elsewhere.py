@@ -94,7 +94,7 @@ def test_one_command_saves_the_nodes_of_all_computers(
     assert bench.merged(groups) == reference  # they were looked at only
     snapshot = read((bench.folder / "four.snap").read_bytes())
     assert list(snapshot.nodes) == [*"abcd"]
-    assert snapshot.part("d").text == bench.board.read_text()
+    assert snapshot.nodes["d"].text == bench.board.read_text()
     for trace in bench.folder.glob("*.trace"):
         trace.unlink()
     code, out = ended(bench.start("abcd", "--from", "four.snap"))

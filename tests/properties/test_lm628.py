@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.conformance.lm628.bench import Bench, Follower, Log
 from tests.probe import probe
 from vbus import state
+from vbus.chips.base import OUTPUT
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
 from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Trajectory, approach
 from vbus.kernel import NS, US
@@ -223,7 +224,7 @@ def test_being_listened_to_and_being_looked_at_change_nothing(operations):
             for operation in operations:
                 do(bench, [operation])
                 bench.chip.telemetry()
-                assert bench.chip.next_event() > bench.now
+                assert bench.chip.due(OUTPUT) > bench.now
         states.append(registers(bench))
         logs.append(log.edges)
     assert states[0] == states[1]

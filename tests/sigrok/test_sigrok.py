@@ -133,7 +133,7 @@ def test_sigrok_prints_what_the_journal_says(
     capture = tmp_path / "run.vcd"
     with capture.open("w") as file:
         watch = watch_of(board.chips[0])
-        control, data = watch.PINS, watch.DATA
+        control, data = watch.PINS, watch.table.data
         wave = Wave(board, file, "sigrok", signals=[f"x.{pin}" for pin in (*control, data)])
         wave.start()
         port = board.open_port("h")

@@ -24,7 +24,7 @@ FILES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
             f'[zenoh]\nlisten = ["tcp/a:1"]\n{FILES}',
             '"tcp/a:1" lets hosts in that show no certificate; write "tls/a:1"',
         ),
-        ('[zenoh]\nkey = "b"\n', "belong together; missing: certificate, authority"),
+        ('[zenoh]\nkey = "b"\n', 'zenoh.key: "key" needs "certificate" (PEM file of'),
         ('[zenoh.allow]\nme = ["x"]\n', "rights belong to names in certificates"),
         (
             f'[zenoh]\n{FILES}[zenoh.allow]\nme = ["/x/bus"]\n',

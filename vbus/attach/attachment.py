@@ -43,7 +43,7 @@ class _NoOrders(Control):
         super().__init__(lambda: None)
         self._where: str = where
 
-    def carry_out(self, line: bytes, own: object = None) -> dict[str, Any]:
+    def carry_out(self, asked: bytes | dict[str, Any], own: object = None) -> dict[str, Any]:
         """Refuse."""
         return {
             "error": f"this is an attachment to {self._where}, which takes no orders; give them on"

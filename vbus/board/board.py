@@ -10,7 +10,7 @@ from mypy_extensions import mypyc_attr
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
-from vbus.board.pin_maps import PinMap
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.protocols.quantities import picoseconds
@@ -159,7 +159,7 @@ class Board(Circuit):
         chips: Iterable[str] | None = None,
         cycle_ps: int = 0,
         card: Card | None = None,
-        pin_map: PinMap | None = None,
+        pin_map: PinMapSection | None = None,
     ) -> HostBus:
         """Open a host's hold on some chips (default: all).
 

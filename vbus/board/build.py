@@ -6,8 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
 
+from msgspec.structs import replace
+
 from vbus import plugins
-from vbus.board import cards, pin_maps
+from vbus.board import cards
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
@@ -19,6 +21,7 @@ from vbus.boardfile.sections import (
     BoardFile,
     HostSection,
     NetSection,
+    PinMapSection,
     PlantSection,
 )
 from vbus.boardfile.source import Source
@@ -258,10 +261,10 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
     return None
 
 
-def pin_map_of(file: BoardFile, name: str) -> pin_maps.PinMap | None:
-    """Return the pin map called ``name``; None if there is none or nothing was named."""
+def pin_map_of(file: BoardFile, name: str) -> PinMapSection | None:
+    """Return the pin map called ``name`` with all its chips; None if there is none."""
     for section in file.pinmaps:
         if section.name == name:
             meant = section.chips or tuple(chip.name for chip in file.chips)
-            return pin_maps.PinMap(name, section.pins, section.low, section.high, meant)
+            return replace(section, chips=meant)
     return None

@@ -6,7 +6,6 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.base import CONNECTOR_FAMILY, Chip
-from vbus.chips.tables import PinRow
 from vbus.circuit.glue_cycles import CycleTeller
 from vbus.circuit.host_pins import HostPins
 from vbus.glue.card_buses import BUSES, DATA, LATCH, BusRow
@@ -40,6 +39,13 @@ class CyclePath(Guard):
         """Run a write cycle with its latching edge at ``when`` (ps)."""
         raise NotImplementedError
 
+    def steady(self, address: int) -> tuple[Chip | None, int] | None:
+        """Return which chip is read again if what was just read is, and the address there.
+
+        Chip None: what stands on the wires is read. None: not known, or the wires would move.
+        """
+        raise NotImplementedError
+
     def forget(self) -> None:
         """Another state has been loaded."""
         raise NotImplementedError
@@ -66,6 +72,7 @@ class CardBus(Chip):
     ADDRESS_BITS = 8
     AXES = 0
     PARTS = tuple(BUSES)
+    PINS_OF = {part: row.pins for part, row in BUSES.items()}
     OPTIONS = (
         Option("base", "count", 0, "address of the card's first port", low=0),
         Option("stride", "count", 1, "distance between ports that are neighbours", low=1),
@@ -102,6 +109,7 @@ class CardBus(Chip):
             line: pin for line, pin in self.pins.items()
             if line not in row.steady and (line not in row.strobes or line in strobes)
         }  # fmt: skip
+        self.standing = tuple(name for name in self.moving if name != DATA)
         self.low_ps: int = (int(given["strobe"]) or row.strobe) + int(
             given["wait_states"]
         ) * row.wait
@@ -110,14 +118,6 @@ class CardBus(Chip):
         """How long address and data stand before it (ps)."""
         self.hold_ps: int = int(given["hold"]) or row.hold
         """How long written data stays after it (ps)."""
-
-    def pins_of(self, part: str) -> tuple[PinRow, ...]:
-        """Return the lines of a bus."""
-        return BUSES[part].pins
-
-    def standing(self) -> tuple[str, ...]:
-        """Return the lines that cycles move, but for the data bus."""
-        return tuple(name for name in self.moving if name != DATA)
 
     def where(self, address: int) -> int:
         """Return what the address lines carry in a cycle at ``address``."""
@@ -144,17 +144,9 @@ class CardBus(Chip):
         for chip in self.chips:
             chip.advance()
 
-    def next_event(self) -> i64:
+    def due(self, kind: int) -> i64:
         """Nothing happens of itself."""
         return NEVER
-
-    def resting(self) -> bool:
-        """Nothing comes of leaving it alone."""
-        return True
-
-    def ready_at(self) -> int:
-        """It is always ready."""
-        return self.kernel.now
 
     def after_load(self) -> None:
         """Nobody owes anything to wires that have been loaded."""

@@ -8,11 +8,12 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.board.build import card_of
 from vbus.board.card_bus import CardBus
-from vbus.board.card_timing import has_clock
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.sections import BoardFile
 from vbus.chips.base import Chip
+from vbus.glue import logic
+from vbus.glue.part import GlueBlock
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z
 from vbus.values.settings import listed
@@ -97,13 +98,18 @@ def remarks(file: BoardFile, board: Board, found: list[CardAnswer]) -> Iterator[
                 )
             if chip.name not in reached:
                 select = [chip.pins[p].net for p, role in roles(chip).items() if role == SELECT]
-                kept = any(map(has_clock, board.glue.leading_to(select)))
+                kept = any(map(_has_clock, board.glue.leading_to(select)))
                 as_they_stand = " as the registers stand after power-on" if kept else ""
                 yield (
                     f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
                     f" {card.base:X}H to {card.last:X}H{as_they_stand}; look at what drives its"
                     " select"
                 )
+
+
+def _has_clock(block: GlueBlock) -> bool:
+    """Whether a block follows edges of inputs, not their levels alone."""
+    return block.row.through is not None and block.row.function is not logic.transceiver
 
 
 def _open(pin: Pin) -> bool:

@@ -6,7 +6,7 @@ from vbus import plugins
 from vbus.board import cards
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import check_nodes
-from vbus.boardfile.cards import ACCESSES, CardSection
+from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import NO_PLANT, BoardFile, ChipSection, HostSection
 from vbus.boardfile.source import Mistakes, Source, absent
@@ -226,8 +226,6 @@ class _Checks:
             known = cards.decodes(self._parts[name]) if name in self._parts else {}
             if card.decode and known and card.decode not in known:
                 yield (*path, "decode"), unknown(card.decode, known)
-        if card.decode and not card.chips:
-            yield path, f'"decode" needs chips: which ones are behind "{card.decode}"?'
         yield from self._card_interrupt(card, path)
         if card.line:
             yield from self._card_line(card, path)
@@ -248,16 +246,6 @@ class _Checks:
                 )
 
     def _card_interrupt(self, card: CardSection, path: Path) -> Mistakes:
-        if not card.interrupt:
-            for key, what in (
-                ("signal", "a signal"), ("acknowledge", "an acknowledge"), ("line", "a line"),
-            ):  # fmt: skip
-                if getattr(card, key):
-                    yield (*path, key), f'{what} needs "interrupt": which output sends it?'
-            if card.sense == "edge":
-                yield (*path, "sense"), 'to sense an edge needs "interrupt": of which output?'
-        if card.fixed and not card.memory:
-            yield (*path, "fixed"), 'a fixed address needs "memory = true"'
         if card.fixed % 4096:
             yield (*path, "fixed"), f"found {card.fixed}; a page begins at 4096 times n"
         for output in card.interrupt.split():
@@ -266,11 +254,6 @@ class _Checks:
                 yield (*path, "interrupt"), absent("chips", name, names)
             elif name in self._parts and output not in (known := self._outputs([name])):
                 yield (*path, "interrupt"), f"found {quoted(output)}; outputs are {listed(known)}"
-        if card.acknowledge_at and not card.acknowledge:
-            yield (
-                (*path, "acknowledge_at"),
-                f'an address to acknowledge at needs "acknowledge": {listed(ACCESSES)}',
-            )
         if card.has_circuit and card.name in self._known("chips"):
             yield (
                 path,

@@ -11,9 +11,9 @@ from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
-from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
-from vbus.chips.base import Chip
+from vbus.boardfile.sections import PinMapSection
+from vbus.chips.base import OUTPUT, Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.circuit.orders import READ, WRITE, Order, Orders
@@ -104,7 +104,7 @@ class HostBus(HostPort):
         self.label: str = label
         self.chips: list[Chip] = chips
         self.cycle_ps: int = cycle_ps
-        self.pin_map: PinMap | None = None
+        self.pin_map: PinMapSection | None = None
         self.promises: bool = True
         self.held = False
         self.hold_until = 0
@@ -435,7 +435,7 @@ class HostBus(HostPort):
         """Bring the chips up to the host's time; output lines and the next possible edge."""
         self._arrive()
         outputs, due = self.pins.output_word(), self._kernel.next_due
-        return outputs, min([due, *(chip.next_event() for chip in self.chips)])
+        return outputs, min([due, *(chip.due(OUTPUT) for chip in self.chips)])
 
     def events(self, mask: int) -> None:
         """From now on report each edge of the output lines in ``mask``."""

@@ -2,7 +2,8 @@
 
 from vbus.board.cards import Card
 from vbus.board.host_selection import Selection
-from vbus.board.pin_maps import PinMap, wiring
+from vbus.board.pin_maps import wiring
+from vbus.boardfile.sections import PinMapSection
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.protocols.port import ChipInfo, PortInfo
@@ -14,7 +15,7 @@ def port_info(
     selection: Selection,
     pins: HostPins,
     promises: bool,
-    pin_map: PinMap | None,
+    pin_map: PinMapSection | None,
     card: Card | None,
 ) -> PortInfo:
     """Return what HELLO tells.

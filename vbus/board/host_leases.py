@@ -3,6 +3,7 @@
 from typing import ClassVar, Final
 
 from vbus.board.host_selection import Selection
+from vbus.chips.base import OUTPUT, POLL
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.kernel import END, US
@@ -38,15 +39,18 @@ class HostLeases:
 
         Nothing is promised in real time, on nodes, and while something is broken.
         """
-        board, chip = self._board, self._selection.chip
-        if chip is None or address not in chip.FREE_READS:
+        board, found = self._board, self._selection.steady(address)
+        if found is None:
             return None
         if board.policy == "realtime" or board.granted or board.disturbed:
             return None
         outputs = self._pins.output_word()
-        until = min(min(board.kernel.next_due, chip.steady_until(address)), END)
+        chip, _ = found
+        until = min(board.kernel.next_due, END)
+        if chip is not None:
+            until = min(until, chip.due(POLL))
         for neighbour in self._selection.chips:
-            until = min(until, neighbour.next_event())
+            until = min(until, neighbour.due(OUTPUT))
         now: int = board.kernel.now
         if until <= now + self._selection.cycle:
             return None
@@ -55,15 +59,16 @@ class HostLeases:
 
     def foresee(self, address: int) -> tuple[int, int] | None:
         """Tell what comes after the lease just given."""
-        chip, when, kernel = self._selection.chip, self.until, self._board.kernel
-        following = chip.foresee(address, when) if chip is not None else None
+        found, when, kernel = self._selection.steady(address), self.until, self._board.kernel
+        chip, place = found if found is not None else (None, 0)
+        following = chip.foresee(place, when) if chip is not None else None
         if following is None:
             return None
         data, until = following
         until = min(min(until, kernel.next_due), min(kernel.now + LONGEST_LEASE, END))
         for neighbour in self._selection.chips:
             if neighbour is not chip:
-                until = min(until, neighbour.next_event())
+                until = min(until, neighbour.due(OUTPUT))
         if until <= when + self._selection.cycle:
             return None
         self.until = until

@@ -47,8 +47,8 @@ class HostPolls:
         while self.left:
             if session.held:
                 return False
-            if clock.stamp < 0 and self._skippable(address):
-                cycle, now = self._selection.cycle, self._board.now
+            cycle, now = self._selection.cycle, self._board.now
+            if clock.stamp < 0 and self._skippable(address, cycle, now + self.left * cycle):
                 over = min(self.left, (self._board.limit - now) // cycle) - 1
                 if over > 0:
                     clock.run_until(now + over * cycle)
@@ -68,7 +68,13 @@ class HostPolls:
             self.left = polls
         session.held = False
         while self.left:
-            if self.left > 1 and last <= self._board.limit and self._skippable(address):
+            if (
+                self.left > 1
+                and last <= self._board.limit
+                # On a card the first one shows whether there was room for it.
+                and (self._selection.path is None or self.left < polls)
+                and self._skippable(address, min(steps), last)
+            ):
                 self._skip(self.left - 1)
             session.at(last if self.left == 1 else first + sum(steps[: polls - self.left]))
             if session.held:
@@ -85,14 +91,25 @@ class HostPolls:
             raise
         self.left -= 1
 
-    def _skippable(self, address: int) -> bool:
-        """Whether nothing could tell if a poll before the last one were skipped."""
-        chip = self._selection.chip
-        if chip is None or not chip.TRACELESS or address not in chip.FREE_READS:
+    def _skippable(self, address: int, least: int, last: int) -> bool:
+        """Whether nothing could tell if a poll before the last one were skipped.
+
+        Args:
+            address: where they are.
+            least: how far apart they are at least (ps).
+            last: when the last one is (ps).
+        """
+        selection, board = self._selection, self._board
+        found = selection.steady(address)
+        if found is None or (found[0] is not None and not found[0].TRACELESS):
             return False
-        if self.every_cycle or self._board.observers:
+        if selection.path is not None and selection.chip is not None:
+            # One for which there is no room is played; a wire that moves may lead elsewhere.
+            if least < selection.chip.cycle_ps or board.kernel.next_due <= last:
+                return False
+        if self.every_cycle or board.observers:
             return False
-        return not (self._board.kernel.observed and self._selection.observed())
+        return not (board.kernel.observed and selection.observed())
 
     def _skip(self, polls: int) -> None:
         """Count polls that are not run."""

@@ -110,6 +110,20 @@ class Selection:
                     return True
         return False
 
+    def steady(self, address: int) -> tuple[Chip | None, int] | None:
+        """Return the chip that answers polls at an address, without effect, and the address there.
+
+        Chip None: what stands on the wires of a card does. None: a poll may have an effect, or more
+        than one chip is selected.
+        """
+        chip = self.chip
+        found: tuple[Chip | None, int] | None = (chip, address) if chip is not None else None
+        if self.path is not None:
+            found = self.path.steady(address)
+        if found is not None and found[0] is not None and found[1] not in found[0].FREE_READS:
+            return None
+        return found
+
     def floating(self) -> int:
         """Return what a read finds with no chip selected."""
         net = self.chips[0].bus_net if self.chips else None

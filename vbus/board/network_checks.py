@@ -45,8 +45,6 @@ def metrics_address(text: str, remote: bool) -> tuple[str, int]:
 def check_network(file: BoardFile) -> Mistakes:
     """Check ``[metrics]``, ``[scope]``, ``[zenoh]`` and the hosts on the network."""
     scope, metrics = file.scope, file.metrics
-    if bool(scope.certificate) != bool(scope.key):
-        yield ("scope",), "certificate and key belong together"
     for kind, listen, remote in (
         ("metrics", metrics.listen, metrics.remote), ("scope", scope.listen, True),
     ):  # fmt: skip
@@ -87,14 +85,8 @@ def check_zenoh(zenoh: ZenohSection) -> Mistakes:
                 )
             if wrong:
                 yield ("zenoh", key, place), wrong
-    files = {"certificate": zenoh.certificate, "key": zenoh.key, "authority": zenoh.authority}
-    missing = [name for name, path in files.items() if not path]
-    if missing and len(missing) < len(files):
-        yield (
-            ("zenoh",),
-            f"certificate, key and authority belong together; missing: {', '.join(missing)}",
-        )
-    if zenoh.allow is not None and missing:
+    whole = zenoh.certificate and zenoh.key and zenoh.authority
+    if zenoh.allow is not None and not whole:
         yield (
             ("zenoh", "allow"),
             "rights belong to names in certificates; give certificate, key and authority",

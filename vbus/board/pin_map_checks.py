@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 
+from msgspec.structs import replace
+
 from vbus.board.card_interrupt import ACK, INT
 from vbus.board.glue_checks import GlueEnds
-from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, roles, targets, wires
+from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, below, missing, roles, targets, wires
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
@@ -50,9 +52,8 @@ class PinMapChecks:
         if not wrong and set(section.chips) <= set(self._known):
             yield from self._wires(path, self._map(section))
 
-    def _map(self, section: PinMapSection) -> PinMap:
-        meant = section.chips or tuple(self._known)
-        return PinMap(section.name, section.pins, section.low, section.high, meant)
+    def _map(self, section: PinMapSection) -> PinMapSection:
+        return replace(section, chips=section.chips or tuple(self._known))
 
     def _names(self, section: PinMapSection, path: Path) -> Mistakes:
         meant = section.chips or tuple(self._known)
@@ -98,7 +99,7 @@ class PinMapChecks:
             return f'"{name}" is a waveform, too fast for a port bit to follow'
         return f'"{chip}" has no pin "{pin}"; {among(pin, known, "it has")}'
 
-    def _wires(self, path: Path, pin_map: PinMap) -> Mistakes:
+    def _wires(self, path: Path, pin_map: PinMapSection) -> Mistakes:
         wired: dict[str, dict[str, str]] = {}
         for wire in wires(pin_map, self._chips, self._others):
             mine = wired.setdefault(wire.chip, {})

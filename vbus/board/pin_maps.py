@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
+from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.glue.part import GluePart
-from vbus.signals import HIGH, LOW
 
 if TYPE_CHECKING:
     from vbus.circuit.host_pins import HostPins
@@ -24,24 +24,6 @@ DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
 LINE, BUS = "cb"
 """A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
-
-
-class PinMap(Struct, frozen=True):
-    """A checked pin map of a board file.
-
-    Attributes:
-        name: for messages.
-        pins: port bit to what is wired to it; a ``!`` in front stands for an inverter.
-        low: pins tied to ground.
-        high: pins tied to the supply.
-        chips: the chips that a pin without a chip's name means.
-    """
-
-    name: str
-    pins: Mapping[str, tuple[str, ...]]
-    low: tuple[str, ...]
-    high: tuple[str, ...]
-    chips: tuple[str, ...]
 
 
 class MappedPin(Struct, frozen=True):
@@ -74,7 +56,7 @@ def below(bit: str, names: tuple[str, ...]) -> Iterator[tuple[tuple[str | int, .
 
 
 def wires(
-    pin_map: PinMap, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
+    pin_map: PinMapSection, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
 ) -> Iterator[MappedPin]:
     """Give every wire of the map; pins that do not exist are left out.
 
@@ -105,44 +87,26 @@ def wires(
 
 
 def roles(chip: Chip) -> dict[str, str]:
-    """Return what each pin is in a bus cycle, read off the cycles the chip itself describes.
+    """Return what each pin is in a bus cycle, by the chip's bus table.
 
     The roles are those of the wiring text: ``s`` select, ``r`` and ``w`` strobes, ``l`` a strobe
-    that latches the address from D0-D7, ``a0`` ... address lines, ``d0`` ... the data bus.
+    that latches the address from D0-D7, ``a0`` the address line, ``d0`` ... the data bus.
     """
     found = {name: f"{DATA}{number}" for number, name in enumerate(DATA_WIRES)}
-    read, _ = _levels(chip, False, 0)
-    write, latches = _levels(chip, True, 0)
+    bus = chip.BUS
+    if bus is None:
+        return found
+    latches = {line for row in bus.strobes if row.action == "open" for line in row.lines}
     for row in chip.pin_rows:
-        if not row.strobe:
-            continue
         if row.select:
             found[row.name] = SELECT
         elif row.name in latches:
             found[row.name] = LATCH
-        elif read.get(row.name, HIGH) == LOW and write.get(row.name, HIGH) == HIGH:
-            found[row.name] = READ
-        elif write.get(row.name, HIGH) == LOW and read.get(row.name, HIGH) == HIGH:
-            found[row.name] = WRITE
-    # A pin whose level follows the address is neither strobe.
-    for bit in range(chip.ADDRESS_BITS):
-        high, _ = _levels(chip, True, 1 << bit)
-        for name, level in high.items():
-            if level == HIGH and write.get(name) == LOW:
-                found[name] = f"{ADDRESS}{bit}"
+        elif row.name == bus.address:
+            found[row.name] = f"{ADDRESS}0"
+        elif row.name in bus.lines:
+            found[row.name] = WRITE if row.name in bus.low(True) else READ
     return found
-
-
-def _levels(chip: Chip, write: bool, address: int) -> tuple[dict[str, int], set[str]]:
-    """Return the control lines just before the latching edge, and which pulsed low before it."""
-    levels: dict[str, int] = {}
-    pulsed: set[str] = set()
-    for offset, name, level in chip.strobes(write, address, 0):
-        if offset < 0 and name in chip.pins and chip.pins[name] is not chip.data_pin:
-            if level == HIGH and levels.get(name) == LOW:
-                pulsed.add(name)
-            levels[name] = level
-    return levels, pulsed
 
 
 def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
@@ -152,7 +116,7 @@ def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
 
 
 def wiring(
-    pin_map: PinMap | None,
+    pin_map: PinMapSection | None,
     chips: list[Chip],
     decoded: list[Chip],
     glue: list[GluePart],

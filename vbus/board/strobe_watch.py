@@ -2,9 +2,8 @@
 
 from typing import ClassVar, Final
 
-from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import BusLines, CycleTeller, Ended
 from vbus.signals import Observer
@@ -41,9 +40,8 @@ class StrobeWatch(CycleTeller):
         for chip in chips:
             if chip in through:
                 continue
-            follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
-            if follow is not None:
-                self._rows.append(BusLines(chip, follow()))
+            if chip.BUS is not None:
+                self._rows.append(BusLines(chip, watch_by(chip.BUS)))
         self._cycles: int = 0
         self._noted: bool = False
 

@@ -25,14 +25,10 @@ class CardRegisterSection(Section, frozen=True, kw_only=True):
 
     name: str
     at: Annotated[int, row("distance of its address from the base, in strides", low=0, high=255)]
-    kind: Annotated[
-        str,
-        row(
-            "latch: holds the byte written last, on Q0 to Q7; status: a read gives I0 to I7; fixed:"
-            " a read gives values; pending: edges at I0 to I7 set bits, which a written 1 clears",
-            choices=REGISTER_KINDS,
-        ),
-    ] = "latch"
+    kind: Annotated[str, row(
+        "latch: holds the byte written last, on Q0 to Q7; status: a read gives I0 to I7; fixed: a "
+        "read gives values; pending: edges at I0 to I7 set bits, which a written 1 clears",
+        choices=REGISTER_KINDS)] = "latch"  # fmt: skip
     reset: Annotated[int, row("what a latch holds after power-on and RESET", low=0, high=0xFF)] = 0
     read_back: Annotated[bool, row("a latch can be read, too")] = True
     values: Annotated[
@@ -53,7 +49,9 @@ class CardSection(Section, frozen=True, kw_only=True):
     name: str
     base: Annotated[int, row("address of the card's first port", low=0)] = 0
     stride: Annotated[int, row("distance between neighbouring ports", low=1)] = 1
-    decode: Annotated[str, row("a decode circuit known by name, in place of ports")] = ""
+    decode: Annotated[
+        str, row("a decode circuit known by name, in place of ports", needs="chips")
+    ] = ""
     chips: Annotated[
         Names, row("the chips behind the decode circuit, one block each", ref="chips")
     ] = ()
@@ -63,48 +61,33 @@ class CardSection(Section, frozen=True, kw_only=True):
     memory: Annotated[
         bool, row("its addresses are memory, not I/O ports (for programs: vbus exec)")
     ] = False
-    fixed: Annotated[
-        int,
-        row(
-            "where a program expects the memory page of its first port without mapping it; 0:"
-            " nowhere",
-            low=0,
-        ),
-    ] = 0
+    fixed: Annotated[int, row(
+        "where a program expects the memory page of its first port without mapping it; 0: nowhere",
+        low=0, needs="memory")] = 0  # fmt: skip
     big_endian: Annotated[
         bool, row("in wide accesses the byte at the lowest address is the most significant")
     ] = False
-    interrupt: Annotated[
-        str,
-        row('output that interrupts the program, as "chip.pin"; several with spaces: wired-OR'),
-    ] = ""
-    signal: Annotated[
-        str, row("signal an interrupt sends to the program", choices=tuple(SIGNALS))
-    ] = ""
-    sense: Annotated[
-        str,
-        row(
-            "whether the interrupt follows the level of its line, or comes at an edge",
-            choices=SENSES,
-        ),
-    ] = "level"
-    acknowledge: Annotated[
-        str,
-        row(
-            "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
-            choices=ACCESSES,
-        ),
-    ] = ""
+    interrupt: Annotated[str, row(
+        'output that interrupts the program, as "chip.pin"; several with '
+        'spaces: wired-OR')] = ""  # fmt: skip
+    signal: Annotated[str, row(
+        "signal an interrupt sends to the program",
+        choices=tuple(SIGNALS), needs="interrupt")] = ""  # fmt: skip
+    sense: Annotated[str, row(
+        "whether the interrupt follows the level of its line, or comes at an edge",
+        choices=SENSES, needs="interrupt")] = "level"  # fmt: skip
+    acknowledge: Annotated[str, row(
+        "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
+        choices=ACCESSES, needs="interrupt")] = ""  # fmt: skip
     acknowledge_at: Annotated[
-        int, row("distance of its address from the base, in strides", low=0)
+        int, row("distance of its address from the base, in strides", low=0, needs="acknowledge")
     ] = 0
-    line: Annotated[
-        str, row("name of an interrupt line that cards share; they pull it low together")
-    ] = ""
-    bus: Annotated[
-        str,
-        row("its connector, wired by pins, in place of ports and decode", choices=tuple(BUSES)),
-    ] = ""
+    line: Annotated[str, row(
+        "name of an interrupt line that cards share; they pull it low together",
+        needs="interrupt")] = ""  # fmt: skip
+    bus: Annotated[str, row(
+        "its connector, wired by pins, in place of ports and decode",
+        choices=tuple(BUSES))] = ""  # fmt: skip
     size: Annotated[int, row("ports of a card with a bus", low=1, high=256)] = 16
     setup: Annotated[
         int, row("how long address and data stand before the strobe; 0 s: as usual", "s", low=0)

@@ -29,6 +29,7 @@ def row(
     low: float | None = None,
     high: float | None = None,
     ref: str = "",
+    needs: str = "",
 ) -> Meta:
     """Return what a key means.
 
@@ -40,9 +41,11 @@ def row(
         high: greatest number.
         ref: the section or the group of entry points whose names it may be; words that are
             allowed instead stand behind it: ``"plants|none"``.
+        needs: the keys beside it without which it means nothing, with blanks between.
     """
     kind = kind or ("choice" if choices else "")
     option = Option("", kind, "", title, tuple(choices), low, high, ref=ref)
+    option = replace(option, needs=tuple(needs.split()))
     return Meta(extra={"row": option})
 
 

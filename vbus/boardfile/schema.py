@@ -92,6 +92,8 @@ def _table(options: Iterable[Option], extra: Schema) -> Schema:
         "properties": {**{row.name: value(row) for row in rows}, **extra},
         "additionalProperties": False,
     }
+    if needed := {row.name: list(row.needs) for row in rows if row.needs}:
+        found["dependencies"] = needed
     required = [row.name for row in rows if row.default is None]
     return {**found, "required": required} if required else found
 

@@ -30,34 +30,22 @@ class BoardSection(Section, frozen=True, kw_only=True):
     """``[board]``: the whole board, and how its time passes."""
 
     name: Annotated[str, row("name of the board; else the name of the file", NAME)] = ""
-    time: Annotated[
-        str,
-        row(
-            "what moves time: the wall clock, the bus cycles, or the host's own time stamps",
-            choices=TIMES,
-        ),
-    ] = "realtime"
+    time: Annotated[str, row(
+        "what moves time: the wall clock, the bus cycles, or the host's own time stamps",
+        choices=TIMES)] = "realtime"  # fmt: skip
     rate: Annotated[
         float, row("chip seconds per second of wall time (real time only)", "rate", low=0.001)
     ] = 1.0
     clock_step: Annotated[
         int, row("how far reading a clock moves time (lockstep and slaved)", "s", low=1)
     ] = 1_000_000
-    stall: Annotated[
-        str,
-        row(
-            "after the machine was too slow: make up the lost time, or leave it out",
-            choices=("catch_up", "slip"),
-        ),
-    ] = "catch_up"
+    stall: Annotated[str, row(
+        "after the machine was too slow: make up the lost time, or leave it out",
+        choices=("catch_up", "slip"))] = "catch_up"  # fmt: skip
     seed: Annotated[int, row("seed of everything random", low=0, high=(1 << 63) - 1)] = 0
-    power_on: Annotated[
-        str,
-        row(
-            "start with the reset that follows power-on, or with the reset over",
-            choices=("reset", "done"),
-        ),
-    ] = "reset"
+    power_on: Annotated[str, row(
+        "start with the reset that follows power-on, or with the reset over",
+        choices=("reset", "done"))] = "reset"  # fmt: skip
 
 
 def _parts() -> Iterator[Further]:
@@ -74,10 +62,9 @@ class ChipSection(Section, frozen=True, kw_only=True):
     name: str
     part: Annotated[str, row("part number as ordered")]
     clock: Annotated[int, row("frequency at the CLK pin", "Hz", low=1)]
-    plant: Annotated[
-        str,
-        row('the plant of a part with one axis; "none": no mechanics', ref="plants|none"),
-    ] = ""
+    plant: Annotated[str, row(
+        'the plant of a part with one axis; "none": no mechanics',
+        ref="plants|none")] = ""  # fmt: skip
     plants: Annotated[
         Names, row("the plants of a part with several axes, in order", ref="plants|none")
     ] = ()
@@ -120,10 +107,9 @@ class NetSection(Section, frozen=True, kw_only=True):
     ANY_NAME = True
     name: str
     pins: Annotated[Names, row('the pins soldered to it, as "chip.pin"')]
-    rest: Annotated[
-        str,
-        row("level while nothing drives it; else that of the first pin at rest", choices=RESTS),
-    ] = ""
+    rest: Annotated[str, row(
+        "level while nothing drives it; else that of the first pin at rest",
+        choices=RESTS)] = ""  # fmt: skip
     delay: Annotated[int, row("how long an edge takes from one node to the others", "s", low=0)] = 0
 
 
@@ -131,14 +117,9 @@ class NodeSection(Section, frozen=True, kw_only=True):
     """``[nodes.NAME]``: a part of the board that may run in a process or computer of its own."""
 
     name: str
-    deadline: Annotated[
-        int,
-        row(
-            "silence after which the other nodes give this node up (wall time)",
-            "s",
-            low=100_000_000_000,
-        ),
-    ] = 3_000_000_000_000
+    deadline: Annotated[int, row(
+        "silence after which the other nodes give this node up (wall time)",
+        "s", low=100_000_000_000)] = 3_000_000_000_000  # fmt: skip
     listen: Annotated[
         str, row('where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one node listens')
     ] = ""
@@ -170,14 +151,12 @@ class HostSection(Section, frozen=True, kw_only=True):
     """``[[hosts]]``: a link on which a host may attach."""
 
     transport: Annotated[str, row('the link, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"')]
-    protocol: Annotated[
-        str,
-        row("the protocol of the link; else the usual one of such a link", ref=plugins.PROTOCOLS),
-    ] = ""
-    chips: Annotated[
-        Names,
-        row("chips that the host reaches, in the order of SELECT's bits; else all", ref="chips"),
-    ] = ()
+    protocol: Annotated[str, row(
+        "the protocol of the link; else the usual one of such a link",
+        ref=plugins.PROTOCOLS)] = ""  # fmt: skip
+    chips: Annotated[Names, row(
+        "chips that the host reaches, in the order of SELECT's bits; else all",
+        ref="chips")] = ()  # fmt: skip
     cycle: Annotated[
         int, row("duration of a whole bus cycle; 0 s: as the time policy has it", "s", low=0)
     ] = 0
@@ -203,10 +182,9 @@ class HostSection(Section, frozen=True, kw_only=True):
     reset: Annotated[
         Names, row("pins that are low for change_time when DTR goes on, as on an Arduino")
     ] = ()
-    change_time: Annotated[
-        int,
-        row("how long a change of DTR, RTS or break takes before anything follows", "s", low=0),
-    ] = 1_000_000_000
+    change_time: Annotated[int, row(
+        "how long a change of DTR, RTS or break takes before anything follows",
+        "s", low=0)] = 1_000_000_000  # fmt: skip
     cts: Annotated[str, row("pin that turns CTS on while it is low; else it is on")] = ""
     dsr: Annotated[str, row("pin that turns DSR on while it is low; else it is on")] = ""
 
@@ -228,9 +206,13 @@ class ZenohSection(Section, frozen=True, kw_only=True):
         Names, row('endpoints on which hosts and others connect, such as ["tcp/127.0.0.1:7447"]')
     ] = ()
     connect: Annotated[Names, row("endpoints of routers to connect to")] = ()
-    certificate: Annotated[str, row("PEM file of the board's own certificate")] = ""
-    key: Annotated[str, row("PEM file of its private key")] = ""
-    authority: Annotated[str, row("PEM file of the authority whose certificates are accepted")] = ""
+    certificate: Annotated[
+        str, row("PEM file of the board's own certificate", needs="key authority")
+    ] = ""
+    key: Annotated[str, row("PEM file of its private key", needs="certificate authority")] = ""
+    authority: Annotated[str, row(
+        "PEM file of the authority whose certificates are accepted",
+        needs="certificate key")] = ""  # fmt: skip
     grace: Annotated[
         int, row("how long the session of a host that has vanished waits for the host", "s", low=0)
     ] = 2_000_000_000_000
@@ -244,14 +226,10 @@ class RecordSection(Section, frozen=True, kw_only=True):
     """``[record]``: files that tell what happened."""
 
     journal: Annotated[str, row("file that takes every call of every host, for vbus replay")] = ""
-    durable: Annotated[
-        str,
-        row(
-            "what the journal holds whenever a host has its answer: all but the last 0.2 s, all"
-            " even if the process is killed, or all even if the machine fails",
-            choices=("no", "process", "machine"),
-        ),
-    ] = "no"
+    durable: Annotated[str, row(
+        "what the journal holds whenever a host has its answer: all but the last 0.2 s, all even "
+        "if the process is killed, or all even if the machine fails",
+        choices=("no", "process", "machine"))] = "no"  # fmt: skip
     report: Annotated[
         str, row("file that takes the violations at the end: .txt, .json, .xml or .sarif")
     ] = ""
@@ -277,8 +255,8 @@ class ScopeSection(Section, frozen=True, kw_only=True):
         str, row('address of the page, such as "127.0.0.1:0", port 0 for any free one; else none')
     ] = ""
     remote: Annotated[bool, row("other computers may open the page; needs a certificate")] = False
-    certificate: Annotated[str, row("file of the certificate for TLS (PEM)")] = ""
-    key: Annotated[str, row("file of its key (PEM)")] = ""
+    certificate: Annotated[str, row("file of the certificate for TLS (PEM)", needs="key")] = ""
+    key: Annotated[str, row("file of its key (PEM)", needs="certificate")] = ""
     sparse: Annotated[
         bool, row("in real time, record four samples a second while no page is open")
     ] = False
@@ -289,13 +267,9 @@ class WaveSection(Section, frozen=True, kw_only=True):
 
     name: str
     file: Annotated[str, row("the VCD file")]
-    profile: Annotated[
-        str,
-        row(
-            "vectors, values and packets for GTKWave and Surfer; or single bits for sigrok",
-            choices=("full", "sigrok"),
-        ),
-    ] = "full"
+    profile: Annotated[str, row(
+        "vectors, values and packets for GTKWave and Surfer; or single bits for sigrok",
+        choices=("full", "sigrok"))] = "full"  # fmt: skip
     signals: Annotated[
         Names, row('patterns such as "x.*"; else the buses and all pins but fast ones')
     ] = ()

@@ -84,6 +84,12 @@ class Walker:
             if row.default is None and row.name not in table:
                 self._source.fail(path, f'key "{row.name}" is missing: {row.title}; {allowed(row)}')
             whole = whole and (row.default is not None or row.name in extra or row.name in settings)
+        absent = {n for n, row in mine.items() if n not in table or extra.get(n) == row.default}
+        for name in mine.keys() & table.keys():
+            lacking = [mine[one] for one in mine[name].needs if one in absent]
+            if lacking:
+                keys = ", ".join(f'"{one.name}" ({one.title})' for one in lacking)
+                self._source.fail((*path, name), f'"{name}" needs {keys}')
         if settings:
             extra["settings"] = settings
         return of(**extra) if whole else None

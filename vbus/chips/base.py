@@ -1,15 +1,28 @@
 """What every chip is to a board: pins, bus cycles, time, state."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Reading, Rule, ValueTable, Violation
 from vbus.state import UNDECLARED, Names
+
+OUTPUT: Final = 0
+"""The next change of an output, for :meth:`Chip.due`."""
+EDGE: Final = 1
+"""The same, but a later bound is worth looking for: other nodes wait for each edge of a line, and a
+line that cannot move until a host has used the chip is none to wait for."""
+CHANGE: Final = 2
+"""The next change of what telemetry tells."""
+POLL: Final = 3
+"""The next change of the byte read at one of :attr:`Chip.FREE_READS`."""
+SAMPLE: Final = 4
+"""The next sample that is made or shows, to the picosecond; never of a chip that rests."""
 
 CONNECTOR_FAMILY: Final = "card"
 """``FAMILY`` of the connector of a card, which is no chip."""
@@ -21,7 +34,7 @@ class Chip:
 
     A chip is lazy: it computes its state when somebody looks at it (:meth:`advance`), or, while
     one of its outputs is joined to another part or observed, at each instant an output may
-    change (:meth:`next_event`).
+    change (:meth:`due`).
 
     **Order within an instant.** Whatever the chip does of itself at instant t comes before any
     outside event (bus cycle, input edge) at t.
@@ -45,10 +58,14 @@ class Chip:
     AXES: ClassVar[int] = 1
     PARTS: ClassVar[tuple[str, ...]] = ()
     PINS: ClassVar[tuple[PinRow, ...]] = ()
+    PINS_OF: ClassVar[Mapping[str, tuple[PinRow, ...]]] = {}
+    """The pins of parts that have others."""
+    BUS: ClassVar[BusTable | None] = None
+    """The protocol of its host bus; None: its cycles can neither be played nor seen as edges."""
     RULES: ClassVar[tuple[Rule, ...]] = ()
     VALUES: ClassVar[ValueTable] = ValueTable()
     FREE_READS: ClassVar[tuple[int, ...]] = ()
-    """Addresses at which reading has no effect a host could see; see :meth:`steady_until`."""
+    """Addresses at which reading has no effect a host could see; see :data:`POLL`."""
     TRACELESS: ClassVar[bool] = False
     """Whether reads at these addresses leave no trace in the chip's state either, so that of many
     in a row only the last need be run."""
@@ -64,7 +81,7 @@ class Chip:
     WIRING: ClassVar[Names] = (
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
         "read_low_ps", "cycle_ps", "on_levels", "pins", "bus_pins", "data_pin", "_file", "_timer",
-        "_tell",
+        "_tell", "standing",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
@@ -83,15 +100,16 @@ class Chip:
         self.kernel: Kernel = kernel
         self.clock: Clock = clock
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
-        self.pin_rows: tuple[PinRow, ...] = self.pins_of(part)
+        self.pin_rows: tuple[PinRow, ...] = self.PINS_OF.get(part, self.PINS)
         """The pins of this part; the class' :attr:`PINS` are those of its family's first."""
         self.axis_count: int = self.AXES
         self.policy: Policy = policy if policy is not None else Policy()
         self.judged: bool = False
         """Whether strobes carry real times now, so that AC limits are judged."""
-        self.read_low_ps: int = 0
+        bus = self.BUS
+        self.read_low_ps: int = -bus.strobe(False)[0] if bus is not None else 0
         """How long the read strobe of a whole bus cycle is low (ps)."""
-        self.cycle_ps: int = 0
+        self.cycle_ps: int = bus.cycle_ps if bus is not None else 0
         """Shortest whole bus cycle the datasheet allows (ps)."""
         self.reads: int = 0
         """Whole read cycles that hosts have made; no part of the saved state."""
@@ -100,12 +118,14 @@ class Chip:
         self.on_levels: Callable[[], None] | None = None
         """Takes the control lines as they stand, put there between two cycles without edges; None:
         the chip wants the edges of every cycle that comes through glue."""
+        self.standing: tuple[str, ...] = ()
+        """Lines of a connector that stay as they are when a host has gone."""
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
         self._tell: Callable[[Chip], dict[str, Reading]] | None = None
         self._timer = kernel.timer(self._due)
         self.on_node: bool = False
-        """Whether others wait for its outputs: :meth:`next_edge` sets its timer then."""
+        """Whether other nodes wait for its outputs: an :data:`EDGE` sets its timer then."""
         self._heard: bool = False
         heard = self.heard_changed
         for row in self.pin_rows:
@@ -130,11 +150,7 @@ class Chip:
         """The net of the data bus."""
         return self.data_pin.net
 
-    def pins_of(self, part: str) -> tuple[PinRow, ...]:
-        """Return the pins of the part number ``part``: override where parts differ."""
-        return self.PINS
-
-    # -- what a chip answers ------------------------------------------------------------------
+    # -- what a family answers -----------------------------------------------------------------
 
     def begin_read(self, address: int) -> None:
         """The read strobe of a cycle at ``address`` falls now."""
@@ -144,6 +160,13 @@ class Chip:
         """The read strobe rises now; return the byte the host has taken (0..255)."""
         raise NotImplementedError
 
+    def read_byte(self) -> int:
+        """Return what the data bus shows in the read under way.
+
+        Override it where :meth:`end_read` does more than give that.
+        """
+        return self.end_read()
+
     def write(self, address: int, data: int) -> None:
         """A written byte is latched now."""
         raise NotImplementedError
@@ -152,72 +175,17 @@ class Chip:
         """Bring the chip's state up to ``kernel.now``, inclusive of what is due at it."""
         raise NotImplementedError
 
-    def next_event(self) -> i64:
-        """Return an instant after now, not later than the next change of any output (ps).
+    def due(self, kind: int) -> i64:
+        """Return when the next thing of a kind is due, as long as nothing touches the chip (ps).
 
-        Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
-        """
-        raise NotImplementedError
-
-    def next_edge(self) -> i64:
-        """Return the same as :meth:`next_event`, or a later bound that takes more looking (ps).
-
-        Other nodes are told so before when no edge comes from here: of a line that cannot move
-        until a host has used the chip they then need not wait for each sample. Override it where
-        an interrupt mask or the like says so.
-        """
-        return self.next_event()
-
-    def resting(self) -> bool:
-        """Whether nothing comes of leaving the chip alone, until something outside touches it.
-
-        Such a chip moves nothing, files nothing and drives nothing anew, and to bring it up to
-        date later takes no longer than now: a server need not do it. False where not known.
-        """
-        return False
-
-    def undriven(self, axis: int) -> str:
-        """Return why the chip cannot move an axis as it is set up now; "" if it can.
+        It lies after now, where the chip has been brought up to now, and is :data:`NEVER` if
+        nothing will come. But for a :data:`SAMPLE` it may be early, never late: who asks asks
+        again then.
 
         Args:
-            axis: its number, from 0.
-
-        Returns:
-            a clause for people, which names the command that is missing.
+            kind: :data:`OUTPUT`, :data:`EDGE`, :data:`CHANGE`, :data:`POLL` or :data:`SAMPLE`.
         """
-        return ""
-
-    def step_ps(self) -> i64:
-        """Return how far apart the samples are that are computed one by one now (ps).
-
-        NEVER of a chip that rests, and of one whose samples cannot be set so short that a server
-        would be long at them.
-        """
-        return NEVER
-
-    def next_sample(self) -> int:
-        """Return the instant after now at which the chip's next sample is made or shows (ps).
-
-        What :meth:`telemetry` tells of an axis changes then. NEVER of a chip that rests or tells
-        of none.
-        """
-        return NEVER
-
-    def steady_until(self, address: int) -> int:
-        """Return until when reads at ``address`` give what the one just made gave (ps).
-
-        A lower bound for an address of :attr:`FREE_READS`: before that instant the byte stays
-        as it is, unless something from outside touches the chip. :data:`NEVER` if it stays.
-        """
-        return self.kernel.now
-
-    def foresee(self, address: int, when: int) -> tuple[int, int] | None:
-        """Return what reads at ``address`` give from ``when`` on, and until when at least (ps).
-
-        Asked after :meth:`steady_until`, with that instant or an earlier one. No output changes
-        before the end either, unless something from outside touches the chip. None: not known.
-        """
-        return None
+        raise NotImplementedError
 
     def power_on(self, done: bool) -> None:
         """Supply is up and the reset pin is released now: the datasheet's reset runs.
@@ -230,9 +198,10 @@ class Chip:
     def ready_at(self) -> int:
         """Return the instant from which the host may make its next bus cycle (ps).
 
-        It is now or earlier if the chip is ready, and :data:`NEVER` if it will not be.
+        It is now or earlier if the chip is ready, as one is that is never busy, and :data:`NEVER`
+        if it will not be.
         """
-        raise NotImplementedError
+        return self.kernel.now
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach the mechanics of axis ``axis`` (0-based) before time starts.
@@ -242,6 +211,45 @@ class Chip:
         """
         raise NotImplementedError
 
+    # -- what few families answer otherwise --------------------------------------------------
+
+    def undriven(self, axis: int) -> str:
+        """Return why the chip cannot move an axis as it is set up now; "" if it can.
+
+        Args:
+            axis: its number, from 0.
+
+        Returns:
+            a clause for people, which names the command that is missing.
+        """
+        return ""
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what a driver has begun and not ended, or never done, when its run ends.
+
+        Nothing is filed, and nothing changes: whoever ends a run asks once.
+
+        Returns:
+            a rule of severity note, and a sentence for people, for each.
+        """
+        return []
+
+    def step_ps(self) -> i64:
+        """Return how far apart the samples are that are computed one by one now (ps).
+
+        NEVER of a chip that rests, and of one whose samples cannot be set so short that a server
+        would be long at them.
+        """
+        return NEVER
+
+    def foresee(self, address: int, when: int) -> tuple[int, int] | None:
+        """Return what reads at ``address`` give from ``when`` on, and until when at least (ps).
+
+        Asked with the instant at which a :data:`POLL` is due, or an earlier one. No output changes
+        before the end either, unless something from outside touches the chip. None: not known.
+        """
+        return None
+
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put other mechanics behind an axis (0-based) between two periods, while time runs.
 
@@ -250,19 +258,13 @@ class Chip:
         """
         raise ValueError(f"{self.part}: this chip does not let its plant be exchanged")
 
-    def move_instants(self, shift: Callable[[int, int], int]) -> None:
-        """Move the instants the chip waits for: its clock stands, or runs again.
+    def clock_changed(self, shift: Callable[[int, int], int] | None) -> None:
+        """The clock stands, runs again, or has another course: so is when the next things come.
 
         Args:
-            shift: gives where an instant lies then, from where it was and from now (ps).
+            shift: gives where an instant that the chip waits for lies now, from where it was and
+                from now (ps); None: the clock runs on.
         """
-
-    def follow_clock(self) -> None:
-        """The clock has another course: so is when the next things come."""
-
-    def standing(self) -> tuple[str, ...]:
-        """Return the lines that stay as they are when a host has gone: a computer's bus."""
-        return ()
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole bus cycle, for when somebody watches the bus.
@@ -272,17 +274,10 @@ class Chip:
 
         Returns:
             ``(offset, pin name, level)`` in order of time; the offset in ps is counted from the
-            latching edge (negative before it). The name ``"D0-D7"`` with level -1 lets go.
+            latching edge (negative before it). The data bus with level -1 is let go.
         """
-        raise NotImplementedError
-
-    def next_change(self) -> int:
-        """Return an instant after now, not later than the next sample that changes telemetry (ps).
-
-        Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
-        Override it where that may change while outputs do not.
-        """
-        return self.next_event()
+        assert self.BUS is not None
+        return self.BUS.edges(write, address, data)
 
     def before_save(self) -> None:
         """Come to now."""
@@ -296,6 +291,14 @@ class Chip:
         return False
 
     # -- what every chip has ------------------------------------------------------------------
+
+    def resting(self) -> bool:
+        """Whether nothing comes of leaving the chip alone, until something outside touches it.
+
+        Such a chip makes no samples, files nothing and drives nothing anew, and to bring it up to
+        date later takes no longer than now: a server need not do it.
+        """
+        return self.due(SAMPLE) == NEVER
 
     def telemetry(self) -> dict[str, Reading]:
         """Return the values of :attr:`VALUES` that have a key, by their keys, as they are now."""
@@ -352,7 +355,7 @@ class Chip:
     def rearm(self) -> None:
         """Set the timer to the next event, if anybody listens."""
         if self._heard:
-            due = self.next_edge() if self.on_node else self.next_event()
+            due = self.due(EDGE if self.on_node else OUTPUT)
             if due == NEVER:
                 self._timer.cancel()
             else:

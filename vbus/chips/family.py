@@ -30,14 +30,12 @@ class Family(Struct, frozen=True):
         title: its parts, for people: ``"LM628 and LM629"``.
         kind: what they are, for people: ``"motion controller"``.
         about: what they are for, in a few sentences, with which their page begins.
-        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``VALUES``, ``AC``,
-            ``RULES``.
-        bus: what makes cycles of edges, a ``BusWatch``.
+        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``BUS``, ``VALUES``,
+            ``AC``, ``RULES``.
         packets: what reads cycles in the manual's words, a ``Decoder``; made from the register map
             if left out.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
         upsets: what faults can do inside its chips, an ``Upsets``.
-        strobes: the control lines that fall for a read and for a write cycle.
         limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.
@@ -67,7 +65,6 @@ class Family(Struct, frozen=True):
     kind: str = ""
     about: str = ""
     datasheet: str = ""
-    bus: str = ""
     packets: str = ""
     coverage: str = ""
     access: str = ""
@@ -78,7 +75,6 @@ class Family(Struct, frozen=True):
     clock: str = "8 MHz"
     plant: str = "dc_motor"
     upsets: str = ""
-    strobes: tuple[str, ...] = ()
     limits: Mapping[str, str] = field(default_factory=dict)
     reset_pin: str = ""
     reset_write: tuple[int, int] | None = None

@@ -371,6 +371,15 @@ class Circuit:
         for observer in (*self.listeners, *self.observers):
             observer.violation(violation)
 
+    def left_over(self) -> list[Violation]:
+        """Return what hosts have begun and not ended, or never done: ask at the end of a run."""
+        return [
+            Violation(self.kernel.now, chip.name, rule.name, rule.clause, rule.severity, 0, 0, text)
+            for chip in self.chips
+            for rule, text in chip.left_over()
+            if self.violation_policy.of(rule.name)
+        ]
+
     def _clash(self, net: Net) -> None:
         if net.guard is not None:
             self._fights.note(net)

@@ -5,9 +5,8 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.glue.part import Glue
 from vbus.kernel import Kernel
 from vbus.signals import Net, Watcher
@@ -64,14 +63,16 @@ class GlueCycles:
     Attributes:
         chips: those chips.
         by: who moves something now; None: a host that reaches the chips themselves.
+        noted: takes instants and cycles, whoever wants to know of them; None: nothing does.
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
-    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "rows")
+    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "noted", "rows")
 
     def __init__(self, kernel: Kernel, chips: Iterable[Chip], glue: Glue) -> None:
         self._kernel: Kernel = kernel
         self.by: CycleTeller | None = None
+        self.noted: list[tuple[int, list[Ended]]] | None = None
         self.rows: list[BusLines] = []
         chips = list(chips)
         connectors = {id(pin.net) for chip in chips if chip.CONNECTOR for pin in chip.pins.values()}
@@ -86,10 +87,9 @@ class GlueCycles:
         ]  # fmt: skip
         watcher = Watcher(kernel, self._moved)
         for chip in self.chips:
-            follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
-            if follow is None:
+            if chip.BUS is None:
                 continue
-            row = BusLines(chip, follow())
+            row = BusLines(chip, watch_by(chip.BUS))
             row.levels = row.look()
             self.rows.append(row)
             for net in row.nets:
@@ -126,9 +126,11 @@ class GlueCycles:
             before, row.levels = row.levels, row.look()
             if before == row.levels or not row.busy(before):
                 continue
-            if by is None and not row.remembers:
+            if by is None and self.noted is None and not row.remembers:
                 continue
             found += row.ended(now, before, row.chip.bus_net.before)
+        if self.noted is not None and found:
+            self.noted.append((now, found))
         if by is not None and found:
             by.tell_together(now, found)
 

@@ -76,7 +76,7 @@ class HostPins:
         self._connector: dict[int, Pin] = {
             id(pin.net): pin for chip in chips if chip.CONNECTOR for pin in chip.pins.values()
         }
-        standing = [chip.pins[name] for chip in chips for name in chip.standing()]
+        standing = [chip.pins[name] for chip in chips for name in chip.standing]
         self._let_go: list[Pin] = [
             pin for pin in self._connector.values() if all(pin is not one for one in standing)
         ]  # fmt: skip

@@ -10,7 +10,6 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
-from vbus.board import snapshot
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.cluster.node_link import NodeLink
@@ -23,7 +22,7 @@ from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
-from vbus.nodes.machine_snapshot import NO_ROUNDS, read, restore
+from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
@@ -51,8 +50,7 @@ class NodeOptions:
         scenario: file of what hosts do at given instants.
         trace: file that takes what has happened on these nodes.
         snapshot: file that takes a snapshot of the node four times a second.
-        rejoin: snapshot of this node to go on from.
-        start: snapshot of the machine to go on from.
+        start: snapshot of the machine, or of this node, to go on from.
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.
         connect: endpoints to connect to, in place of the board file's.
@@ -62,7 +60,6 @@ class NodeOptions:
     scenario: str = ""
     trace: str = ""
     snapshot: str = ""
-    rejoin: str = ""
     start: str = ""
     patience: float = 0.0
     listen: tuple[str, ...] = ()
@@ -140,21 +137,17 @@ def _conductors(
     built: Callable[[Node], None],
 ) -> list[Conductor]:
     """Return the nodes of this process, each where it is to begin in virtual time."""
-    if (options.snapshot or options.rejoin) and len(names) != 1:
+    if options.snapshot and len(names) != 1:
         raise ConfigError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
         )
     made = [
         conductor_of(file, source, name, scenario, bool(options.trace), built) for name in names
     ]
-    if options.rejoin:
-        with read_errors(options.rejoin):
-            data = Path(options.rejoin).read_bytes()
-        made[0].load(snapshot.read(data, options.rejoin))
     if options.start:
         with read_errors(options.start):
             data = Path(options.start).read_bytes()
-        restore(made, read(data, options.start))
+        restore(made, read_nodes(data, options.start))
     return made
 
 
@@ -256,11 +249,11 @@ class _NodesRun:
         self._lost: list[str] = []
         record = file.record
         wanted = record.journal or record.report or record.coverage or file.waves
-        if (options.rejoin or options.start) and wanted:
+        if options.start and wanted:
             raise ConfigError(
                 f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
                 " node that goes on from a snapshot; leave it out with"
-                f" {'--rejoin' if options.rejoin else '--from'}"
+                " --from"
             )
 
         def built(node: Node) -> None:
@@ -268,7 +261,7 @@ class _NodesRun:
 
         self._peers: Peers
         if self._real:
-            if options.snapshot or options.rejoin or options.start:
+            if options.snapshot or options.start:
                 raise ConfigError(NO_ROUNDS)
             trace = bool(options.trace)
             self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
@@ -358,11 +351,15 @@ class _NodesRun:
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
 
-        def by_grant(request: dict[str, Any], do: Callable[[str], None]) -> None:
+        def by_grant(request: dict[str, Any], reply: Callable[[dict[str, Any]], None]) -> None:
+            def do(refusal: str) -> None:
+                reply({"error": refusal} if refusal else control.carry_out(request))
+
             peers.let_in(rank, do)
 
-        control.late = {"fault.arm": by_grant, "fault.clear": by_grant}
-        control.answered["snap.node"] = peers.save_node
+        control.answered = {
+            "fault.arm": by_grant, "fault.clear": by_grant, "snap.node": peers.save_node,
+        }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
         told = self._recordings[node.rank].told

@@ -102,24 +102,20 @@ def is_of_another(node: str) -> str:
     )
 
 
-def take_order(node: Node, data: bytes, uncertainty: int, digest: str) -> Answer:
+def take_order(node: Node, request: NodeRequest, uncertainty: int) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing.
 
     Args:
         node: the node.
-        data: a request.
+        request: the order.
         uncertainty: how far its clock may be from that of all (ns).
-        digest: of its board file.
     """
     now = node.board.now
+    if request.save >= 0:
+        return Answer(node.name, now, error=NO_ROUNDS)
+    if request.at < 0:
+        return Answer(node.name, now, uncertainty=uncertainty * 1000)
     try:
-        request = read_request(data)
-        if request.digest != digest:
-            return Answer(node.name, now, error=is_of_another(node.name))
-        if request.save >= 0:
-            return Answer(node.name, now, error=NO_ROUNDS)
-        if request.at < 0:
-            return Answer(node.name, now, uncertainty=uncertainty * 1000)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
         scenario = read_scenario(request.lines, "order", pins, US)
     except ConfigError as error:

@@ -9,9 +9,16 @@ from typing import Any, Final
 import msgspec
 
 from vbus.boardfile.sections import BoardFile
-from vbus.cluster.node_link import NodeLink, Receiver
-from vbus.cluster.ordering import NodeRequest, read_answer
-from vbus.errors import NodeLostError, NodeMismatchError, VbusError
+from vbus.cluster.node_link import LARGEST_ANSWER, NodeLink, Receiver
+from vbus.cluster.ordering import (
+    NO_ORDER,
+    Answer,
+    NodeRequest,
+    is_of_another,
+    read_answer,
+    read_request,
+)
+from vbus.errors import ConfigError, NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS, NEVER
 from vbus.nodes.messages import Alive, Message, Reports, decode, encode
 from vbus.nodes.node import Node
@@ -268,6 +275,39 @@ class Peers(Receiver):
             del self._lost[rank]
             self._report(f"node {other.name} is back")
             self.joined(rank)
+
+    # -- orders -----------------------------------------------------------------------------
+
+    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """Take an order for a node of this process.
+
+        Args:
+            rank: of the node.
+            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
+            answer: takes an :class:`~vbus.cluster.ordering.Answer`, once, soon or late.
+        """
+
+        def give(reply: Answer) -> None:
+            data = msgspec.json.encode(reply)
+            if len(data) > LARGEST_ANSWER:
+                why = f"its answer has {len(data)} bytes, and at most {LARGEST_ANSWER} are sent"
+                data = msgspec.json.encode(Answer(name, error=f"node {name}: {why}"))
+            answer(data)
+
+        name = self.plan.nodes[rank]
+        try:
+            request = read_request(data)
+        except ConfigError as error:
+            give(Answer(name, error=f"{NO_ORDER}: {error}"))
+            return
+        if request.digest != self.plan.digest:
+            give(Answer(name, error=is_of_another(name)))
+        else:
+            self.carry_out(rank, request, give)
+
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Carry out an order for a node of this process; ``answer`` is called once."""
+        raise NotImplementedError
 
     # -- snapshots ------------------------------------------------------------------------------
 

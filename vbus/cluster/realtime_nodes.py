@@ -10,10 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import msgspec
-
 from vbus.boardfile.sections import BoardFile
-from vbus.cluster.ordering import Answer, take_order
+from vbus.cluster.ordering import Answer, NodeRequest, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
@@ -252,17 +250,16 @@ class RealTime(Peers):
 
     # -- orders ---------------------------------------------------------------------------------
 
-    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """Take an order for a node of this process, or tell chip time (``ordering.py``)."""
-        node = self.nodes[rank]
-        pacer = self.pacers.get(rank)
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Take an order for a node, or tell chip time (``ordering.py``)."""
+        node, pacer = self.nodes[rank], self.pacers.get(rank)
         if pacer is None:
-            answer(msgspec.json.encode(Answer(node.name, error="chip time has not begun yet")))
+            answer(Answer(node.name, error="chip time has not begun yet"))
             return
         pacer.catch_up()
-        taken = take_order(node, data, self._uncertainty(), self.plan.digest)
+        taken = take_order(node, request, self._uncertainty())
         pacer.touched()
-        answer(msgspec.json.encode(taken))
+        answer(taken)
 
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen at a node now, and send the edges it has caused."""

@@ -6,14 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeVar
 
-import msgspec
-
 from vbus.board.snapshot import write
 from vbus.boardfile.sections import BoardFile
-from vbus.cluster.node_link import LARGEST_ANSWER
-from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
+from vbus.cluster.ordering import Answer, NodeRequest
 from vbus.cluster.peers import LET_IN, Group, Peers
-from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
+from vbus.errors import NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
 from vbus.nodes.machine_snapshot import saved
 from vbus.nodes.messages import Message, Need, NodeReport, Reports
@@ -286,42 +283,26 @@ class Timebase(Peers):
         asked.append(entry)
         self.proceed()
 
-    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """Tell the instant of a node, or its part of a snapshot when a round has ended.
-
-        Args:
-            rank: of the node.
-            data: a :class:`~vbus.cluster.ordering.NodeRequest`.
-            answer: takes a :class:`~vbus.cluster.ordering.Answer`.
-        """
+    def carry_out(self, rank: int, request: NodeRequest, answer: Callable[[Answer], None]) -> None:
+        """Tell the instant of a node, or its part of a snapshot when a round has ended."""
         conductor = self._mine[rank]
         node = conductor.node
 
-        def refuse(why: str) -> None:
-            answer(msgspec.json.encode(Answer(node.name, node.board.now, error=why)))
-
         def save(refusal: str) -> None:
-            if refusal:
-                refuse(refusal)
-            else:
-                answer(_answer_of(conductor))
+            answer(Answer(node.name, error=refusal) if refusal else _answer_of(conductor))
 
-        try:
-            request = read_request(data)
-        except ConfigError as error:
-            refuse(f"{NO_ORDER}: {error}")
-            return
-        if request.digest != self.plan.digest:
-            refuse(is_of_another(node.name))
-        elif request.at >= 0 or request.lines:
-            refuse(
-                "orders are for boards in real time; in virtual time a scenario says what happens"
-                " when: vbus run --scenario"
+        if request.at >= 0 or request.lines:
+            answer(
+                Answer(
+                    node.name,
+                    error="orders are for boards in real time; in virtual time a scenario says what"
+                    " happens when: vbus run --scenario",
+                )
             )
         elif request.save >= 0:
             self.at_round(rank, request.save, save)
         else:
-            answer(msgspec.json.encode(Answer(node.name, node.board.now)))
+            answer(Answer(node.name, node.board.now))
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time).
@@ -350,21 +331,15 @@ class Timebase(Peers):
         }
 
 
-def _answer_of(conductor: Conductor) -> bytes:
+def _answer_of(conductor: Conductor) -> Answer:
     """Return the answer with a node's part of a snapshot, or why it has none."""
     name, now = conductor.node.name, conductor.node.board.now
     try:
-        data = msgspec.json.encode(Answer(name, now, part=saved(conductor)))
+        part = saved(conductor)
     except VbusError as error:
-        why = f"node {name} cannot be saved: {error}"
+        return Answer(name, error=f"node {name} cannot be saved: {error}")
     except Exception:
         log.exception("internal error while saving node %s, which goes on", name)
         why = f"node {name} cannot be saved: internal error; its own messages say more"
-    else:
-        if len(data) <= LARGEST_ANSWER:
-            return data
-        why = (
-            f"node {name} has a part of {len(data)} bytes, and an answer has at most"
-            f" {LARGEST_ANSWER}"
-        )
-    return msgspec.json.encode(Answer(name, now, error=why))
+        return Answer(name, error=why)
+    return Answer(name, now, part=part)

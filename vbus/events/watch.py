@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
+from vbus.chips.base import CHANGE
 from vbus.chips.packets import Packet
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.stream import PacketReader
@@ -130,7 +131,7 @@ class Watch(PacketReader):
 
     def _next_change(self) -> int:
         """Return the same for a watch that is told of edges (ps)."""
-        changes = [chip.next_change() for chip in self._chips]
+        changes = [chip.due(CHANGE) for chip in self._chips]
         return max(min([self._course.due, *changes]), self.board.now + 1)
 
     def _look(self) -> None:

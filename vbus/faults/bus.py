@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.options import Value
 from vbus.signals import HIGH, LOW, Net, Observer, Pin
@@ -31,13 +30,13 @@ class BusFault(Observer):
         self._pin: Pin | None = None
         self._inside: bool = False
         self._gap: bool = False
-        read, write = plugins.family(chip.FAMILY).strobes
         way = str(values.get("cycles", "both"))
-        names = {"read": (read,), "write": (write,), "both": (read, write)}[way]
+        ways = {"read": (False,), "write": (True,), "both": (False, True)}[way]
         self._way: str = way
         self.strobes: list[Net] = []
-        for strobe in names:
-            net = chip.pins[strobe].net
+        assert chip.BUS is not None  # the target was checked
+        for write in ways:
+            net = chip.pins[chip.BUS.strobe(write)[1]].net
             if net not in self.strobes:
                 self.strobes.append(net)
 

@@ -56,9 +56,8 @@ class ClockFaults:
             text = f"CLK runs at {clock.frequency:.12g} Hz from cycle {clock.cycle_at(now)} on"
         if clock.frequency:
             self._upsets.set_frequency(clock.frequency, self._plants)
-        if clock.stopped != stood:
-            chip.move_instants(_held if clock.stopped else _resumed)
-        chip.follow_clock()
+        shift = _held if clock.stopped else _resumed
+        chip.clock_changed(shift if clock.stopped != stood else None)
         self._upsets.disturb()
         chip.kernel.settle()
         return text

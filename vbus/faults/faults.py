@@ -32,7 +32,7 @@ from vbus.kernel import US
 from vbus.options import Option, Value, with_defaults
 from vbus.signals import Observer
 from vbus.state import Names
-from vbus.values.settings import allowed, check_value, listed, quoted, suggestion
+from vbus.values.settings import allowed, among, check_value, quoted
 from vbus.values.units import DIMENSIONS
 
 
@@ -47,8 +47,7 @@ def check_parameters(fault: Fault, given: Mapping[str, object]) -> dict[str, Val
     for key, value in given.items():
         row = rows.get(key)
         if row is None:
-            hint = suggestion(key, rows)
-            raise ValueError(f'{fault.name} has no "{key}"; {hint}it has {listed(rows)}')
+            raise ValueError(f'{fault.name} has no "{key}"; {among(key, rows, "it has")}')
         result[key] = _value(fault, row, value)
     _fits(fault, result)
     return result
@@ -189,8 +188,8 @@ class Faults(Observer):
             ]
             if not known:
                 names = sorted({armed.name for armed in self._armed.values()})
-                hint = suggestion(str(number), names)
-                raise ValueError(f'no fault "{number}" is armed; {hint}there are {listed(names)}')
+                there = among(str(number), names, "there are")
+                raise ValueError(f'no fault "{number}" is armed; {there}')
             live = [armed for armed in live if armed in known]
         self._board.end_leases()
         for armed in live:
@@ -224,9 +223,7 @@ class Faults(Observer):
         """
         known = faults()
         if name not in known:
-            raise ValueError(
-                f'there is no fault "{name}"; {suggestion(name, known)}there are {listed(known)}'
-            )
+            raise ValueError(f'there is no fault "{name}"; {among(name, known, "there are")}')
         return known[name]
 
     def _chip_of(self, armed: Armed) -> Chip | None:

@@ -1,6 +1,5 @@
 """Which chip, axis or link a fault is about."""
 
-from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.faults.armed import LinkActs
@@ -8,7 +7,7 @@ from vbus.faults.glue import net_of
 from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
 from vbus.signals.wire import WireEnd
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among, listed
 
 
 def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | None) -> str:
@@ -53,7 +52,7 @@ def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | Non
     if fault.target == CHIP:
         if number:
             raise ValueError(f'{fault.name} is a fault of the chip: write "{chip.name}"')
-        if fault.family == "bus" and not plugins.family(chip.FAMILY).strobes:
+        if fault.family == "bus" and chip.BUS is None:
             raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
         return chip.name
     return _axis(board, fault, chip, number or "1")
@@ -87,9 +86,7 @@ def _part(board: Circuit, fault: Fault, target: str) -> str:
     parts = [part.name for part in board.glue.parts]
     if target not in parts:
         said = f'there is no part of glue "{target}"' if target else "say on which part of glue"
-        raise ValueError(
-            f"{fault.name}: {said}; {suggestion(target, parts)}there are {listed(parts)}"
-        )
+        raise ValueError(f"{fault.name}: {said}; {among(target, parts, 'there are')}")
     return target
 
 

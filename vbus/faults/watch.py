@@ -9,7 +9,7 @@ from vbus.events.condition import COMMAND
 from vbus.events.watch import Watch
 from vbus.kernel import Timer
 from vbus.values.lexer import ConditionError
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among
 
 
 class ConditionWatch(Watch):
@@ -92,5 +92,4 @@ def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:
         names.append(register.name)
     if not names:
         raise ValueError(f"{chip.part}: its commands have no names known here")
-    hint = suggestion(name.upper(), names)
-    raise ValueError(f'{chip.part} has no {kind} "{name}"; {hint}it has {listed(names)}')
+    raise ValueError(f'{chip.part} has no {kind} "{name}"; {among(name.upper(), names, "it has")}')

@@ -54,7 +54,7 @@ class GlueBlock:
         """How long its outputs take to follow (ps); a fault may have made it longer."""
         self._was: Levels = ()
         self.asleep: bool = False
-        """Whether somebody else works out what it comes to, until :meth:`follow` is called."""
+        """Whether somebody else works out what it comes to, until :meth:`stand` is called."""
         self._timer = kernel.timer(self._due) if delay else None
 
     def _now(self) -> Levels:
@@ -124,9 +124,10 @@ class GlueBlock:
         """How long its outputs take to follow (ps)."""
         return self._delay
 
-    def follow(self, levels: int, driven: int, was: Levels) -> None:
-        """Take what its outputs and inputs have come to while nobody listened."""
-        self.levels, self.driven, self._was = levels, driven, was
+    def stand(self, state: int) -> None:
+        """Take what it holds, and its inputs and outputs as they have come to stand."""
+        self._was = self._now()
+        self.state, self.levels, self.driven = self.row.function(self._was, self._was, state)
         self.asleep = False
 
     def after_load(self) -> None:

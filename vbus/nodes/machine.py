@@ -149,7 +149,7 @@ class Machine:
         Raises:
             SnapshotError: see :func:`~vbus.nodes.machine_snapshot.restore`.
         """
-        restore(self.conductors, snapshot)
+        restore(self.conductors, snapshot.nodes)
         for conductor in self.conductors:
             participant = conductor.participant
             self._share(conductor, participant.log[participant.round])

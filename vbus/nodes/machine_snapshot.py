@@ -4,7 +4,7 @@ At the end of a round each node has told the others all it has sent, so nothing 
 them. Nodes that have each loaded their own part go on together, in any number of processes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Final
 
 import msgpack
@@ -56,32 +56,42 @@ class MachineSnapshot(msgspec.Struct, frozen=True):
         """How far the node that is farthest has come (ps)."""
         return max((part.when for part in self.nodes.values()), default=0)
 
-    def part(self, node: str) -> Snapshot:
-        """Return what it has of a node.
-
-        Raises:
-            SnapshotError: nothing.
-        """
-        if node not in self.nodes:
-            raise SnapshotError(f"the snapshot has no node {node}")
-        return self.nodes[node]
-
 
 def saved(conductor: Conductor) -> SavedNode:
     """Return the part of a node that has just ended a round."""
     return SavedNode(conductor.participant.round, of_board.write(conductor.save()))
 
 
-def restore(conductors: Sequence[Conductor], snapshot: MachineSnapshot) -> None:
-    """Bring nodes of a machine to where a snapshot was taken; the others do the same elsewhere.
+def restore(conductors: Sequence[Conductor], nodes: Mapping[str, Snapshot]) -> None:
+    """Bring nodes of a machine to where snapshots of them were taken; the others do so elsewhere.
 
-    What hosts of the snapshot held is let go, as if they had just ended.
+    What hosts of the snapshots held is let go, as if they had just ended.
 
     Raises:
-        SnapshotError: it is of another machine or version of its board file, or does not fit.
+        SnapshotError: one is missing, of another machine or version of its board file, or does not
+            fit.
     """
     for conductor in conductors:
-        conductor.load(snapshot.part(conductor.node.name))
+        name = conductor.node.name
+        if name not in nodes:
+            raise SnapshotError(f"the snapshot has no node {name}")
+        conductor.load(nodes[name])
+
+
+def read_nodes(data: bytes, name: str) -> dict[str, Snapshot]:
+    """Return the nodes in a file's content: a snapshot of a machine, or of one node.
+
+    Args:
+        data: the bytes.
+        name: what to call it in an error.
+
+    Raises:
+        SnapshotError: it is none, was cut short or damaged, or is of a later version.
+    """
+    if is_machine(data):
+        return read(data, name).nodes
+    part = of_board.read(data, name)
+    return {part.board.rpartition(".")[2]: part}
 
 
 def is_machine(data: bytes) -> bool:

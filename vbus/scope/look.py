@@ -11,7 +11,7 @@ from typing import Final
 from mypy_extensions import i64
 
 from vbus.board.board import Board
-from vbus.chips.base import Chip
+from vbus.chips.base import SAMPLE, Chip
 from vbus.kernel import END, MS, NEVER, SECOND, Kernel
 from vbus.kernel.kernel import Timer
 from vbus.scope.lane import Lane
@@ -160,7 +160,7 @@ class Look:
         raised = steps[-1] != 0
         if self._inside:
             self.registers.note(now)
-        due: i64 = chip.next_sample()
+        due: i64 = chip.due(SAMPLE)
         # The mechanics run one period ahead: what they tell holds when it is over.
         ahead: int = now if due == _NEVER else due
         for behind in self._plants:

@@ -23,9 +23,6 @@ from vbus.transports.base import Link
 Order = Callable[[dict[str, Any]], Any]
 """Is given a request; returns what JSON can hold, or raises ValueError or VbusError."""
 
-When = Callable[[dict[str, Any], Callable[[str], None]], None]
-"""Chooses when an order is carried out; see :attr:`Control.late`."""
-
 Answered = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
 """Is given a request and what takes the reply, once, soon or late; it does not raise."""
 
@@ -64,15 +61,12 @@ class Control:
 
     Attributes:
         orders: what can be ordered, by name.
-        late: orders that are not carried out at once, by name: each is given the request and what
-            carries it out, and calls that once: with "", or with the reason why it is refused.
-        answered: orders that somebody else carries out, by name: the reply is what they say.
+        answered: orders that are not carried out at once, or not here, by name.
     """
 
     def __init__(self, before: Callable[[], object]) -> None:
         self._before: Callable[[], object] = before
         self.orders: dict[str, Order] = {}
-        self.late: dict[str, When] = {}
         self.answered: dict[str, Answered] = {}
 
     def take(
@@ -88,19 +82,12 @@ class Control:
             reply: takes the reply.
             own: what only who asks can order, beside :attr:`orders`.
         """
-
-        def do(refusal: str) -> None:
-            reply({"error": refusal} if refusal else self.carry_out(line, own))
-
-        request = self._request(line) if self.late or self.answered else {}
-        name = str(request.get("do"))
-        when, answered = self.late.get(name), self.answered.get(name)
+        request = self._request(line) if self.answered else {}
+        answered = self.answered.get(str(request.get("do")))
         if answered is not None:
             answered(request, reply)
-        elif when is None:
-            do("")
         else:
-            when(request, do)
+            reply(self.carry_out(line, own))
 
     @staticmethod
     def _request(line: bytes) -> dict[str, Any]:
@@ -109,10 +96,12 @@ class Control:
         except ValueError:
             return {}
 
-    def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
+    def carry_out(
+        self, asked: bytes | dict[str, Any], own: Mapping[str, Order] | None = None
+    ) -> dict[str, Any]:
         """Carry out one request now; return the reply; see :meth:`take`."""
         try:
-            request = decoded(line)
+            request = dict(asked) if isinstance(asked, dict) else decoded(asked)
             name = request.pop("do")
             orders = {**self.orders, **(own or {})}
             order = orders.get(name)

@@ -6,8 +6,7 @@ from msgspec import Struct, field
 
 from vbus import plugins
 from vbus.board.cards import Card
-from vbus.board.pin_maps import PinMap
-from vbus.boardfile.sections import NO_HOST, HostSection
+from vbus.boardfile.sections import NO_HOST, HostSection, PinMapSection
 from vbus.errors import PluginError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
@@ -37,7 +36,7 @@ class LinkSpec(Struct):
     chips: list[str] = field(default_factory=list)
     cycle_ps: int = 0
     card: Card | None = None
-    pin_map: PinMap | None = None
+    pin_map: PinMapSection | None = None
     network: Network | None = None
     remote: bool = False
     line: HostSection = NO_HOST

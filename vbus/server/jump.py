@@ -8,7 +8,7 @@ go back is as it was.
 import asyncio
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -33,9 +33,8 @@ FIRST: Final = "the live board goes back only"
 class Onlooker(Protocol):
     """Somebody who watches the board from another process."""
 
-    @property
-    def watches(self) -> str:
-        """Who it is, in words."""
+    WHO: ClassVar[str]
+    """Who it is, in words."""
 
     def step_aside(self) -> None:
         """Let go of the board: it goes back."""
@@ -113,7 +112,7 @@ class JumpBack:
         others = [other.label for other in board.ports if other is not port]
         if others:
             raise ValueError(f"{FIRST} when no other host is attached; here is {listed(others)}")
-        watchers = [one.watches for one in self._onlookers() if one is not own]
+        watchers = [one.WHO for one in self._onlookers() if one is not own]
         if recording.others or watchers:
             raise ValueError(
                 f"{FIRST} when nothing else is recorded or watches; here is"

@@ -85,6 +85,10 @@ class Connection:
             if self._last:
                 self.end()
 
+    def end_with_board(self) -> None:
+        """The board ends: so does this."""
+        self.end()
+
     def end(self) -> None:
         """Hang up; may be called again."""
         if self.open:
@@ -156,5 +160,5 @@ class LocalSocket:
     def close(self) -> None:
         """Hang up on everybody and listen no more; may be called again."""
         for connection in list(self.connections):
-            connection.end()
+            connection.end_with_board()
         self._transport.close()

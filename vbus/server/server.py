@@ -41,8 +41,7 @@ from vbus.transports.runtime import mark_pause
 
 if TYPE_CHECKING:
     from vbus.scope.lanes import Lateness
-    from vbus.server.jump import JumpBack
-    from vbus.server.watching import RemoteWatcher
+    from vbus.server.watching import RemoteWatcher, Watched
 
 log = logging.getLogger("vbus")
 
@@ -122,7 +121,7 @@ class Server:
         self.control.orders |= self.faults.orders()
         self.steps: Steps = Steps(board, self.pacer, self.sessions)
         self.control.orders |= self.steps.orders()
-        self._jump: JumpBack | None = None
+        self._watched: Watched | None = None
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
@@ -219,18 +218,17 @@ class Server:
         self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
     ) -> "RemoteWatcher":
         from vbus.server.jump import JumpBack
-        from vbus.server.watching import RemoteWatcher
+        from vbus.server.watching import RemoteWatcher, Watched
 
-        if self._jump is None:
-            self._jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
-            self._jump.recording = self._recording
-        return RemoteWatcher(
-            loop, link, on_end, self.board, self.status(), self._late, self.control,
-            self.steps, self._jump,
-        )  # fmt: skip
+        if self._watched is None:
+            jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
+            jump.recording = self._recording
+            self._watched = Watched(self.board, self._late, self.control, self.steps, jump)
+        return RemoteWatcher(loop, link, on_end, self.status(), self._watched)
 
     def _onlookers(self) -> list[Any]:
-        return list(self.local_sockets[1].connections)
+        views = [one.view for one in self.local_sockets[1].connections]  # type: ignore[attr-defined]
+        return [view for view in views if view is not None]
 
     def _look_for_hosts(self, hang_ups: HangUps) -> None:
         sessions = [session for session in self.sessions() if session.link.fd >= 0]

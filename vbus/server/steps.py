@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
+from vbus.chips.base import SAMPLE
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.server.control import Order
@@ -160,7 +161,8 @@ class Steps(Observer):
             return _Goal(board, format_instant(board.now + span), board.now + span)
         if by == "sample":
             chip = board.chip(str(request["chip"]).partition(".")[0])
-            due = chip.next_sample()
+            chip.advance()
+            due = chip.due(SAMPLE)
             if due == NEVER:
                 raise ValueError(f"{chip.name} rests: it makes no samples now")
             return _Goal(board, f"a sample of {chip.name}", due)

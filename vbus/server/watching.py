@@ -1,31 +1,33 @@
 """Live views of a running board: whoever connects is told what happens on its buses.
 
-Beside a board's status socket stands one whose name ends in ``.watch``. Who connects gets lines of
-JSON: first what the status socket tells, then lists that begin with their kind: ``"c"``, instant,
-host, chip, write, address, byte: a bus cycle; ``"v"``, instant, chip, rule, clause, severity,
-measured, limit, detail: a violation; ``"t"``, instant, values by chip; ``"lost"``, how many
-lines were left out because they were not taken in time.
+Beside a board's status socket stands one whose name ends in ``.watch``. What comes there are
+messages, each with its length in front: four bytes, little-endian. The first is what the status
+socket tells. Who connects then asks for one thing by a line of JSON, ``{WHAT: {...}}``, and gets
+``["refused", reason]``, or ``[WHAT, description]`` and after it what was asked for:
 
-Who answers with a line ``{"wave": {...}}``, keys as in a board file's ``[waves.NAME]`` with times
-in ps, gets a line ``["wave"]`` and after it nothing but a waveform, until it has its duration or
-the connection ends; or ``["refused", reason]``. One with ``{"until": CONDITION}`` gets
-``["waiting"]``, or that refusal, and ``["until", instant]`` as soon as the condition holds.
+``events``
+    lists that begin with their kind: ``"c"``, instant, host, chip, write, address, byte: a bus
+    cycle; ``"v"``, instant, chip, rule, clause, severity, measured, limit, detail: a violation;
+    ``"t"``, instant, values by chip; ``"lost"``, how many of these were left out. With ``"until":
+    CONDITION`` also ``"until"``, instant, as soon as the condition holds.
+``wave``
+    a waveform, until it has its duration or the connection ends. Keys as in a board file's
+    ``[waves.NAME]``, with times in ps.
+``scope``
+    frames of the board's lanes; see :mod:`vbus.scope.frames`. With ``"after": PS`` nothing that
+    happens until that instant is told: who asks has it. With ``"samples": false`` samples between
+    one sending and the next are left out. A further line ``{"samples": true}`` or ``false`` changes
+    that, ``{"registers": true}`` has the chips' registers among the frames, ``false`` no longer.
+``pins``
+    frames with the edges of pins: ``"chip": NAME, "pins": [PIN, ...]``.
 
-Who answers with ``{"scope": {}}`` gets a line ``["scope", description]`` and after it frames of the
-board's lanes (see :mod:`vbus.scope.frames`): four bytes with their length, little-endian, and as
-many of them. What is not taken in time is left out. ``{"registers": true}`` then has the chips'
-registers among them, ``false`` no longer. ``{"samples": false}``, also within ``{"scope": {}}``,
-leaves samples out between one sending and the next, ``true`` no longer. With ``{"scope": {"after":
-PS}}`` nothing that happens until that instant is told: who asks has it. One with ``{"pins":
-{"chip": NAME, "pins": [PIN, ...]}}`` gets ``["pins", description]``, or that refusal, and frames
-with the edges of these pins.
+With ``"control": true`` a scope that may give orders has a session of the board: further lines are
+orders (see :mod:`vbus.server.control`), those of :class:`~vbus.server.manual_host.ManualHost` among
+them. Each is answered by a message that is a JSON object; so is one with ``"control"`` whenever
+time is made to stand still or go, and one with ``"scope"``, a description, when the board has gone
+back: frames after it are of a recording that begins there.
 
-Who answers with ``{"scope": {"control": true}}``, and may give orders, has a session of the board
-with it: further lines are orders (see :mod:`vbus.server.control`), those of
-:class:`~vbus.server.manual_host.ManualHost` among them. Each is answered among the frames by a
-message that is JSON and begins with ``{``; so is one with ``"control"`` whenever time is made to
-stand still or go, and one with ``"scope"``, a description, when the board has gone back: frames
-after it are of a recording that begins there.
+Who does not read has so much stored, and the board is not looked at until there is room again.
 """
 
 import asyncio
@@ -34,10 +36,10 @@ import io
 import json
 import os
 import select
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import msgspec
 
@@ -59,63 +61,53 @@ from vbus.trace.wave.wave import DONE, Wave
 from vbus.transports.base import Link
 
 EVERY_SECONDS: Final = 0.05
-"""How often lines are sent."""
+"""How often news are sent."""
 UNSEEN_SECONDS: Final = 0.25
 """The same of frames without samples: nobody looks at them now."""
 MOST_PENDING: Final = 1 << 20
-"""Bytes kept for somebody who does not read."""
+"""Bytes stored for somebody who does not read events."""
 MOST_WAVE: Final = 1 << 26
-"""The same of a waveform."""
+"""The same of a waveform, which ends there."""
 MOST_FRAMES: Final = 1 << 24
 """The same of frames."""
 MOST_ANSWERS: Final = 2 * MOST_FRAMES
 """The same of frames, and answers to orders among them."""
 LAST_SECONDS: Final = 1.0
 """How long a board that ends waits for somebody who reads nothing."""
-MOST_LINES: Final = 20_000
-"""Lines kept between two sendings; the rest is counted as lost."""
+MOST_EVENTS: Final = 20_000
+"""Events stored between two sendings; the rest is counted as lost."""
 
 
-class _Wanted(msgspec.Struct):
-    """What a scope asks for first."""
+class Watched(NamedTuple):
+    """What there is to watch.
 
-    control: bool = False
-    samples: bool = True
-    after: Annotated[int, msgspec.Meta(ge=-1)] = -1
+    Attributes:
+        board: the board.
+        late: tells how the board keeps to the wall clock.
+        control: what can be ordered of the board.
+        steps: who makes its time stand still.
+        jump: brings it back to an earlier instant.
+    """
 
-
-class _BufferedText(io.StringIO):
-    """A text file whose text goes to a connection's buffer."""
-
-    def __init__(self, buffer: bytearray) -> None:
-        super().__init__()
-        self._buffer: bytearray = buffer
-
-    def write(self, text: str) -> int:
-        """Take text.
-
-        Raises:
-            OSError: the other end does not read.
-        """
-        if len(self._buffer) > MOST_WAVE:
-            raise OSError(errno.ENOBUFS, "the other end does not read")
-        self._buffer += text.encode("ascii", "replace")
-        return len(text)
+    board: Board
+    late: Callable[[], Lateness]
+    control: Control
+    steps: Steps
+    jump: JumpBack
 
 
-class RemoteWatcher(Connection, Observer):
+class RemoteWatcher(Connection):
     """Somebody who watches a board from another process.
 
     Args:
         loop: the event loop.
         link: the connection.
         on_end: called once when it is over.
-        board: the board.
         status: what is sent first.
-        late: tells how the board keeps to the wall clock.
-        control: what can be ordered of the board.
-        steps: who makes its time stand still.
-        jump: brings it back to an earlier instant.
+        watched: the board, and what belongs to it.
+
+    Attributes:
+        view: what was asked for, once it was.
     """
 
     def __init__(
@@ -123,36 +115,199 @@ class RemoteWatcher(Connection, Observer):
         loop: asyncio.AbstractEventLoop,
         link: Link,
         on_end: OnEnd,
-        board: Board,
         status: bytes,
-        late: Callable[[], Lateness],
-        control: Control,
-        steps: Steps,
-        jump: JumpBack,
+        watched: Watched,
     ) -> None:
         super().__init__(loop, link, on_end)
-        self._jump: JumpBack = jump
-        self._inside: bool = False
-        self._samples: bool = True
-        self.pending += status + b"\n"
-        self._control: Control = control
-        self._steps: Steps = steps
-        self._manual: ManualHost | None = None
-        self._board: Board = board
-        self._lines: list[list[Any]] = []
-        self._lost: int = 0
+        self.watched: Watched = watched
+        self.view: View | None = None
+        self._away: bool = False
         self._timer: asyncio.TimerHandle | None = None
-        self._wave: Wave | None = None
-        self._late: Callable[[], Lateness] = late
-        self._recorder: Recorder | None = None
-        self._pins: PinRecorder | None = None
-        self._until: Watch | None = None
+        self.message(status)
 
     def begin(self) -> None:
-        """Watch from now on."""
+        """Say what the board is, and wait to be asked."""
         super().begin()
+        self.flush()
+
+    @property
+    def refusal(self) -> str:
+        """Why who watches may give no orders; "" if they may."""
+        return refusal_of(self._link.fd)
+
+    def message(self, data: bytes) -> None:
+        """Have a message sent."""
+        self.pending += len(data).to_bytes(4, "little") + data
+
+    def answer(self, answer: dict[str, Any]) -> None:
+        """Send an answer at once; who orders and does not read is hung up on."""
+        self.message(json.dumps(answer).encode())
+        if len(self.pending) > MOST_ANSWERS:
+            self.end()
+        else:
+            self.flush()
+
+    def take(self, line: bytes) -> None:
+        """Begin what is asked for, or take a line for it."""
+        for one in line.splitlines():
+            if self.view is not None:
+                self.view.take(one)
+            elif self.open:
+                self._ask(one)
+
+    def _ask(self, line: bytes) -> None:
+        try:
+            asked = json.loads(line)
+            if not isinstance(asked, dict) or len(asked) != 1 or not VIEWS.keys() & asked:
+                raise ValueError(f"one of these can be asked for: {', '.join(VIEWS)}")
+            ((what, given),) = asked.items()
+            view = VIEWS[what](self, given)
+        except (ValueError, KeyError, TypeError, RecursionError, VbusError) as error:
+            self.message(json.dumps(["refused", str(error)]).encode())
+            self.flush()
+            return
+        self.view = view
+        self.message(json.dumps([what, view.described()]).encode())
+        view.begin()
+        self.send()
+
+    def news(self) -> None:
+        """Take what is new; of a board that is not looked at, for want of room, nothing is."""
+        assert self.view is not None
+        if len(self.pending) >= self.view.most:
+            if not self._away:
+                self._away = True
+                self.view.look_away()
+            return
+        if self._away:
+            self._away = False
+            self.view.look_again()
+        for message in self.view.news():
+            self.message(message)
+
+    def send(self) -> None:
+        """Send what is new, now and in a while."""
+        if self.view is None:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self.news()
+        if self.view.over and not self.pending:
+            self.end()
+        if self.open:
+            self.flush()
+        if self.open:
+            self._timer = self.loop.call_later(self.view.pause, self.send)
+
+    def end(self) -> None:
+        """Watch no more; may be called again."""
+        if self._timer is not None:
+            self._timer.cancel()
+        view, self.view = self.view, None
+        if view is not None:
+            view.end()
+        super().end()
+
+    def end_with_board(self) -> None:
+        """Send what is left, for a run that was short may end with most of it; then end."""
+        view, self.view = self.view, None
+        if view is not None:
+            if self._away:
+                view.look_again()
+            view.end()
+            self._send_last()  # there is room for what is new then
+            if len(self.pending) < view.most:
+                for message in view.news():
+                    self.message(message)
+            self._send_last()
+        self.end()
+
+    def _send_last(self) -> None:
+        """Send what is pending, and wait for it.
+
+        Not for somebody who has read nothing for a while, or orders and does not read.
+        """
+        if len(self.pending) > MOST_ANSWERS:
+            return
+        room = select.poll()
+        room.register(self._link.fd, select.POLLOUT)
+        with suppress(OSError):  # nobody is there any more
+            while self.pending and room.poll(LAST_SECONDS * 1000):
+                del self.pending[: os.write(self._link.fd, self.pending)]
+
+
+class View:
+    """What is told of a board to somebody who has asked for it.
+
+    Args:
+        watcher: who has.
+        given: what they have said about it.
+
+    Attributes:
+        most: bytes stored for somebody who does not read.
+        pause: how long until the next news (s).
+        over: whether there is no more to come.
+    """
+
+    WHO: ClassVar[str]
+    """Who asks for it, in words."""
+
+    most: int = MOST_FRAMES
+    pause: float = EVERY_SECONDS
+    over: bool = False
+
+    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
+        self._watcher: RemoteWatcher = watcher
+        self._board: Board = watcher.watched.board
+
+    def described(self) -> Any:
+        """Return what it is; sent first."""
+        return {}
+
+    def begin(self) -> None:
+        """Look at the board from now on."""
+
+    def take(self, line: bytes) -> None:
+        """Take a line of who watches."""
+
+    def news(self) -> Iterator[bytes]:
+        """Give what is new, as messages."""
+        yield from ()
+
+    def look_away(self) -> None:
+        """There is no room for more: look at the board no longer."""
+
+    def look_again(self) -> None:
+        """There is room again."""
+
+    def end(self) -> None:
+        """Let go of the board; what is new by now can still be taken."""
+
+
+class _Events(msgspec.Struct, forbid_unknown_fields=True):
+    until: str = ""
+
+
+class EventsView(View, Observer):
+    """Bus cycles, violations and values, one by one."""
+
+    WHO = "a monitor"
+
+    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
+        super().__init__(watcher, given)
+        self.most = MOST_PENDING
+        until = msgspec.convert(given, _Events).until
+        self._until: Watch | None = None
+        if until:
+            self._until = Watch(until, self._board, met=self._met)
+        self._events: list[list[Any]] = []
+        self._lost: int = 0
+
+    def begin(self) -> None:
+        """Look at the board from now on."""
         self._board.observe(self)
-        self._send()
+        if self._until is not None:
+            self._until.begin()
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -164,49 +319,190 @@ class RemoteWatcher(Connection, Observer):
         """Take down a violation."""
         self._add(["v", *msgspec.structs.astuple(violation)])
 
-    def _add(self, line: list[Any]) -> None:
-        if len(self._lines) < MOST_LINES:
-            self._lines.append(line)
+    def _add(self, event: list[Any]) -> None:
+        if len(self._events) < MOST_EVENTS:
+            self._events.append(event)
         else:
             self._lost += 1
 
-    def take(self, line: bytes) -> None:
-        """Begin the waveform, the lanes, or to look for the condition, that is asked for."""
-        if self._recorder is not None:
-            for told in line.splitlines():
-                self._told(self._recorder, told)
-            return
-        if self._asked:
-            return
-        try:
-            asked = json.loads(line)
-            if "scope" in asked:
-                wanted = msgspec.convert(asked["scope"], _Wanted)
-                self._samples = wanted.samples
-                self._begin_scope(wanted.control, wanted.after)
-                return
-            if "pins" in asked:
-                self._begin_pins(PinRecorder(self._board, **asked["pins"]))
-                return
-            if "until" in asked:
-                self._until = Watch(str(asked["until"]), self._board, met=self._met)
-                self._until.begin()
-                self._lines.append(["waiting"])
-                return
-            section = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
-            self._wave = Wave(
-                self._board, _BufferedText(self.pending), section.profile, section.signals,
-                section.trigger, section.before, section.duration, section.sample,
-            )  # fmt: skip
-        except (ValueError, KeyError, TypeError, VbusError) as error:
-            self._lines.append(["refused", str(error)])
-            return
+    def _met(self) -> None:
+        assert self._until is not None
+        self._until.end()
+        self._events.append(["until", self._board.now])
+
+    def news(self) -> Iterator[bytes]:
+        """Give what is new, and the values."""
+        board, events = self._board, self._events
+        events.append(["t", board.now, {chip.name: chip.telemetry() for chip in board.chips}])
+        if self._lost:
+            events.append(["lost", self._lost])
+        self._events, self._lost = [], 0
+        for event in events:
+            yield json.dumps(event).encode()
+
+    def look_away(self) -> None:
+        """Count cycles that nobody is told of, and no more."""
+        self._lost -= self._board.reads + self._board.writes
         self._board.unobserve(self)
-        self._lines.clear()
-        self.pending += b'["wave"]\n'
+
+    def look_again(self) -> None:
+        """Take them down again."""
+        self._lost += self._board.reads + self._board.writes
+        self._board.observe(self)
+
+    def end(self) -> None:
+        """Take nothing down any more."""
+        if self in self._board.observers:
+            self._board.unobserve(self)
+        if self._until is not None:
+            self._until.end()
+
+
+class WaveView(View, io.StringIO):
+    """A waveform: a text file whose text goes to who watches."""
+
+    WHO = "a waveform"
+
+    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
+        super().__init__(watcher, given)
+        self.most = 2 * MOST_WAVE
+        self._text: bytearray = bytearray()
+        section = msgspec.convert({"name": "", "file": "", **given}, WaveSection)
+        self._wave: Wave = Wave(
+            self._board, self, section.profile, section.signals,
+            section.trigger, section.before, section.duration, section.sample,
+        )  # fmt: skip
+
+    def begin(self) -> None:
+        """Record it from now on."""
         self._wave.start()
 
-    def _told(self, recorder: Recorder, line: bytes) -> None:
+    def write(self, text: str) -> int:
+        """Take text.
+
+        Raises:
+            OSError: who watches does not read.
+        """
+        if len(self._text) + len(self._watcher.pending) > MOST_WAVE:
+            raise OSError(errno.ENOBUFS, "the other end does not read")
+        self._text += text.encode("ascii", "replace")
+        return len(text)
+
+    def news(self) -> Iterator[bytes]:
+        """Give the text there is by now."""
+        self.over = self._wave.state == DONE
+        if self._text:
+            yield bytes(self._text)
+            self._text.clear()
+
+    def end(self) -> None:
+        """End the recording."""
+        self._wave.stop()
+
+
+class FramesView(View):
+    """Frames that a recorder makes.
+
+    Attributes:
+        recorder: what records.
+    """
+
+    recorder: Recorder | PinRecorder
+
+    def news(self) -> Iterator[bytes]:
+        """Give what is new: those frames by themselves that last."""
+        frames = self.recorder.take(numbers)
+        while frames[0][0] in LASTING:
+            yield frames.pop(0)
+        yield b"".join(frames)
+
+    def look_away(self) -> None:
+        """Record nothing."""
+        self.recorder.stop()
+
+    def look_again(self) -> None:
+        """Record again, and say what is left out."""
+        self.recorder.leave_out()
+        self.recorder.start()
+
+    def begin(self) -> None:
+        """Record from now on."""
+        self.recorder.start()
+
+    def end(self) -> None:
+        """Record no more."""
+        self.recorder.stop()
+
+
+class PinsView(FramesView):
+    """The pins of a chip."""
+
+    WHO = "a viewer of pins"
+
+    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
+        super().__init__(watcher, given)
+        self.recorder: PinRecorder = PinRecorder(self._board, **given)
+
+    def described(self) -> Any:
+        """Return what the pins are."""
+        return self.recorder.described()
+
+
+class _Scope(msgspec.Struct, forbid_unknown_fields=True):
+    control: bool = False
+    samples: bool = True
+    after: Annotated[int, msgspec.Meta(ge=-1)] = -1
+
+
+class ScopeView(FramesView):
+    """All lanes of a board; and orders, if that is asked for and allowed."""
+
+    WHO = "a scope or viewer"
+
+    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
+        super().__init__(watcher, given)
+        wanted = msgspec.convert(given, _Scope)
+        if wanted.control and watcher.refusal:
+            raise VbusError(watcher.refusal)
+        self._steps: Steps = watcher.watched.steps
+        self._after: int = wanted.after
+        self._inside: bool = False
+        self._see_samples(wanted.samples)
+        self.recorder: Recorder = self._new_recorder()
+        self._manual: ManualHost | None = None
+        if wanted.control:
+            self._manual = ManualHost(self._board, self._steps)
+
+    def _new_recorder(self) -> Recorder:
+        return Recorder(self._board, edges=False, late=self._watcher.watched.late)
+
+    def _see_samples(self, on: bool) -> None:
+        self._samples: bool = on
+        self.pause = EVERY_SECONDS if on else UNSEEN_SECONDS
+
+    def described(self) -> Any:
+        """Return what the lanes are, and what there is to take in hand."""
+        told = self.recorder.lanes.described(live=True, control=self._manual is not None)
+        return told if self._manual is None else {**told, "manual": self._manual.described()}
+
+    def begin(self) -> None:
+        """Record from now on."""
+        self._record(self._after)
+        if self._manual is not None:
+            self._steps.changed.append(self._steps_changed)
+            self._tell_steps()
+
+    def _record(self, after: int = -1) -> None:
+        self.recorder.look_at_samples(self._samples)
+        self.recorder.start(after)
+        self.recorder.look_inside(self._inside)
+
+    def look_again(self) -> None:
+        """Record again, and say what is left out."""
+        self.recorder.leave_out()
+        self._record()
+
+    def take(self, line: bytes) -> None:
         """The page wants registers or samples, or gives an order."""
         try:
             asked = json.loads(line)
@@ -214,173 +510,49 @@ class RemoteWatcher(Connection, Observer):
             asked = None
         if isinstance(asked, dict) and "registers" in asked:
             self._inside = asked["registers"] is True
-            recorder.look_inside(self._inside)
+            self.recorder.look_inside(self._inside)
         elif isinstance(asked, dict) and "samples" in asked:
-            self._samples = asked["samples"] is not False
-            recorder.look_at_samples(self._samples)
-            if self._timer is not None:
-                self._timer.cancel()
-            self._send()
+            self._see_samples(asked["samples"] is not False)
+            self.recorder.look_at_samples(self._samples)
+            self._watcher.send()
         elif (manual := self._manual) is not None:
-            back = partial(self._jump.begin, own=self, port=manual.port)
-            self._control.take(line, self._answer, {**manual.orders(), "back": back})
-
-    @property
-    def watches(self) -> str:
-        """Who this is, in words."""
-        if self._recorder is not None:
-            return "a scope or viewer"
-        for what, one in (
-            ("a viewer of pins", self._pins), ("a waveform", self._wave), ("vbus wait", self._until)
-        ):  # fmt: skip
-            if one is not None:
-                return what
-        return "a monitor"
+            jump, control = self._watcher.watched.jump, self._watcher.watched.control
+            back = partial(jump.begin, own=self, port=manual.port)
+            control.take(line, self._watcher.answer, {**manual.orders(), "back": back})
 
     def step_aside(self) -> None:
         """Let go of the board: it goes back."""
-        assert self._recorder is not None
         assert self._manual is not None
-        self._send_frames(self._recorder)
-        self._recorder.stop()
+        self._watcher.news()
+        self.recorder.stop()
         self._manual.end(go_on=False)
 
     def step_in(self) -> None:
         """Hold and watch it again; what is told begins anew there."""
         assert self._manual is not None
         self._manual.attach()
-        self._recorder = Recorder(self._board, edges=False, late=self._late)
-        self._answer({"scope": self._described(self._recorder)})
-        self._recorder.look_at_samples(self._samples)
-        self._recorder.start()
-        self._recorder.look_inside(self._inside)
-
-    @property
-    def _asked(self) -> bool:
-        """Whether something else than lines was asked for."""
-        return any(one is not None for one in (
-            self._wave, self._recorder, self._pins, self._until,
-        ))  # fmt: skip
-
-    def _begin_scope(self, control: bool, after: int) -> None:
-        refusal = refusal_of(self._link.fd) if control else ""
-        if refusal:
-            raise VbusError(refusal)
-        self._board.unobserve(self)
-        self._lines.clear()
-        self._recorder = Recorder(self._board, edges=False, late=self._late)
-        if control:
-            self._manual = ManualHost(self._board, self._steps)
-        told = self._described(self._recorder)
-        self.pending += json.dumps(["scope", told]).encode() + b"\n"
-        self._recorder.look_at_samples(self._samples)
-        self._recorder.start(after)
-        if control:
-            self._steps.changed.append(self._steps_changed)
-            self._tell_steps()
-
-    def _described(self, recorder: Recorder) -> dict[str, Any]:
-        told = recorder.lanes.described(live=True, control=self._manual is not None)
-        return told if self._manual is None else {**told, "manual": self._manual.described()}
+        self.recorder = self._new_recorder()
+        self._watcher.answer({"scope": self.described()})
+        self._record()
 
     def _steps_changed(self) -> None:
         # A step may end within a bus cycle: nothing is sent, and nobody hung up on, before its end.
-        self.loop.call_soon(self._tell_steps)
+        self._watcher.loop.call_soon(self._tell_steps)
 
     def _tell_steps(self) -> None:
-        if self.open and self._recorder is not None:
-            self._send_frames(self._recorder)
-            self._answer({"control": self._steps.told()})
-
-    def _answer(self, answer: dict[str, Any]) -> None:
-        """Send an answer at once; who orders and does not read is hung up on."""
-        self._message(json.dumps(answer).encode())
-        if len(self.pending) > MOST_ANSWERS:
-            self.end()
-        else:
-            self.flush()
-
-    def _message(self, message: bytes) -> None:
-        self.pending += len(message).to_bytes(4, "little") + message
-
-    def _begin_pins(self, pins: PinRecorder) -> None:
-        self._board.unobserve(self)
-        self._lines.clear()
-        self._pins = pins
-        self.pending += json.dumps(["pins", pins.described()]).encode() + b"\n"
-        pins.start()
-
-    def _send_frames(self, recorder: Recorder | PinRecorder) -> None:
-        if len(self.pending) >= MOST_FRAMES:
-            recorder.leave_out()
-            return
-        frames = recorder.take(numbers)
-        lasting = []
-        while frames[0][0] in LASTING:
-            lasting.append(frames.pop(0))
-        for message in (*lasting, b"".join(frames)):
-            self._message(message)
-
-    def _met(self) -> None:
-        assert self._until is not None
-        self._until.end()
-        self._lines.append(["until", self._board.now])
-
-    def _send(self) -> None:
-        lines, self._lines = self._lines, []
-        if self._recorder is not None:
-            self._send_frames(self._recorder)
-        elif self._pins is not None:
-            self._send_frames(self._pins)
-        elif self._wave is not None:
-            if self._wave.state == DONE and not self.pending:
-                self.end()
-        elif len(self.pending) < MOST_PENDING:
-            board = self._board
-            values = {chip.name: chip.telemetry() for chip in board.chips}
-            lines.append(["t", board.now, values])
-            if self._lost:
-                lines.append(["lost", self._lost])
-                self._lost = 0
-            self.pending += "".join(json.dumps(line) + "\n" for line in lines).encode()
-        else:
-            self._lost += len(lines)
-        if self.open:
-            self.flush()
-        if self.open:
-            pause = EVERY_SECONDS if self._samples else UNSEEN_SECONDS
-            self._timer = self.loop.call_later(pause, self._send)
+        if self._watcher.view is self:
+            self._watcher.news()
+            self._watcher.answer({"control": self._steps.told()})
 
     def end(self) -> None:
-        """Watch no more; may be called again."""
-        if self.open:
-            if self._timer is not None:
-                self._timer.cancel()
-            if self._manual is not None:
-                self._steps.changed.remove(self._steps_changed)
-                self._manual.end()
-            if self._wave is not None:
-                self._wave.stop()
-            elif (recorder := self._recorder or self._pins) is not None:
-                recorder.stop()
-                self._send_last()  # there is room for what is new then
-                self._send_frames(recorder)
-                self._send_last()
-            else:
-                self._board.unobserve(self)
-            if self._until is not None:
-                self._until.end()
+        """Record no more, and let time go on."""
+        if self._manual is not None:
+            self._steps.changed.remove(self._steps_changed)
+            self._manual.end()
         super().end()
 
-    def _send_last(self) -> None:
-        """Send what is pending: a run that was short may end with most of it, and waits for it.
 
-        Not for somebody who has read nothing for a while, or orders and does not read.
-        """
-        if len(self.pending) > MOST_ANSWERS:
-            return
-        room = select.poll()
-        room.register(self._link.fd, select.POLLOUT)
-        with suppress(OSError):  # nobody is there any more
-            while self.pending and room.poll(LAST_SECONDS * 1000):
-                del self.pending[: os.write(self._link.fd, self.pending)]
+VIEWS: Final[dict[str, type[View]]] = {
+    "events": EventsView, "wave": WaveView, "scope": ScopeView, "pins": PinsView,
+}  # fmt: skip
+"""What can be asked for, by the word."""

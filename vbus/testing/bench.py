@@ -375,6 +375,7 @@ class Bench:
             f" {board.policy}; {tested.watch.cycles} bus cycles",
             *(f"    {line}" for line in lines),
             *self._violations(tested),
+            *_axes(tested),
         ]
         report.lines += ["faults:", *(f"    {armed}" for armed in faults)] if faults else []
         report.lines += [f"journal: {journal}", f"replay:  {replay}"]
@@ -414,9 +415,10 @@ class Bench:
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        if judged.notes:
-            yield f"notes: {len(judged.notes)}"
-            yield from (f"    {line}" for line in by_rule(judged.notes, verb="notes"))
+        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        if notes:
+            yield f"notes: {len(notes)}"
+            yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
 
@@ -426,6 +428,13 @@ class Bench:
         path = self.folder() / f"{test}{f'-{number + 1}' if number else ''}.{suffix}"
         write_file(path, content)
         return path
+
+
+def _axes(tested: TestedBoard) -> list[str]:
+    try:
+        return [f"axis {line}" for line in tested.axes()]
+    except Exception as error:  # the journal tells more than what stops it from being played
+        return [f"axes:    not known: {type(error).__name__}: {error}"]
 
 
 def _check_keywords(keywords: Iterable[str], also: Iterable[str] = ()) -> None:

@@ -6,7 +6,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.chips.base import Chip
+from vbus.chips.base import OUTPUT, Chip
 from vbus.kernel import MS, NEVER, SECOND, US
 from vbus.signals import EdgeTaker, Observer
 from vbus.state import save
@@ -94,10 +94,10 @@ class _ObservedRun(_CheckRun):
             self.board.run_for(part)
             self.chip.advance()
             self.chip.advance()
-            due = self.chip.next_event()
+            due = self.chip.due(OUTPUT)
             demand(
                 due > self.board.now,
-                f"{self.name}: next_event() gave {due} ps, and it is {self.board.now} ps: it must"
+                f"{self.name}: due(OUTPUT) gave {due} ps, and it is {self.board.now} ps: it must"
                 " lie ahead",
             )
             self.chip.telemetry()
@@ -239,7 +239,7 @@ def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: 
 
 
 def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
-    """No output changes before next_event() says so."""
+    """No output changes before due(OUTPUT) says so."""
     quick = _SlicedRun(factory, chip)
     seen = []
     for run in (quick, _CheckRun(factory, chip)):
@@ -254,11 +254,11 @@ def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
         demand(
             a == b,
             f"{quick.name}: looked at often, {a[1]} became {a[2]} at {a[0]} ps; left alone,"
-            f" {b[1]} became {b[2]} at {b[0]} ps: next_event() promises too much",
+            f" {b[1]} became {b[2]} at {b[0]} ps: due(OUTPUT) promises too much",
         )
     demand(
         len(seen[0]) == len(seen[1]),
         f"{quick.name}: {len(seen[0])} edges of its outputs when looked at often, {len(seen[1])}"
-        " when left alone: next_event() promises too much",
+        " when left alone: due(OUTPUT) promises too much",
     )
-    demand(quick.chip.next_event() <= NEVER, f"{quick.name}: next_event() lies beyond NEVER")
+    demand(quick.chip.due(OUTPUT) <= NEVER, f"{quick.name}: due(OUTPUT) lies beyond NEVER")

@@ -11,7 +11,7 @@ from vbus.server.host_limits import UNBOUNDED as UNBOUNDED
 from vbus.server.host_limits import HostStuck as HostStuck
 from vbus.server.host_limits import HostWatch as HostWatch
 from vbus.server.host_limits import Limits as Limits
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among
 
 BUDGET: Final = Limits(300_000, 60 * SECOND, IN_VAIN, PATIENCE)
 """What a test may take that says nothing else, on a board whose time is virtual."""
@@ -31,9 +31,8 @@ def budget_of(where: str, given: Any, otherwise: Limits) -> Limits:
     values: dict[str, Any] = {key: getattr(otherwise, key) for key in BUDGET_KEYS}
     for key, value in given.items():
         if key not in BUDGET_KEYS:
-            hint = suggestion(str(key), BUDGET_KEYS)
-            allowed = listed(BUDGET_KEYS)
-            raise ConfigError(f"{where}: budget: unknown key {key!r}; {hint}allowed are {allowed}")
+            known = among(str(key), BUDGET_KEYS, "allowed are")
+            raise ConfigError(f"{where}: budget: unknown key {key!r}; {known}")
         in_time = key in ("chip_time", "polling")
         try:
             number = picoseconds(value)

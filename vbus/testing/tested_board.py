@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
 
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from vbus.trace.coverage.coverage import CoverageObserver
 
 _T = TypeVar("_T")
+MOST_PLAYED: Final = 100_000
+"""Bus cycles of a failing test that are played again for what became of its axes: some seconds."""
 
 
 class TestedBoard:
@@ -86,6 +88,25 @@ class TestedBoard:
         """End the journal and return it."""
         self.call(self._journal.close)
         return self._bytes.getvalue()
+
+    def axes(self) -> list[str]:
+        """Return what became of each axis: by the journal, so that a test that passes pays nothing.
+
+        It is ended. Of a run of more than :data:`MOST_PLAYED` cycles nothing is told.
+        """
+        from vbus.nodes.machine import board_of
+        from vbus.tools.outcome import AxisOutcomes
+        from vbus.trace.journal.replay import Replay
+
+        if self.watch.cycles > MOST_PLAYED:
+            return []
+        reader = JournalReader(io.BytesIO(self.journal()))
+        board = board_of(reader.header, self.file.path)
+        outcomes = AxisOutcomes(board)
+        board.observe(outcomes)
+        Replay(board, reader, reader.header.families).run()
+        outcomes.look()
+        return outcomes.lines()
 
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""

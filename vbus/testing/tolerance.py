@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from vbus.errors import ConfigError
 from vbus.trace.runs.difference import Tolerance
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among
 
 NEAR: Final = Tolerance(counts=4, time=0.05, cycles=0.05, limit=True)
 """What holds where nothing else is said."""
@@ -27,10 +27,8 @@ def tolerance_of(where: str, given: Any, otherwise: Tolerance = NEAR) -> Toleran
     values: dict[str, Any] = {}
     for key, value in given.items():
         if key not in _KEYS:
-            raise ConfigError(
-                f"{where}: golden: unknown key {key!r}; {suggestion(str(key), _KEYS)}allowed are"
-                f" {listed(_KEYS)}"
-            )
+            known = among(str(key), _KEYS, "allowed are")
+            raise ConfigError(f"{where}: golden: unknown key {key!r}; {known}")
         share = _SHARE.fullmatch(value) if isinstance(value, str) else None
         whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
         if key == "counts" and whole:

@@ -260,6 +260,8 @@ def run_beside(
         )  # fmt: skip
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
+        for found in board.left_over():
+            findings.violation(found)
         if watched:
             outcome.look()
         if written is not None:

@@ -76,7 +76,7 @@ def command(
     hertz = _hertz(samplerate)
     wanted = _map(maps)
     with _opened(capture, hertz) as (read, _, _):
-        wanted = {**_by_nets(part, watch.DATA, read.channels), **wanted} if board else wanted
+        wanted = {**_by_nets(part, watch.table.data, read.channels), **wanted} if board else wanted
         wiring = wiring_of(read.channels, part.name, part.pin_rows, watch, wanted)
         if isinstance(part, CardBus):
             tie_others(part, wiring)

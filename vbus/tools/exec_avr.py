@@ -11,12 +11,13 @@ from typing import Final
 
 from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.source import absent
 from vbus.errors import ConfigError, ProgramError, VbusError
 from vbus.file_kinds import HEAD, is_none, unreadable
 from vbus.native import include_dir
 from vbus.server.serving import recorded
 from vbus.tools.beside import run_on_board, run_program
-from vbus.values.settings import listed, suggestion
+from vbus.values.settings import among, listed
 
 KEYS: Final = {
     "mmcu": "--mmcu",
@@ -59,9 +60,8 @@ def parse(spec: str) -> list[str]:
         elif key in FLAGS:
             raise ValueError(f'"{key}" has no value')
         else:
-            known = [*KEYS, *FLAGS]
-            hint = suggestion(key, known)
-            raise ValueError(f'unknown key "{key}"; {hint}allowed are {listed(known)}')
+            known = among(key, [*KEYS, *FLAGS], "allowed are")
+            raise ValueError(f'unknown key "{key}"; {known}')
     return options
 
 
@@ -193,10 +193,7 @@ def _host(file: BoardFile, name: str | None) -> HostSection:
     if name is None and len(names) > 1:
         raise ConfigError(f"{file.path}: choose one of its pin maps: {listed(names)}")
     if name is not None and name not in names:
-        hint = suggestion(name, names)
-        raise ConfigError(
-            f"{file.path}: there is no [pinmaps.{name}]; {hint}this file has {listed(names)}"
-        )
+        raise ConfigError(f"{file.path}: {absent('pinmaps', name, names)}")
     chosen = name or names[0]
     for host in file.hosts:
         if host.pinmap == chosen:

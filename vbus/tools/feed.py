@@ -42,25 +42,20 @@ class Feed:
             reason = error.strerror or str(error)
             raise TransportError(not_there(board, "can be watched", reason)) from error
         self._unsent: SimpleQueue[bytes] | None = None
-        self._lines: io.BufferedReader = self._socket.makefile("rb")
-        self.hello: dict[str, Any] = json.loads(next(self._lines, b"{}"))
+        self._board: str = board
+        self._file: io.BufferedReader = self._socket.makefile("rb")
+        self.hello: dict[str, Any] = json.loads(next(self.messages(), b"{}"))
         """What ``vbus ls --json`` tells of the board."""
 
     def __iter__(self) -> Iterator[list[Any]]:
-        for line in self._lines:
-            if line.endswith(b"\n"):
-                yield json.loads(line)
-
-    def raw(self) -> Iterator[bytes]:
-        """Give what follows as it comes."""
-        while data := self._lines.read1(1 << 16):
-            yield data
+        for message in self.messages():
+            yield json.loads(message)
 
     def messages(self) -> Iterator[bytes]:
-        """Give messages, each with its length in front, until the board ends."""
-        while len(head := self._lines.read(4)) == 4:
+        """Give messages, until the board ends."""
+        while len(head := self._file.read(4)) == 4:
             size = int.from_bytes(head, "little")
-            data = self._lines.read(size)
+            data = self._file.read(size)
             if len(data) == size:
                 yield data
 
@@ -89,9 +84,29 @@ class Feed:
             while data := unsent.get():
                 self._socket.sendall(data)
 
-    def until(self, condition: str) -> None:
-        """Have it told when a condition holds; "waiting" or "refused" comes first."""
-        self.send(json.dumps({"until": condition}).encode() + b"\n")
+    def ask(self, what: str, **given: Any) -> Any:
+        """Ask for what is to follow; return what it is; see :mod:`vbus.server.watching`.
+
+        Raises:
+            TransportError: the board has stopped.
+            VbusError: it refuses; says why.
+        """
+        with suppress(OSError):  # it has gone
+            self.send(json.dumps({what: given}).encode() + b"\n")
+            answer = next(iter(self), None)
+            if answer is not None and answer[0] == "refused":
+                raise VbusError(answer[1])
+            if answer is not None:
+                return answer[1]
+        raise TransportError(f'board "{self._board}" has stopped')
+
+    def watch(self, until: str = "") -> None:
+        """Have events told from now on, and when a condition holds, if there is one.
+
+        Raises:
+            VbusError: it makes no sense on this board.
+        """
+        self.ask("events", until=until)
 
     def close(self) -> None:
         """Watch no more."""
@@ -124,21 +139,19 @@ class Together:
         self._waiting: SimpleQueue[tuple[int, list[Any] | None]] = SimpleQueue()
         self._running: int = 0
 
-    def until(self, condition: str) -> None:
-        """Have it told when a condition holds: on the node whose chips it is about.
+    def watch(self, until: str = "") -> None:
+        """Have events told, and when a condition holds: on the node whose chips it is about.
 
         Raises:
             VbusError: no node can look for it; says why.
         """
         refusals = []
         for feed in self._feeds:
-            feed.until(condition)
-        for part, feed in enumerate(self._feeds):
-            for item in feed:
-                if item[0] in ("waiting", "refused"):
-                    refusals += item[1:]
-                    break
-                self._waiting.put((part, item))
+            try:
+                feed.watch(until)
+            except VbusError as error:
+                refusals.append(error)
+                feed.watch()
         if len(refusals) == len(self._feeds):
             raise VbusError(f"{refusals[0]}; a condition is about chips of one node")
 

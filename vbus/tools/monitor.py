@@ -10,7 +10,6 @@ import click
 from vbus import plugins
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketReader, PacketStream
-from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.tools import exit_codes
 from vbus.tools.feed import Feed, Together, boards_of
@@ -48,12 +47,7 @@ def command(
     with closing(watched) as feed, suppress(KeyboardInterrupt):
         console = Console()
         view = View(feed.hello, status)
-        if until:
-            feed.until(until)
-            for item in feed if isinstance(feed, Feed) else ():
-                view.take(item)
-                if item[0] == "waiting":
-                    break
+        feed.watch(until)
         told: Callable[[str], str] = json_line if as_json else str
         if plain or as_json or not console.is_terminal:
             _print(feed, view, count, told)
@@ -115,8 +109,6 @@ class View(PacketReader):
             self.lost += rest[0]
         elif kind == "until":
             self.met = rest[0]
-        elif kind == "refused":
-            raise VbusError(rest[0])
 
     def over(self, count: int | None) -> bool:
         """Tell whether what was waited for has come: ``count`` packets, or a condition."""

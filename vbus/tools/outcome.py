@@ -1,6 +1,6 @@
 """What became of each axis in a run: for the summary of ``vbus exec``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from vbus.board.board import Board
@@ -8,6 +8,8 @@ from vbus.kernel import MS
 from vbus.signals import Observer
 
 _DRIVES: Final = ("drive", "command")
+_SIZES: Final = ("error", "velocity", "profile")
+"""Lanes of which the greatest size is told."""
 _REVERSALS: Final = 6
 """Turns to and fro after which an axis is said to oscillate."""
 _NOISE: Final = 2
@@ -33,6 +35,8 @@ class _AxisPath:
         idled: whether they were enough to be told.
         undriven: why the chip could not move it at the last look; "" if it could.
         in_vain: the same at looks between which its profile ran.
+        largest: the greatest size at any look, by lane (:data:`_SIZES`).
+        unit: of its speed.
     """
 
     first: float
@@ -47,6 +51,12 @@ class _AxisPath:
     idled: bool = False
     undriven: str = ""
     in_vain: str = ""
+    largest: dict[str, float] = field(default_factory=dict)
+    unit: str = ""
+
+    def measure(self, lane: str, value: float) -> None:
+        """Take a value of a lane as it is now."""
+        self.largest[lane] = max(self.largest.get(lane, 0), abs(value))
 
     def look(
         self, position: float, desired: float | None, drive: float | None, undriven: str
@@ -77,7 +87,13 @@ class _AxisPath:
         if self.least == self.most:
             parts.append("did not move")
         else:
-            parts.append(f"moved between {self.least:g} and {self.most:g}")
+            parts.append(f"moved from {self.first:g} between {self.least:g} and {self.most:g}")
+            if speed := self.largest.get("velocity"):
+                commanded = self.largest.get("profile")
+                of = "" if commanded is None else f" (commanded {commanded:.6g})"
+                parts.append(f"at up to {speed:.6g}{of} {self.unit}")
+        if error := self.largest.get("error"):
+            parts.append(f"was {error:g} counts off at most")
         if self.in_vain:
             parts.append(f"its profile ran in vain: {self.in_vain}")
         elif self.undriven and self.least == self.most:
@@ -129,6 +145,11 @@ class AxisOutcomes(Observer):
                     _AxisPath(real, real, real, real, real),
                 )
                 course.look(real, desired, drive, chip.undriven(axis))
+                for lane in _SIZES:
+                    if (lane, axis) in drawn:
+                        course.measure(lane, values[drawn[lane, axis]])
+                speed = chip.VALUES.lane("velocity")
+                course.unit = speed.unit if speed is not None else ""
 
     def lines(self) -> list[str]:
         """Return a sentence for each axis."""

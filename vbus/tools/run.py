@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
 @click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
-@click.option("--rejoin", metavar="FILE", help="Nodes: go on from this snapshot.")
 @click.option(
     "--patience",
     type=click.FloatRange(0, 86_400),
@@ -116,8 +115,6 @@ def command(
     record = {key: value for key, value in record.items() if value is not None}
     file = recorded(file, record, metrics or "")
     if file.nodes:
-        if start is not None and of_nodes["rejoin"]:
-            raise click.UsageError("--from and --rejoin: a node goes on from one snapshot")
         from vbus.cluster.nodes import NodeOptions
         from vbus.tools import run_nodes
 

@@ -228,14 +228,14 @@ def _begun(feed: Feed, control: bool, samples: bool, after: int = -1) -> dict[st
             " written to from the page; leave it out"
         )
     samples = samples or not _in_real_time(feed)
-    asked = {"scope": {"control": control, "samples": samples, "after": after}}
-    feed.send(json.dumps(asked).encode() + b"\n")
-    told = next((item for item in feed if item[0] in ("scope", "refused")), None)
-    if told is None:
-        raise TransportError(f'board "{name}" has stopped')
-    if told[0] == "refused":
-        raise VbusError(f"{name}: {told[1]}")
-    description: dict[str, Any] = told[1]
+    try:
+        description: dict[str, Any] = feed.ask(
+            "scope", control=control, samples=samples, after=after
+        )
+    except TransportError:
+        raise
+    except VbusError as error:
+        raise VbusError(f"{name}: {error}") from None
     return description
 
 

@@ -5,7 +5,6 @@ a number, and ``get``, after which samples flow until ``close`` or the end of th
 """
 
 import asyncio
-import json
 import socket
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
@@ -46,15 +45,11 @@ class PinFeed:
 
     def __init__(self, board: str, chip: str, pins: Sequence[str]) -> None:
         self._feed: Feed = Feed(board)
-        asked = {"pins": {"chip": chip, "pins": list(pins)}}
-        self._feed.send(json.dumps(asked).encode() + b"\n")
-        answer = next((item for item in self._feed if item[0] in ("pins", "refused")), None)
-        if answer is None or answer[0] == "refused":
+        try:
+            self.description: dict[str, Any] = self._feed.ask("pins", chip=chip, pins=list(pins))
+        except VbusError:
             self.close()
-            if answer is None:
-                raise TransportError(f'board "{board}" has stopped')
-            raise VbusError(answer[1])
-        self.description: dict[str, Any] = answer[1]
+            raise
         self.messages = self._feed.messages()
 
     def next(self) -> bytes:

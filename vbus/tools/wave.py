@@ -1,7 +1,6 @@
 """``vbus wave``: waveforms of running boards and of recorded runs."""
 
 import io
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
@@ -11,7 +10,7 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.errors import TransportError, VbusError
+from vbus.errors import VbusError
 from vbus.tools import exit_codes
 from vbus.tools.output import complain, duration, no_progress, show
 
@@ -156,14 +155,9 @@ def _of_board(name: str, section: Any) -> int:
     with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
         keys = {k: v for k, v in structs.asdict(section).items() if k not in ("name", "file")}
         try:
-            feed.send(json.dumps({"wave": keys}).encode() + b"\n")
-            answer = next((item for item in feed if item[0] in ("refused", "wave")), None)
-            if answer is None:
-                raise TransportError(f'board "{name}" has stopped')
-            if answer[0] == "refused":
-                raise VbusError(answer[1])
+            feed.ask("wave", **keys)
             with _output(section.file, whole=False) as file:
-                for data in feed.raw():
+                for data in feed.messages():
                     file.write(data.decode("ascii"))
                     file.flush()
                     written += len(data)

@@ -9,77 +9,69 @@ import logging
 from typing import Final
 
 NEW: Final = "new"
+"""The session is made, and its link not served yet."""
 READING: Final = "reading"
+"""What comes is read and carried out."""
 HELD: Final = "held"
+"""A request waits for an instant, for the claim of another host, or for time to go on; nothing
+is read."""
 PAUSED: Final = "paused"
+"""Nothing is read: the host takes no answers, or a fault stops the server from reading."""
 DRAINING: Final = "draining"
+"""The host sends no more, and still takes its answers."""
 LEAVING: Final = "leaving"
+"""The host has gone; the rest of what it had sent is read and carried out."""
 DEPARTED: Final = "departed"
+"""The link is closed; what the host had sent waits for an instant or a claim."""
 CLOSED: Final = "closed"
+"""The end."""
 
 UNREAD: Final = (HELD, PAUSED, DRAINING)
 """While nothing is read, a host that goes is noticed by its descriptor alone."""
 
 FRESH: Final = "fresh"
+"""The name leads to the terminal, and it has no session."""
 SHARED: Final = "shared"
+"""The name leads to it; its clients, and those that open the name, have one session."""
 OWNED: Final = "owned"
+"""The name leads to the next terminal; the session is that of the clients that are here."""
 UNUSED: Final = "unused"
-
-STATES: Final = {
-    NEW: "the session is made, and its link not served yet",
-    READING: "what comes is read and carried out",
-    HELD: "a request waits for an instant, for the claim of another host, or for time to go on;"
-    " nothing is read",
-    PAUSED: "nothing is read: the host takes no answers, or a fault stops the server from reading",
-    DRAINING: "the host sends no more, and still takes its answers",
-    LEAVING: "the host has gone; the rest of what it had sent is read and carried out",
-    DEPARTED: "the link is closed; what the host had sent waits for an instant or a claim",
-    CLOSED: "the end",
-    FRESH: "the name leads to the terminal, and it has no session",
-    SHARED: "the name leads to it; its clients, and those that open the name, have one session",
-    OWNED: "the name leads to the next terminal; the session is that of the clients that are here",
-    UNUSED: "the name leads to the next terminal, and there is no session",
-}  # fmt: skip
-"""What each state is; :data:`CLOSED` is that of both."""
+"""The name leads to the next terminal, and there is no session."""
 
 BEGIN: Final = "begin"
+"""The server lets the host in: at once, or when time has passed for those that have gone."""
 HOLD: Final = "hold"
+"""A request (DELAY, WAIT, CLAIM, a time stamp ahead) cannot finish now, or time is paused."""
 GO_ON: Final = "go on"
+"""The instant has come, the claim has ended, or time goes on, in a step or for good."""
 FULL: Final = "full"
+"""Too many answers wait for the host, or a fault begins."""
 ROOM: Final = "room"
+"""Neither is so any more."""
 FINISH: Final = "finish"
+"""The end of what the host sends: it has closed its half of the link."""
 GONE: Final = "gone"
+"""The link is hung up, reset or closed; a terminal's clients have gone; all is sent."""
 DONE: Final = "done"
+"""Nothing is left to be carried out, or an error has ended that."""
 GIVE_UP: Final = "give up"
+"""Another host waits to be let in, others go on in real time, or the board stops."""
 END: Final = "end"
+"""The server ends the session: a fault, an error, the board stops."""
 
 OPENED: Final = "opened"
+"""A client has the terminal open: a session begins."""
 WROTE: Final = "wrote"
+"""The first byte has come: the name leads to a new terminal before the byte is read."""
 LEFT: Final = "left"
+"""The clients have written nothing, and have gone or are hung up on: the name leads to a new
+terminal."""
 OVER: Final = "over"
+"""The session has ended."""
 FREE: Final = "free"
+"""No client has it open, or they are hung up on."""
 STOP: Final = "stop"
-
-EVENTS: Final = {
-    BEGIN: "the server lets the host in: at once, or when time has passed for those that have gone",
-    HOLD: "a request (DELAY, WAIT, CLAIM, a time stamp ahead) cannot finish now, or time is paused",
-    GO_ON: "the instant has come, the claim has ended, or time goes on, in a step or for good",
-    FULL: "too many answers wait for the host, or a fault begins",
-    ROOM: "neither is so any more",
-    FINISH: "the end of what the host sends: it has closed its half of the link",
-    GONE: "the link is hung up, reset or closed; a terminal's clients have gone; all is sent",
-    DONE: "nothing is left to be carried out, or an error has ended that",
-    GIVE_UP: "another host waits to be let in, others go on in real time, or the board stops",
-    END: "the server ends the session: a fault, an error, the board stops",
-    OPENED: "a client has the terminal open: a session begins",
-    WROTE: "the first byte has come: the name leads to a new terminal before the byte is read",
-    LEFT: "the clients have written nothing, and have gone or are hung up on: the name leads to a"
-    " new terminal",
-    OVER: "the session has ended",
-    FREE: "no client has it open, or they are hung up on",
-    STOP: "the transport is closed",
-}  # fmt: skip
-"""What each event is."""
+"""The transport is closed."""
 
 log = logging.getLogger("vbus.states")
 

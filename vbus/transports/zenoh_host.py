@@ -152,9 +152,10 @@ class ZenohLink(MessageLink):
             drop()
 
     def host_ended(self, reason: str) -> None:
-        """The host has said good-bye, or has vanished."""
-        self.reason = reason
-        self.on_end(False)
+        """The host has said good-bye, or has vanished; again is harmless."""
+        if self._open:
+            self.reason = reason
+            self.on_end(False)
 
     def close(self) -> None:
         """Refuse whatever the host asks from now on; again is harmless."""

@@ -1,9 +1,10 @@
 """The DC-8 itself."""
 
 from dc8 import datasheet as ds
-from vbus.chips.base import Chip
+from vbus.chips.base import OUTPUT, Chip
+from vbus.chips.front_end import BusFrontEnd
 from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, Watcher, Z
+from vbus.signals import HIGH, LOW
 
 
 class DC8(Chip):
@@ -14,26 +15,21 @@ class DC8(Chip):
     AXES = 0
     PARTS = ("DC-8",)
     PINS = ds.PINS
+    BUS = ds.BUS
     RULES = ds.RULES
     VALUES = ds.VALUES
-    STATE = ("load", "start", "taken", "reading: bool", "writing: bool")
+    STATE = ("load", "start", "taken")
+    WIRING = ("front",)
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
-        self.cycle_ps, self.read_low_ps = 200_000, 100_000
         self.load = self.start = self.taken = 0
-        self.reading = self.writing = False
-        watcher = Watcher(self.kernel, self.strobe_moved)
-        for name in ("/CS", "/RD", "/WR"):
-            self.pins[name].net.watch(watcher)
+        self.front = BusFrontEnd(self)
 
     def power_on(self, done):
         self.load = 0
         self.advance()
         self.touched()
-
-    def ready_at(self):
-        return self.kernel.now
 
     # -- time -----------------------------------------------------------------------------
 
@@ -46,12 +42,13 @@ class DC8(Chip):
     def advance(self):
         self.pins["DONE"].drive(LOW if self.count else HIGH)
 
-    def next_event(self):
+    def due(self, kind):
         if not self.count:
             return NEVER
-        return self.clock.ps(self.start + ds.COUNT_CLK * self.load)
+        counts = self.load - (0 if kind == OUTPUT else self.count - 1)
+        return self.clock.ps(self.start + ds.COUNT_CLK * counts)
 
-    # -- bus cycles: whole ones come here, and so does what the pins see ---------------------
+    # -- bus cycles: whole ones, and those of edges at the pins ------------------------------
 
     def begin_read(self, address):
         self.advance()
@@ -67,26 +64,3 @@ class DC8(Chip):
         self.load, self.start = data, self.clock.cycle_at(self.kernel.now)
         self.advance()
         self.touched()
-
-    def strobe_moved(self):
-        """A bus cycle begins with the later falling edge and ends with the first rising one."""
-        selected = self.pins["/CS"].value == LOW
-        reading = selected and self.pins["/RD"].value == LOW
-        writing = selected and self.pins["/WR"].value == LOW
-        if reading and not self.reading:
-            self.begin_read(self.pins["A0"].value)
-            self.data_pin.drive(self.end_read())
-        elif self.reading and not reading:
-            self.data_pin.release()
-        if self.writing and not writing:
-            # What moves together with the edge that ends a write comes too late for it.
-            self.write(self.pins["A0"].net.before, self.bus_net.before)
-        self.reading, self.writing = reading, writing
-
-    def strobes(self, write, address, data):
-        """A whole cycle as edges, counted from the one that ends it."""
-        strobe = "/WR" if write else "/RD"
-        edges = [(-120_000, "A0", address), (-120_000, "/CS", LOW), (-100_000, strobe, LOW)]
-        edges += [(-80_000, "D0-D7", data)] if write else []
-        edges += [(0, strobe, HIGH), (20_000, "/CS", HIGH)]
-        return edges + ([(20_000, "D0-D7", Z)] if write else [])

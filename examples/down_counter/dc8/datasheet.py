@@ -1,5 +1,6 @@
 """The DC-8's tables: pins, registers, rules."""
 
+from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.tables import PinRow, Register, RegisterMap
 from vbus.signals import HIGH, LOW, Rule, ValueTable
 
@@ -14,6 +15,10 @@ PINS = (
     PinRow("D0-D7", "io", width=8, title="data"),
     PinRow("DONE", "out", rest=HIGH, title="the count is 0"),
 )
+BUS = strobed_bus(
+    ("/CS", "A0", "/RD", "/WR"), setup=20_000, read_low=100_000, write_low=100_000, hold=20_000,
+    data_setup=80_000, data_hold=20_000, cycle_ps=200_000,
+)  # fmt: skip
 REGISTERS = RegisterMap(
     2,
     Register("LOAD", (0,), clause="DC-REG-1", title="what is counted down from"),

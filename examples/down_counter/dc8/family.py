@@ -9,8 +9,6 @@ FAMILY = Family(
     title="DC-8",
     kind="down counter",
     datasheet="datasheet",
-    bus="bus:Dc8Watch",
     clock="1 MHz",
-    strobes=("/RD", "/WR"),
     outputs=("DONE",),
 )

@@ -101,7 +101,7 @@ def test_what_is_out_of_range_is_cut_and_reported(bench):
 @pytest.mark.spec("LM-TRJ-2")
 @pytest.mark.parametrize("position", [-(1 << 30), (1 << 30) - 1, -1])
 def test_positions_of_31_bits_are_in_range(bench, position):
-    bench.move(0, position=position)
+    bench.move(0, accel=ONE, position=position)
     bench.next_sample()
     assert bench.probe.target_position == position
     assert bench.rules() == []
@@ -185,7 +185,7 @@ def test_stt_in_motion_after_a_new_acceleration_is_refused(bench):
     assert bench.status() & 0x80, "but the motor can be turned off"
     assert bench.report("RDSIGS") & 0x4000
     bench.move(0x1800, accel=2 * ONE, velocity=5 * ONE)
-    assert bench.rules() == ["stt-refused"]
+    assert bench.rules() == ["stt-refused", "off-at-speed"]
     assert velocities(bench, 3) == [2, 4, 5]
     assert not bench.report("RDSIGS") & 0x4000
 
@@ -248,16 +248,16 @@ def test_of_several_stop_bits_the_strongest_counts_and_it_is_reported(
 
     assert bench.probe.motor_off == off
     assert bench.probe.desired_velocity == velocity
-    assert bench.rules() == ["stop-bits"]
+    assert bench.rules() == ["stop-bits", *["off-at-speed"] * off]
 
 
 @pytest.mark.spec("LM-CMD-2", "LM-TRJ-5")
-@pytest.mark.parametrize("stop", [0x0100, 0x0200, 0x0400])
-def test_a_single_stop_bit_is_nothing_to_report(bench, stop):
+@pytest.mark.parametrize(("stop", "found"), [(0x100, ["off-at-speed"]), (0x200, []), (0x400, [])])
+def test_of_a_single_stop_bit_only_the_motor_off_at_speed_is_noted(bench, stop, found):
     bench.move(0x1800, accel=ONE, velocity=8 * ONE)
     velocities(bench, 8)
     bench.move(stop | 0x1000)
-    assert bench.rules() == []
+    assert bench.rules() == found
 
 
 @pytest.mark.spec("LM-TRJ-5", "LM-AMB-18")

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, COMMAND, CYCLE, DATA, SLOT, Bench
+from vbus.chips.base import POLL
 from vbus.kernel import NS, US
 from vbus.signals import STRICT, Policy, Z
 
@@ -428,9 +429,9 @@ def test_the_adapter_s_status_byte_stays_until_the_busy_time_ends(chip: Bench) -
     chip.next_cycle()
     chip.byte_out(COMMAND, 0x33)
     ready = chip.chip.ready_at()
-    assert chip.now < chip.chip.steady_until(COMMAND) <= ready
+    assert chip.now < chip.chip.due(POLL) <= ready
     chip.kernel.run_until(ready)
-    assert chip.chip.steady_until(COMMAND) > ready
+    assert chip.chip.due(POLL) > ready
 
 
 @spec("PMD-BUS-12")

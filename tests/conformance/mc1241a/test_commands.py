@@ -132,7 +132,7 @@ def test_buffered_registers_read_back_at_once_and_act_at_an_update(
         assert getattr(axis.active, attribute) == value
         chip.send("UPDATE")
         chip.next_cycle()
-    assert chip.rules() == []
+    assert chip.rules("idle-update") == []
 
 
 @spec("PMD-CMD-70", "PMD-CMD-82")
@@ -310,14 +310,15 @@ def test_an_amplitude_set_past_the_buffer_outlives_updates(bench: Bench) -> None
         assert bench.send("GET_MTR_CMD") == 0x2000
     assert bench.send("GET_BUF_MTR_CMD") == 0x1000
     # Once for each value: another reading of the manual has it replaced.
-    assert bench.rules() == ["motor-command-lost"]
-    assert bench.violations[0].severity == "note"
-    assert bench.violations[0].detail.startswith("axis 1: motor command 8192 set by SET_MTR_CMD")
-    assert bench.violations[0].detail.endswith("would bring the buffered 4096")
+    assert bench.rules("idle-update") == ["motor-command-lost"]
+    lost = next(v for v in bench.violations if v.rule == "mc1241a.motor-command-lost")
+    assert lost.severity == "note"
+    assert lost.detail.startswith("axis 1: motor command 8192 set by SET_MTR_CMD")
+    assert lost.detail.endswith("would bring the buffered 4096")
     bench.send("SET_MTR_CMD", 0x2001)
     bench.send("UPDATE")
     bench.next_cycle()
-    assert bench.rules() == ["motor-command-lost"] * 2
+    assert bench.rules("idle-update") == ["motor-command-lost"] * 2
 
 
 @spec("PMD-UPD-1", "PMD-CMD-66")
@@ -353,7 +354,7 @@ def test_an_amplitude_equal_to_the_buffered_one_is_nothing_to_tell_of(chip: Benc
     chip.send("SET_MTR_CMD", 0)
     chip.send("UPDATE")
     chip.next_cycle()
-    assert chip.rules() == []
+    assert chip.rules("idle-update") == []
 
 
 @spec("PMD-UPD-1", "PMD-BUS-9")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.conformance.mc1241a.conftest import CYCLE, words
 from tests.probe import probe
 from vbus.board.board import Board
+from vbus.chips.base import OUTPUT
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import COMMANDS
@@ -305,7 +306,7 @@ def test_rest_ends_at_a_time_breakpoint() -> None:
     rig.send("SET_BRK_PNT", 1_000_000)
     rig.send("SET_TIME_BRK")
     rig.send("SET_INTRPT_MASK", 0x0004)
-    assert rig.chip.next_event() == 1_000_000 * CYCLE
+    assert rig.chip.due(OUTPUT) == 1_000_000 * CYCLE
     rig.board.watch("m.~HostIntrpt", Observer())
     rig.board.run_until(1_000_000 * CYCLE - 1)
     assert rig.chip.pins["~HostIntrpt"].value == 1
@@ -333,7 +334,7 @@ def test_no_output_changes_before_the_next_event(
     for deed in deeds:
         rig.do(deed)
     rig.board.catch_up()
-    due = rig.chip.next_event()
+    due = rig.chip.due(OUTPUT)
     assert due > rig.board.now
     levels = (rig.chip.pins["HostRdy"].value, rig.chip.pins["~HostIntrpt"].value)
     rig.board.run_until(min(due, rig.board.now + 50 * CYCLE) - 1)

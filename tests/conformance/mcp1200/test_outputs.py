@@ -5,6 +5,7 @@ import itertools
 import pytest
 
 from tests.conformance.mcp1200.conftest import RESET_CLK, Bench, Rail
+from vbus.chips.base import EDGE
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
@@ -452,23 +453,23 @@ def test_the_figure_s_three_quarter_mark_is_4bh(chip: Bench) -> None:
 @pytest.mark.spec("MCP-BUS-5", "MCP-RST-5")
 def test_what_is_ordered_is_waited_for_though_samples_move_no_pin() -> None:
     chip = Bench().chip
-    assert chip.next_edge() == NEVER
+    assert chip.due(EDGE) == NEVER
     chip.write(0x0F, 0x03)
-    assert chip.next_edge() == chip.clock.ps(4)
+    assert chip.due(EDGE) == chip.clock.ps(4)
     resetting = Bench(done=False).chip
-    assert resetting.next_edge() == resetting.clock.ps(RESET_CLK)
+    assert resetting.due(EDGE) == resetting.clock.ps(RESET_CLK)
 
 
 @pytest.mark.spec("MCP-SMP-4")
 def test_idle_may_move_at_every_sample_of_control_mode_and_no_other(chip: Bench) -> None:
     chip.control()
     chip.samples()
-    assert chip.chip.next_edge() == NEVER
+    assert chip.chip.due(EDGE) == NEVER
     chip.watch("IDLE")
-    assert chip.chip.next_edge() <= chip.clock.ps(chip.sample_start())
+    assert chip.chip.due(EDGE) <= chip.clock.ps(chip.sample_start())
     chip.write(0x05, 0x01)
     chip.samples()
-    assert chip.chip.next_edge() == NEVER
+    assert chip.chip.due(EDGE) == NEVER
 
 
 @pytest.mark.spec("MCP-OUT-8")

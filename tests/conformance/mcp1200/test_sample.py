@@ -4,6 +4,7 @@ import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Edges, Rail
 from vbus.board.board import Board
+from vbus.chips.base import OUTPUT
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import NEVER, NS, US, Kernel
 from vbus.signals import HIGH, LOW
@@ -321,14 +322,14 @@ def test_a_byte_on_its_way_to_the_sample_period_may_make_it_a_single_clock(
 @pytest.mark.spec("MCP-SMP-5")
 def test_the_next_event_is_never_later_than_the_next_change_of_an_output() -> None:
     bench = Bench(plant=Rail())
-    assert bench.chip.next_event() == NEVER
+    assert bench.chip.due(OUTPUT) == NEVER
     bench.control()
     start = bench.sample_start()
-    assert bench.chip.next_event() <= bench.clock.ps(start)
+    assert bench.chip.due(OUTPUT) <= bench.clock.ps(start)
     bench.until(start)
-    assert bench.chip.next_event() <= bench.clock.ps(start + 1000)
+    assert bench.chip.due(OUTPUT) <= bench.clock.ps(start + 1000)
     for _ in range(50):
-        due = bench.chip.next_event()
+        due = bench.chip.due(OUTPUT)
         assert due > bench.kernel.now
         before = {name: pin.value for name, pin in bench.chip.pins.items()}
         bench.until_ps(due - 1)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
+from vbus.chips.base import OUTPUT
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
@@ -158,7 +159,7 @@ def test_no_output_changes_before_the_next_event(kind: int, operations: list[Op]
     bench.watch("PULSE", "SIGN", "BUSY", "PROF", "IDLE", "TRIG", "MC0-MC11")
     for operation in operations:
         perform(bench, operation)
-        due = bench.chip.next_event()
+        due = bench.chip.due(OUTPUT)
         assert due > bench.kernel.now
         before = {name: pin.value for name, pin in bench.chip.pins.items()}
         bench.until_ps(min(due - 1, bench.kernel.now + 10**10))

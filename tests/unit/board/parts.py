@@ -77,7 +77,7 @@ FAMILY = Family(
     "acme",
     chip="parts:Acme",
     home="tests.unit.board",
-    bus="parts:Motor",
+    upsets="parts:Motor",
     packets="no_such_module:Packets",
     host="parts:NOT_A_CHIP",
 )

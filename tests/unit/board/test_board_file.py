@@ -434,8 +434,8 @@ MISTAKES = [
     # cards and hosts
     ("", "[cards.c]\n", 'b.toml:8: cards.c: a card has either "decode" and "chips", or a list of'
      ' "ports"'),
-    ("", '[cards.c]\ndecode = "isa"\n', 'b.toml:8: cards.c: "decode" needs chips: which ones are'
-     ' behind "isa"?'),
+    ("", '[cards.c]\ndecode = "isa"\n', 'b.toml:9: cards.c.decode: "decode" needs "chips" (the'
+     ' chips behind the decode circuit, one block each)'),
     ("", '[cards.c]\ndecode = "isaa"\nchips = ["x"]\n', 'b.toml:9: cards.c.decode: found "isaa";'
      ' did you mean "isa"? known are direct, isa, reset'),
     ("", "[cards.c]\nports = 3\n", "b.toml:9: cards.c.ports: found 3; this is a list of tables:"
@@ -546,7 +546,8 @@ def test_nodes_meet_where_other_computers_reach_them_only_if_that_is_meant() -> 
             " authority",
         }),
         ('certificate = "a"\n', {
-            "zenoh": "certificate, key and authority belong together; missing: key, authority",
+            "zenoh.certificate": '"certificate" needs "key" (PEM file of its private key),'
+            ' "authority" (PEM file of the authority whose certificates are accepted)',
         }),
     ],
 )  # fmt: skip

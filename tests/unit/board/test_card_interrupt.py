@@ -177,13 +177,13 @@ def test_cards_on_one_line_pull_it_low_together() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("KEYS", 'line = "irq5"', 'cards.c.line: a line needs "interrupt": which output sends it?'),
-        ("KEYS", 'acknowledge = "read"', 'cards.c.acknowledge: an acknowledge needs "interrupt"'),
-        ("KEYS", 'sense = "edge"', 'cards.c.sense: to sense an edge needs "interrupt"'),
+        ("KEYS", 'line = "irq5"', 'cards.c.line: "line" needs "interrupt" (output that'),
+        ("KEYS", 'acknowledge = "read"', 'cards.c.acknowledge: "acknowledge" needs "interrupt"'),
+        ("KEYS", 'sense = "edge"', 'cards.c.sense: "sense" needs "interrupt"'),
         (
             "KEYS",
             'interrupt = "x.HI"\nacknowledge_at = 4',
-            'cards.c.acknowledge_at: an address to acknowledge at needs "acknowledge": read, write',
+            'cards.c.acknowledge_at: "acknowledge_at" needs "acknowledge" (access that clears',
         ),
         (
             "KEYS",

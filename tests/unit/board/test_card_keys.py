@@ -82,9 +82,10 @@ def test_a_signal_is_told_by_its_number(signal: str, number: str) -> None:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ('signal = "SIGIO"', 'cards.c.signal: a signal needs "interrupt": which output sends it?'),
+        ('signal = "SIGIO"', 'cards.c.signal: "signal" needs "interrupt" (output that interrupts'),
         ('interrupt = "x.HI"\nsignal = "SIGKILL"', 'cards.c.signal: found "SIGKILL"'),
-        ("fixed = 0x50000000", 'cards.c.fixed: a fixed address needs "memory = true"'),
+        ("fixed = 0x50000000", 'cards.c.fixed: "fixed" needs "memory" (its addresses are memory'),
+        ("memory = false\nfixed = 0x50000000", 'cards.c.fixed: "fixed" needs "memory" (its'),
         ("memory = true\nfixed = 0x50000010", "cards.c.fixed: found 1342177296; a page begins at"),
         ('interrupt = "x./RD"', 'cards.c.interrupt: found "x./RD"; outputs are x.HI'),
         ('interrupt = "q.HI"', "cards.c.interrupt: there is no [chips.q]; this file has x, mc"),

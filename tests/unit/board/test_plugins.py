@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.board import parts
 from vbus import plugins
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.base import Chip
 from vbus.chips.family import Family
 from vbus.entry_points import EntryPoint
 from vbus.errors import PluginError
@@ -50,9 +50,9 @@ def test_what_a_family_leaves_out_is_none_and_what_is_broken_says_so() -> None:
         parts.FAMILY.object("packets")
     with pytest.raises(
         PluginError,
-        match=r"^family acme: bus = 'parts:Motor' is not a subclass of BusWatch$",
+        match=r"^family acme: upsets = 'parts:Motor' is not a subclass of Chip$",
     ):
-        parts.FAMILY.load("bus", BusWatch)
+        parts.FAMILY.load("upsets", Chip)
 
 
 def test_a_family_is_found_by_its_name_and_broken_plugins_are_passed_over(acme: None) -> None:

@@ -75,6 +75,7 @@ def test_the_board_files_of_a_page_are_valid(checker: Any, page: Path) -> None:
         (("[chips.x]", 'violations.lm628.busy-write = "strct"\n[chips.x]'),
          "violations.lm628"),
         (("[chips.x]", "[chip.x]"), ""),
+        (("[chips.x]", 'scope.certificate = "a"\n[chips.x]'), "scope"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_found_at_its_place(checker: Any, change: tuple[str, str], where: str) -> None:

@@ -1,10 +1,11 @@
 """A chip small enough to read: what HostBus needs, and nothing else."""
 
-from vbus.chips.base import Chip
+from vbus.chips.base import POLL, Chip
+from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, PinRow
 from vbus.kernel import NEVER, US
-from vbus.signals import HIGH, LOW, Watcher, Z
+from vbus.signals import LOW, Watcher, Z
 
 AC = AcTable("toy", AcLimit("T1", "TOY-1", "/WR low for at least 100 ns", min_ps=100_000))
 
@@ -27,6 +28,10 @@ class Toy(Chip):
         PinRow("TRIG", "in", rest=LOW),
         PinRow("IRQ", "out", rest=LOW),
     )
+    BUS = strobed_bus(
+        ("/CS", "A0", "/RD", "/WR"), setup=50_000, read_low=200_000, write_low=200_000, hold=50_000,
+        data_setup=200_000, data_hold=50_000, cycle_ps=300_000,
+    )  # fmt: skip
     RULES = tuple(AC.rules.values())
     FREE_READS = (0,)
     TRACELESS = True
@@ -37,8 +42,6 @@ class Toy(Chip):
 
     def __init__(self, *args, **kwargs) -> None:  # type: ignore[no-untyped-def]
         super().__init__(*args, **kwargs)
-        self.read_low_ps = 200_000
-        self.cycle_ps = 300_000
         self.busy_until = 0
         self.irq_at = NEVER
         self.irq = 0
@@ -84,14 +87,13 @@ class Toy(Chip):
             self.irq = 1
             self.pins["IRQ"].drive(1)
 
-    def next_event(self) -> int:
+    def due(self, kind: int) -> int:
+        if kind == POLL:
+            return self.busy_until if self.kernel.now < self.busy_until else NEVER
         return self.irq_at
 
     def ready_at(self) -> int:
         return self.busy_until
-
-    def steady_until(self, address: int) -> int:
-        return self.busy_until if self.kernel.now < self.busy_until else NEVER
 
     def power_on(self, done: bool) -> None:
         pass
@@ -120,14 +122,3 @@ class Toy(Chip):
             self.busy_until = self.kernel.now + 10 * US
             self.irq_at = self.kernel.now + data * US
         self.touched()
-
-    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-        strobe = "/WR" if write else "/RD"
-        edges = [(-250_000, "A0", address), (-250_000, "/CS", LOW), (-200_000, strobe, LOW)]
-        if write:
-            edges.append((-200_000, "D0-D7", data))
-        edges.append((0, strobe, HIGH))
-        edges.append((50_000, "/CS", HIGH))
-        if write:
-            edges.append((50_000, "D0-D7", Z))
-        return edges

@@ -84,3 +84,8 @@ def test_a_link_has_the_faults_it_can_have() -> None:
 def test_a_table_in_place_of_the_list_is_refused() -> None:
     with pytest.raises(BoardFileError, match="this is a list of tables"):
         build(LM, DC, '[faults]\nfault = "jam"\n')
+
+
+def test_a_fault_without_a_name_is_refused() -> None:
+    with pytest.raises(BoardFileError, match=r'faults\[1\].fault: there is no fault ""; known are'):
+        build(LM, DC, '[[faults]]\nfault = ""\n')

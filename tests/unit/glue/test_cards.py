@@ -358,7 +358,7 @@ def test_a_mistake_in_a_card_with_a_bus_is_named(old: str, new: str, message: st
 def test_the_map_names_lines_of_a_chip_that_nothing_moves() -> None:
     _, wrong = mapped(WIRED.replace('A0 = "main./PS"\n', "").replace('"/IOR" = "main./RD"\n', ""))
     for chip in "xy":
-        text = f'[cards.slot]: /RD, /PS of chip "{chip}" are wired to nothing; no cycle moves them'
+        text = f'[cards.slot]: /PS, /RD of chip "{chip}" are wired to nothing; no cycle moves them'
         assert text in wrong
 
 

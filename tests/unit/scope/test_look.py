@@ -6,7 +6,7 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.chips.base import Chip
+from vbus.chips.base import SAMPLE, Chip
 from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
 from vbus.scope.frames import SAMPLES, numbers, read
@@ -14,6 +14,7 @@ from vbus.scope.lane import Lane
 from vbus.scope.look import Behind
 from vbus.scope.recording import Recorder
 from vbus.signals import Value, ValueTable, nearest
+from vbus.signals.values import reader
 from vbus.trace.journal.journal import end_of
 
 CHIPS = {
@@ -89,13 +90,25 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
     give(board, part)
     seen = set()
     for _ in range(400):
-        due = board.chips[0].next_sample()
+        due = board.chips[0].due(SAMPLE)
         board.run_until(due if due != NEVER else board.now + MS)
         for values, told in named(board):
             assert values == told
             assert [type(value) for value in values] == [type(value) for value in told]
         seen.add(repr(steps_of(board.chips[0])))
     assert len(seen) > 50
+
+
+@pytest.mark.parametrize("part", CHIPS)
+def test_each_value_has_its_place_in_the_chip(part: str) -> None:
+    (chip,) = made(part).chips
+    assert len(chip.VALUES.rows) > 30
+    for row in chip.VALUES.rows:
+        for axis in row.of_axes(chip.axis_count):
+            value = reader(row.raw(axis))(chip)
+            assert isinstance(value, str if row.text else int | float), row.name
+    keys = [row.key for row in chip.VALUES.rows if row.key]
+    assert len(keys) == len({*keys})
 
 
 def rows_of(lane: Lane) -> list[tuple[int, float]]:
@@ -125,7 +138,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
         told = chip.telemetry()
         for key, lane in rows:
             lane.note(board.now, told[key])  # type: ignore[arg-type]
-        due = chip.next_sample()
+        due = chip.due(SAMPLE)
         for plant, key, lane in behind:
             first = lane.untold or due == NEVER
             value = plant.telemetry()[key]

@@ -28,7 +28,7 @@ COMMAND = RESET[:1]
 class Hand(Bench):
     """A board with a journal in a file, in the hands of a session of its own, which can go back."""
 
-    watches = "a scope"
+    WHO = "a scope"
     path: Path
 
     def record(self) -> None:

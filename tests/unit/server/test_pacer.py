@@ -817,3 +817,26 @@ def test_the_time_of_nodes_counts_from_their_epoch_and_follows_its_drift() -> No
         pacer.touched()
         assert moved == [4 * MS]
         pacer.stop()
+
+
+def test_hosts_of_a_board_that_cannot_follow_do_not_wait_for_a_slice_each() -> None:
+    """Chips have half of the time, however many hosts ask: 300 waited 6 s for as many slices."""
+    board = Board("bench", "realtime", rate=1.0)
+    chip = board.add_chip(Ticking, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Ticking)
+    wall = chip.wall = WallClock()
+    chip.cost_ns = 50_000  # of each us of chip time
+    pacer = Pacer(board, clock=wall)
+    chip.ticks()
+
+    shares = []
+    for _ in range(20):
+        begun, reached = wall.ns, board.now
+        for _ in range(300):
+            pacer.catch_up()
+            wall.ns += 100_000
+        shares.append((wall.ns - begun) // 300)
+    assert board.now > reached, "and yet time goes on"
+
+    # Only the first ones do not know yet how long a stretch takes.
+    assert max(shares[10:]) <= 100_000 * 2 + SLICE_NS * 2 // 300

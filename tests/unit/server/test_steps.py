@@ -11,6 +11,7 @@ import pytest
 
 from tests.unit.faults.bench import SAMPLE, build
 from vbus.board.board import Board
+from vbus.chips import base
 from vbus.kernel import MS, SECOND, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import REQUESTS
@@ -220,7 +221,7 @@ def test_a_step_to_the_next_sample(bench: Bench) -> None:
     bench.join()
     bench.order("pause")
     before = bench.board.now
-    due = bench.board.chips[0].next_sample()
+    due = bench.board.chips[0].due(base.SAMPLE)
     answer = bench.order("step", by="sample", chip="x")
     bench.turn(1_000_000)
     assert bench.steps.state == PAUSED, answer

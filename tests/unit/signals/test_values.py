@@ -59,7 +59,7 @@ def test_a_family_without_rows_tells_and_draws_its_registers() -> None:
 
 def test_registers_that_no_row_names_are_found_in_the_register_file() -> None:
     table = ValueTable(
-        Value("what is loaded", key="x", lane="x", register="LOAD"), registers=MAP, file="file."
+        Value("what is loaded", key="x", lane="x", register="LOAD"), registers=MAP, home="file."
     )
     assert table.telemetry(1)(chip()) == {"x": 2.0}
     assert {name: row.raw(0) for name, row in table.registers.items()} == {

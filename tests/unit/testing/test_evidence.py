@@ -70,3 +70,39 @@ def test_github_is_told_where_and_why(
     assert "\n    lm628: 3 of " in text
     assert "never" not in text
     assert "::error" not in suite.runpytest("-q").stdout.str()
+
+
+MOVES = """
+def drive(chip, run, update):
+    chip.check_reset()
+    chip.load_filter(kp=300, kd=2000, update=update)
+    chip.load_trajectory(acc=400, vel=4 << 16, pos=2000, start=True)
+    for _ in range(300):
+        run("2 ms")
+        chip.rdrp()
+
+def test_updated(vbus_lm629):
+    drive(vbus_lm629.host, vbus_lm629.clock.advance, True)
+    assert False
+
+def test_waits(vbus_lm629):
+    drive(vbus_lm629.host, vbus_lm629.clock.advance, False)
+"""
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_a_failing_test_says_what_became_of_the_axis(suite: pytest.Pytester) -> None:
+    suite.makepyfile(MOVES)
+    suite.runpytest("-q").stdout.fnmatch_lines(
+        [
+            "violations: none",
+            "axis x: ended at 2000 counts, moved from 0 between 0 and 2000, at up to 4 (commanded"
+            " 3.*) cnt/sample, was 7 counts off at most",
+            "violations: 1",
+            "*x broke lm628.filter-waits at *: STT: *UDF has not followed LFIL*",
+            "notes: 1",
+            "*x notes lm628.left-loaded at *: LFIL has loaded a filter that no UDF has taken*",
+            "axis x: ended at 0 counts, did not move, was 2000 counts off at most, its profile ran"
+            " in vain: *UDF has not followed LFIL",
+        ]
+    )

@@ -71,12 +71,12 @@ class KeepsObjects(LM628):
 
 
 class Late(LM628):
-    def next_event(self) -> int:
-        return super().next_event() + 50 * US
+    def due(self, kind: int) -> int:
+        return super().due(kind) + 50 * US
 
 
 class Past(LM628):
-    def next_event(self) -> int:
+    def due(self, kind: int) -> int:
         return self.kernel.now
 
 
@@ -115,8 +115,8 @@ def test_a_sound_chip_passes() -> None:
         (Looked, "looking at it .* changes its run"),
         (Forgets, "the state loaded at bus cycle [0-9]+ is not the one saved"),
         (KeepsObjects, "its state has what a snapshot cannot hold"),
-        (Late, "next_event\\(\\) promises too much"),
-        (Past, "next_event\\(\\) gave .* it must lie ahead"),
+        (Late, "due\\(OUTPUT\\) promises too much"),
+        (Past, "due\\(OUTPUT\\) gave .* it must lie ahead"),
         (NeverReady, "it never becomes ready"),
         (Strobed, "played as strobes on its pins, the same bus cycles differ"),
     ],

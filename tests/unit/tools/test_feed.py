@@ -29,7 +29,8 @@ def watched(
         begun.start()
         board, _ = listener.accept()
         with board:
-            board.sendall(json.dumps({"board": "bench"}).encode() + b"\n")
+            hello = json.dumps({"board": "bench"}).encode()
+            board.sendall(len(hello).to_bytes(4, "little") + hello)
             begun.join()
             yield made[0], board
             made[0].close()

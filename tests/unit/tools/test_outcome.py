@@ -68,3 +68,24 @@ def test_an_mc1241a_without_a_motor_command_says_so_of_a_profile_that_has_ended(
     assert "its profile ran in vain: its motor command is 0" in said
     assert "SET_MTR_CMD sets it" in said
     assert "motor command" not in run(MC1241A, (0x62, 0x4000), *PROFILE)
+
+
+def test_an_mcp1200_with_a_gain_of_0_says_that_its_profile_ran_without_a_motor_command() -> None:
+    # LEAD_GAIN, FINAL_POSITION, PROFILE_VELOCITY, ACCELERATION; control mode, profile flag
+    move = ((0x29, 0), (0x2A, 0x10), (0x2B, 0), (0x28, 0x08), (0x26, 0), (0x27, 0x20), (0x05, 0x03),
+            (0x00, 0x08))  # fmt: skip
+    said = []
+    for gain in (0, 0x40):
+        board = load_board_text(HEAD + 'part = "MCP-1200"\nclock = "10 MHz"\nplant = "none"\n')
+        outcome = AxisOutcomes(board)
+        board.observe(outcome)
+        port = board.open_port("h")
+        for address, data in ((0x22, gain), *move):
+            port.write(address, data)
+            port.delay(MS)
+        for _ in range(50):
+            port.delay(MS)
+            port.read(7)
+        said += outcome.lines()
+    assert said[0].endswith("its profile ran while the motor command was 0")
+    assert "profile" not in said[1]

@@ -6,10 +6,9 @@ from itertools import pairwise
 import pytest
 
 from tests.unit.trace.captures import BOARDS, Shot, vcd
+from vbus import plugins
 from vbus.board.host_bus import HostBus
-from vbus.chips.lm628.bus import Lm628Watch
-from vbus.chips.mc1241a.bus import Mc1241aWatch
-from vbus.chips.mcp1200.bus import Mcp1200Watch
+from vbus.chips.bus_watch import watch_by
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
@@ -237,7 +236,9 @@ def test_edges_are_paired_in_the_order_they_came_in() -> None:
 
 
 def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
-    lm628, pmd, mcp = (Lm628Watch(), Mc1241aWatch(), Mcp1200Watch())
+    lm628, pmd, mcp = (
+        watch_by(plugins.family(name).tables.BUS) for name in ("lm628", "mc1241a", "mcp1200")
+    )
     # /CS /PS /RD /WR
     assert lm628.reading((0, 1, 0, 1))
     assert not lm628.reading((1, 1, 0, 1))

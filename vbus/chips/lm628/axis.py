@@ -143,12 +143,8 @@ class ServoAxis:
         """MSKI: ones enable (LM-CMD-17)."""
         self.mask = enable & ds.INTERRUPTS
 
-    def reset_interrupts(self, keep: int) -> None:
-        """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
-        self.flags = self.kept_flags(keep)
-
     def kept_flags(self, keep: int) -> int:
-        """Return what RSTI with ``keep`` leaves of the flags."""
+        """Return what RSTI with ``keep`` leaves of the flags (LM-CMD-18, LM-RST-6)."""
         flags = self.flags & keep
         return flags | ds.BREAKPOINT if self.stuck else flags
 

@@ -1,19 +1,21 @@
 """The LM628 and LM629: their parts put together, and time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import EDGE, SAMPLE
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
-from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
+from vbus.chips.lm628.commands import UNKNOWN, AxisCommands, flag_names
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
-from vbus.chips.lm628.pins import BusPins, strobes
+from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
@@ -55,6 +57,8 @@ class LM628(FrontEndHost):
     ADDRESS_BITS: ClassVar[int] = ds.ADDRESS_BITS
     PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
     PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
+    PINS_OF: ClassVar[Mapping[str, tuple[PinRow, ...]]] = ds.PINS_OF
+    BUS: ClassVar[BusTable | None] = ds.BUS
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
     VALUES: ClassVar[ValueTable] = ds.VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
@@ -77,8 +81,6 @@ class LM628(FrontEndHost):
         check_clock(part, clock.hz)
         pwm = part.startswith("LM629")
         super().__init__(name, part, kernel, clock, settings, policy, file)
-        self.read_low_ps = ds.READ_LOW
-        self.cycle_ps = ds.CYCLE
         self.axis: ServoAxis = ServoAxis(self.settings)
         self.output: ServoOutput = ServoOutput(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: EncoderCounts = EncoderCounts(clock)
@@ -105,10 +107,6 @@ class LM628(FrontEndHost):
         self._hi.drive(LOW)
         self._outputs.show(kernel.now)
 
-    def pins_of(self, part: str) -> tuple[PinRow, ...]:
-        """Return the pins: an LM629 has a PWM instead of the converter's lines."""
-        return ds.PINS_LM629 if part.startswith("LM629") else ds.PINS_LM628
-
     # -- power and reset ----------------------------------------------------------------------
 
     def connect(self, axis: int, plant: Plant) -> None:
@@ -134,21 +132,19 @@ class LM628(FrontEndHost):
         self._fails_left += times - runs
         return runs
 
-    def move_instants(self, shift: Callable[[int, int], int]) -> None:
-        """Move what the chip waits for: the clock stands, or runs again."""
+    def clock_changed(self, shift: Callable[[int, int], int] | None) -> None:
+        """Move what the chip waits for; find when the next sample and the index come."""
         host, encoder, now = self.host, self.encoder, self.kernel.now
-        host.busy_end = shift(host.busy_end, now)
-        self._reset_end = shift(self._reset_end, now)
-        encoder.index_at = shift(encoder.index_at, now)
-
-    def follow_clock(self) -> None:
-        """The clock has another course: so is when the next sample and the index come."""
+        if shift is not None:
+            host.busy_end = shift(host.busy_end, now)
+            self._reset_end = shift(self._reset_end, now)
+            encoder.index_at = shift(encoder.index_at, now)
         self._outputs.due = 0
         if self.powered:
             self._place_sample()
         if not self.clock.stopped:
-            if self.encoder.index_at != NEVER:
-                self.encoder.index_at = min(self.encoder.index_at, self._sample_at)
+            if encoder.index_at != NEVER:
+                encoder.index_at = min(encoder.index_at, self._sample_at)
             self._encoder_pins.look()
 
     def power_on(self, done: bool) -> None:
@@ -263,15 +259,6 @@ class LM628(FrontEndHost):
             return self._reset_end
         return self.host.busy_end if self.host.busy else self.kernel.now
 
-    def next_sample(self) -> int:
-        """Return when the next sample is; of a chip that rests none changes anything."""
-        self.advance()
-        return NEVER if self.resting() else self._sample_at
-
-    def steady_until(self, address: int) -> int:
-        """Return until when the status byte stays as it is: it changes in samples (LM-STA-1)."""
-        return self.next_event()
-
     def foresee(self, address: int, when: int) -> tuple[int, int] | None:
         """Return the status byte once busy falls at ``when``, up to the next sample (LM-BUS-9)."""
         flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
@@ -281,10 +268,6 @@ class LM628(FrontEndHost):
         until = min(until, self._front.show_at)
         until = min(until, self._outputs.edge())
         return flags | (ds.MOTOR_OFF if self.axis.motor_off else 0), until
-
-    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-        """Return the edges of a whole cycle at the shortest times the manual allows."""
-        return strobes(write, address, data)
 
     def _host_broke(self, rule: Rule, detail: str, when: int | None = None) -> None:
         self.report(rule, detail=detail, when=self._when if when is None else when)
@@ -403,28 +386,37 @@ class LM628(FrontEndHost):
         due = min(min(self._next_inside(), self._sample_at), self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 
-    def next_edge(self) -> i64:
-        """Return an instant not later than the next change of HI, an output pin or D0-D7."""
-        due = min(self._next_inside(), self._front.show_at)
+    def due(self, kind: int) -> i64:
+        """Return an instant after now: samples change what can be read, unless they repeat."""
+        inside = self._next_inside()
+        if kind == SAMPLE:
+            return NEVER if self._still and inside == NEVER else self._sample_at
+        due = min(inside, self._front.show_at)
         heard = self._outputs.heard()
         if heard:
             due = min(due, self._outputs.due)
         shows = heard or self._front.driving or self.axis.may_interrupt()
         if (shows and not self._still) or (heard and self.output.emits()):
             due = min(due, self._sample_at)
-        return due
-
-    def next_event(self) -> i64:
-        """Return the next sample too, unless samples repeat themselves."""
-        return self.next_edge() if self._still else min(self.next_edge(), self._sample_at)
-
-    def resting(self) -> bool:
-        """Whether samples repeat themselves and nothing else is due."""
-        return self._still and self._next_inside() == NEVER
+        return due if kind == EDGE or self._still else min(due, self._sample_at)
 
     def undriven(self, axis: int) -> str:
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
+        self.advance()
+        axis = self.axis
+        found = []
+        if axis.interrupt() and self._hi.net.heard:
+            flags = flag_names(int(axis.flags & axis.mask))
+            found.append((ds.HI_STANDS, f"HI is high at the end: {flags}; RSTI lets it fall"))
+        if axis.pid.waits():
+            found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
+        if axis.profile.waits():
+            found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        return found
 
     def after_load(self) -> None:
         """Work out what is due."""

@@ -21,6 +21,11 @@ BUFFERED: Final = frozenset(
 """Commands that, up to the next sample, change no more than buffers, replies, mask and flags."""
 
 
+def flag_names(flags: int) -> str:
+    """Return the names of status bits."""
+    return ", ".join([bit.name for bit in ds.STATUS if flags & bit.mask])
+
+
 class AxisCommands:
     """The command set, working on an axis.
 
@@ -163,11 +168,46 @@ class AxisCommands:
 
     def start(self) -> None:
         """Start motion control with the next sample."""
-        control = int(self._axis.profile.control)
-        if not self._axis.request_start():
+        axis = self._axis
+        control = int(axis.profile.control)
+        loaded = axis.profile.loaded()
+        if not axis.request_start():
             self._report(ds.STT_REFUSED, ds.STT_REFUSED.title)
-        elif (control & ds.STOPS).bit_count() > 1:
+            return
+        if (control & ds.STOPS).bit_count() > 1:
             self._report(ds.STOP_BITS, f"trajectory control word with stop bits {control:04X}H")
+        if control & ds.TURN_OFF:
+            if axis.moving() and axis.profile.velocity:
+                self._report(ds.OFF_AT_SPEED, f"STT with bit 8 at {axis.profile.speed()}")
+        else:
+            self._judge_start(control, loaded)
+
+    def _judge_start(self, control: int, loaded: bool) -> None:
+        """Say so if nothing can come of an STT that turns the motor on, or moves."""
+        axis = self._axis
+        lacking = axis.pid.lacking()
+        if lacking and axis.pid.waits() and not axis.udf:
+            self._report(ds.FILTER_WAITS, f"STT: {lacking}")
+        if control & ds.STOPS:
+            return
+        here = axis.real if axis.motor_off else axis.profile.position >> 16
+        if not loaded:
+            self._report(ds.NO_TRAJECTORY, "STT before LTRJ has loaded anything: the axis is held")
+        elif axis.profile.stuck(here):
+            self._report(ds.NO_ACCELERATION, "STT of a move with acceleration 0: it never begins")
+
+    def reset_interrupts(self, keep: int) -> None:
+        """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
+        axis = self._axis
+        before = axis.flags
+        axis.flags = axis.kept_flags(keep)
+        if keep & ds.INTERRUPTS == ds.INTERRUPTS:
+            self._report(ds.RESETS_NOTHING, f"RSTI {keep:04X}H: a 0 clears a flag, and none is 0")
+        elif before & keep == before != 0:
+            self._report(
+                ds.LEAVES_FLAGS,
+                f"RSTI {keep:04X}H leaves all flags that are set: {flag_names(int(before))}",
+            )
 
 
 HOOKS: Final = ds.COMMANDS.find_hooks(AxisCommands, ServoAxis)

@@ -6,6 +6,7 @@ or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
@@ -175,6 +176,8 @@ _PWM: Final = (
 
 PINS_LM628: Final[tuple[PinRow, ...]] = _HOST + _DAC
 PINS_LM629: Final[tuple[PinRow, ...]] = _HOST + _PWM
+PINS_OF: Final = {part: PINS_LM629 if part.startswith("LM629") else PINS_LM628 for part in PARTS}
+"""An LM629 has a PWM instead of the converter's lines."""
 PINS: Final[tuple[PinRow, ...]] = _HOST + _DAC + _PWM
 """Pins of either part."""
 
@@ -221,12 +224,12 @@ BUSY_CAP: Final = 100 * US
 """Busy is never longer (ps)."""
 RESET_TIME: Final = MS
 """Default duration of a reset (ps); the manual says less than 1.5 ms."""
-READ_LOW: Final = 180 * NS
-"""How long /RD is low in a whole bus cycle (ps): the access time."""
-WRITE_LOW: Final = 100 * NS
-"""How long /WR is low in a whole bus cycle (ps)."""
-CYCLE: Final = 360 * NS
-"""Shortest whole bus cycle (ps): /RD low, then the bus let go."""
+BUS: Final = strobed_bus(
+    ("/CS", "/PS", "/RD", "/WR"), setup=AC["T8"].min_ps, read_low=AC["T10"].max_ps,
+    write_low=AC["T14"].min_ps, hold=AC["T9"].min_ps, data_setup=AC["T14"].min_ps,
+    data_hold=AC["T16"].min_ps, cycle_ps=AC["T10"].max_ps + AC["T12"].max_ps,
+)  # fmt: skip
+"""The host bus (LM-BUS-1 to LM-BUS-3), in whole cycles at the shortest times the manual allows."""
 
 # -- Motor output -------------------------------------------------------------------------------
 
@@ -289,10 +292,43 @@ INDEX_GROUNDED: Final = Rule(
     "lm628.index-grounded", "LM-POS-3", "The index input is not held low for more than a turn."
 )
 
+FILTER_WAITS: Final = Rule(
+    "lm628.filter-waits", "LM-CMD-5",
+    "What LFIL has loaded is taken by UDF before STT turns the motor on.", "warning",
+)  # fmt: skip
+NO_ACCELERATION: Final = Rule(
+    "lm628.no-acceleration", "LM-TRJ-12",
+    "A move from rest has an acceleration above 0: with 0 it never begins.", "warning",
+)  # fmt: skip
+NO_TRAJECTORY: Final = Rule(
+    "lm628.no-trajectory", "LM-CMD-2", "STT starts what LTRJ has loaded before.", "note"
+)
+OFF_AT_SPEED: Final = Rule(
+    "lm628.off-at-speed", "LM-TRJ-10",
+    "A stop bit 9 or 10 ends a motion; with bit 8 the axis runs on without drive.", "note",
+)  # fmt: skip
+RESETS_NOTHING: Final = Rule(
+    "lm628.resets-nothing", "LM-CMD-18",
+    "Of the word of RSTI a 0 clears a flag: with a 1 in each of bits 6 to 1 it clears none.",
+    "warning",
+)  # fmt: skip
+LEAVES_FLAGS: Final = Rule(
+    "lm628.leaves-flags", "LM-CMD-18", "RSTI clears a flag that is set.", "note"
+)
+HI_STANDS: Final = Rule(
+    "lm628.hi-stands", "LM-STA-7",
+    "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
+)  # fmt: skip
+LEFT_LOADED: Final = Rule(
+    "lm628.left-loaded", "LM-CMD-20",
+    "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
+)  # fmt: skip
+
 RULES: Final = (
     *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
     WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
-    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED,
+    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_TRAJECTORY,
+    OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS, HI_STANDS, LEFT_LOADED,
 )  # fmt: skip
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
@@ -367,21 +403,18 @@ def _filter(name: str, number: int, title: str) -> tuple[Value, ...]:
 VALUES: Final = ValueTable(
     Value("status byte", "status()", _STATUS, "LM-STA-1", "what RDSTAT reads",
           digits=2, fields=STATUS, key="status"),
-    Value("signals register", "axis.signals", _STATUS, "LM-STA-2", "what RDSIGS reads",
+    Value("signals register", group=_STATUS, clause="LM-STA-2", command="RDSIGS",
           digits=4, fields=SIGNALS, key="signals"),
     Value("interrupt mask", "axis.mask", _STATUS, "LM-CMD-17",
           "flags that raise HI, as MSKI enables them", digits=2, fields=_MASK),
-    Value("real position", "axis.real", _POSITION, "LM-CMD-11", "what RDRP reads", "cnt",
-          key="real", lane="real"),
+    Value("real position", group=_POSITION, command="RDRP", key="real", lane="real"),
     Value("desired position", "axis.profile.position", _POSITION, "LM-CMD-9",
           "what RDDP reads, with its fraction", "cnt", 16, key="desired", lane="desired"),
     Value("position error", "axis.error", _POSITION, "LM-TRJ-17",
           "desired less real position, of the last sample", "cnt", key="error", lane="error"),
-    Value("real velocity", "axis.real_velocity", _POSITION, "LM-CMD-12",
-          "what RDRV reads", _VELOCITY, key="real_velocity", lane="velocity"),
-    Value("desired velocity", "axis.profile.velocity", _POSITION, "LM-CMD-8",
-          "what RDDV reads", _VELOCITY, 16, key="velocity", lane="profile"),
-    Value("index position", "axis.index", _POSITION, "LM-CMD-10", "what RDIP reads", "cnt"),
+    Value("real velocity", group=_POSITION, command="RDRV", key="real_velocity", lane="velocity"),
+    Value("desired velocity", group=_POSITION, command="RDDV", key="velocity", lane="profile"),
+    Value("index position", group=_POSITION, command="RDIP"),
     Value("breakpoint", "axis.breakpoint", _POSITION, "LM-CMD-21",
           "as SBPA or SBPR set it", "cnt"),
     Value("breakpoint armed", "axis.breakpoint_armed", _POSITION, "LM-POS-5",
@@ -407,14 +440,14 @@ VALUES: Final = ValueTable(
     *_filter("kd", 3, "derivative coefficient"),
     *_filter("il", 4, "integration limit"),
     *_filter("ds", 0, "derivative interval less one sample"),
-    Value("integration sum", "axis.pid.term", _FILTER, "LM-CMD-14", "what RDSUM reads",
-          moves=True, key="integral"),
+    Value("integration sum", group=_FILTER, command="RDSUM", moves=True, key="integral"),
     Value("motor command", "axis.command", _FILTER, "LM-PID-7", "what the filter gives",
           moves=True, key="command"),
     Value("names of the signals", "axis.signal_names()", key="signal_names", text=True),
     Value("motor output", "output.command", key="output", lane="output", step=2.0**-11),
     Value("code of the output", "output.code()", key="code"),
     Value("host interrupt", "pins['HI'].level", key="interrupt"),
+    commands=COMMANDS, home="axis.",
     order=("desired", "target", "velocity", "real", "real_velocity", "error", "integral", "command",
            "signals", "signal_names", "output", "code", "status", "interrupt"),
 )  # fmt: skip

@@ -23,10 +23,6 @@ class FrontEndHost(Chip):
         """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
         raise NotImplementedError
 
-    def read_byte(self) -> int:
-        """Return what D0-D7 show in the read under way."""
-        raise NotImplementedError
-
     def expect(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
         raise NotImplementedError

@@ -18,7 +18,6 @@ FAMILY: Final = Family(
         "8 or 12 bits, the LM629 gives pulse width and sign to a bridge."
     ),
     datasheet="datasheet",
-    bus="bus:Lm628Watch",
     packets="packets:Lm628Decoder",
     coverage="coverage:Lm628Exercises",
     access="access:Lm628Packets",
@@ -27,7 +26,6 @@ FAMILY: Final = Family(
     demo_name="lm629",
     typical=("LM629N-8", "LM628N-8"),
     upsets="upsets:Lm628Upsets",
-    strobes=("/RD", "/WR"),
     cycle="datasheet:SAMPLE_CLK",
     reset_pin="/RST",
     reset_write=(0, 0x00),

@@ -80,6 +80,10 @@ class Pid:
         self.ds, self.kp, self.ki, self.kd, self.il = self.sent
         self.phase = 0
 
+    def waits(self) -> bool:
+        """Whether LFIL has loaded a coefficient that UDF has not taken (LM-CMD-5)."""
+        return self.loaded[1:] != self.sent[1:]
+
     def lacking(self) -> str:
         """Return why all terms are 0: until UDF, LFIL changes nothing (LM-CMD-5). "" if none is."""
         if self.kp or self.ki or self.kd:

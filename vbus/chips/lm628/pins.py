@@ -5,29 +5,23 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import OUTPUT
+from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder_pins import FrontEndHost
 from vbus.chips.lm628.host_port import PortState
 from vbus.kernel import NEVER, Clock
-from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
+from vbus.signals import STRICT
 from vbus.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
+# Bits of the control lines' levels.
+_CS: Final = 8
+_PS: Final = 4
+_RD: Final = 2
+_WR: Final = 1
+_IDLE: Final = _CS | _PS | _RD | _WR
 _FLOATING: Final = 0xFF
-
-
-def strobes(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-    """Return the edges of a whole cycle at the shortest times the manual allows."""
-    setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
-    low = ds.WRITE_LOW if write else ds.READ_LOW
-    strobe = "/WR" if write else "/RD"
-    edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
-    if write:
-        edges.append((-low, "D0-D7", data))
-    edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
-    if write:
-        edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
-    return edges
 
 
 @lru_cache(maxsize=16)
@@ -42,7 +36,7 @@ def _limits(hz: int) -> dict[str, int]:
     }
 
 
-class BusPins:
+class BusPins(BusFrontEnd):
     """Figures 5 to 8 (LM-BUS-1 to LM-BUS-4).
 
     A cycle begins with the later falling edge of /CS and strobe and ends with the earlier rising
@@ -63,18 +57,16 @@ class BusPins:
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_limits", "_live", "_ps", "_rd",
-        "_read_undone", "_timer", "_wr", "_write_undone",
+        "_data", "_host", "_kernel", "_late", "_limits", "_live", "_owner", "_read_undone",
+        "_timer", "_write_undone",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_levels",)
 
     def __init__(self, chip: FrontEndHost, host: PortState) -> None:
-        self._chip: FrontEndHost = chip
+        super().__init__(chip)
+        self._owner: FrontEndHost = chip
         self._host: PortState = host
         self._kernel = chip.kernel
-        self._cs = chip.pins["/CS"]
-        self._ps = chip.pins["/PS"]
-        self._rd = chip.pins["/RD"]
-        self._wr = chip.pins["/WR"]
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
         # What is shown changes at its instant, though nobody looks: the net keeps that instant.
@@ -83,8 +75,7 @@ class BusPins:
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
-        # Levels at the last look.
-        self._old: tuple[int, int, int, int] = (HIGH, HIGH, HIGH, HIGH)
+        self._levels: i64 = _IDLE
         self._ps_moved: int = _LONG_AGO
         self._rd_fell: int = _LONG_AGO
         self._wr_fell: int = _LONG_AGO
@@ -107,49 +98,60 @@ class BusPins:
         self._left: int = 0
         self._undo: Saved = {}
         chip.on_levels = self.take_levels
-        watcher = Watcher(chip.kernel, self._moved)
-        for pin in (self._cs, self._ps, self._rd, self._wr):
-            pin.net.watch(watcher)
+
+    @property
+    def _old(self) -> tuple[int, ...]:
+        """Levels at the last look, in the order of the table."""
+        return self.apart(self._levels)
+
+    @_old.setter
+    def _old(self, levels: tuple[int, ...]) -> None:
+        self._levels = 0
+        for level in levels:
+            self._levels = self._levels << 1 | level
 
     # -- edges --------------------------------------------------------------------------------
 
-    def _moved(self) -> None:
+    def moved(self) -> None:
+        """One or more control lines have moved at this instant."""
         chip = self._chip
         chip.advance()
-        # No machine word: the end of time less an edge long ago does not fit one.
-        now: int = self._kernel.now
-        old_cs, old_ps, old_rd, old_wr = self._old
-        cs, ps, rd, wr = self._cs.value, self._ps.value, self._rd.value, self._wr.value
-        self._old = (cs, ps, rd, wr)
-        was_reading, reading = old_cs | old_rd == LOW, cs | rd == LOW
-        was_writing, writing = old_cs | old_wr == LOW, cs | wr == LOW
-        if rd < old_rd:
-            self._rd_fell = now
-        if wr < old_wr:
-            self._wr_fell = now
-
-        if was_writing and not writing:
-            self._end_write(now, old_ps, wr)
-        if was_reading and not reading:
-            self._end_read(now, old_ps, rd)
-        if ps != old_ps:
-            self._port_moved(now, reading or writing)
-        if writing and not was_writing:
-            self._begin(now, self._wr_fell)
-            if chip.judged and ps == ds.DATA_PORT:
-                self._judge("T18", now - self._data_wrote)
-        if reading and not was_reading:
-            self._begin(now, self._rd_fell)
-            if chip.judged and ps == ds.DATA_PORT:
-                self._judge("T17", now - self._data_read)
-            self._begin_read(now, ps, writing)
-        if reading and writing and not self._fought:
-            self._fought = True
-            self._lost |= chip.report(ds.CONTENTION)
-            self._host.lose_read()
+        before, self._levels = self._levels, self.levels()
+        fell = before & ~self._levels
+        if fell & _RD:
+            self._rd_fell = self._kernel.now
+        if fell & _WR:
+            self._wr_fell = self._kernel.now
+        self.edges(before, self._levels)
         if self.driving:
             self.show()
         chip.rearm()
+
+    def act(self, action: str, before: i64, after: i64) -> None:
+        """Carry out one action of the table."""
+        # No machine word: the end of time less an edge long ago does not fit one.
+        now: int = self._kernel.now
+        if action == "begin":
+            port: i64 = after >> 2 & 1
+            self._begin(now, self._rd_fell)
+            if port and self._chip.judged:
+                self._judge("T17", now - self._data_read)
+            self._begin_read(now, port, not after & _WR)
+        elif action == "take":
+            self._end_read(now, before >> 2 & 1, not after & _RD)
+        elif action == "write":
+            self._end_write(now, before >> 2 & 1, not after & _WR)
+        elif action == "place":
+            ever = before | after
+            self._port_moved(now, not ever & _CS and ever & (_RD | _WR) != _RD | _WR)
+        elif action == "enter":
+            self._begin(now, self._wr_fell)
+            if after & _PS and self._chip.judged:
+                self._judge("T18", now - self._data_wrote)
+        elif action == "clash" and not self._fought:
+            self._fought = True
+            self._lost |= self._chip.report(ds.CONTENTION)
+            self._host.lose_read()
 
     def _begin(self, now: int, strobe_fell: int) -> None:
         """A cycle begins: everything about the strobe's leading edge."""
@@ -161,7 +163,7 @@ class BusPins:
             self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
             self._judge("T8", now - self._ps_moved)
 
-    def _begin_read(self, now: int, ps: int, writing: bool) -> None:
+    def _begin_read(self, now: int, port: i64, writing: bool) -> None:
         chip = self._chip
         self.driving = True
         # From here on D0-D7 are the chip's own again.
@@ -169,10 +171,10 @@ class BusPins:
         if self._lost or writing:
             self._host.lose_read()
             return
-        chip.begin_read(ps)
+        chip.begin_read(port)
         if self._late and chip.judged:
             self.show_at = now + self._limits["T10"]
-            chip.expect(self.show_at)
+            self._owner.expect(self.show_at)
 
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
@@ -200,13 +202,13 @@ class BusPins:
 
     # -- ends of cycles -----------------------------------------------------------------------
 
-    def _end_write(self, now: int, ps: int, wr: int) -> None:
+    def _end_write(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         net = self._data.net
         byte = net.before
         floats = net.floats
         if chip.judged:
-            if wr == LOW:
+            if early:
                 self._judge("T7", -1, "/CS rose before /WR")
             self._judge("T14", now - self._began)
             if byte == net.value and not floats:
@@ -215,27 +217,27 @@ class BusPins:
             self._wrote = _LONG_AGO if floats else now
             self._byte = byte
             self._undo = keep(chip) if self._write_undone else {}
-            if ps == ds.DATA_PORT:
+            if port:
                 self._data_wrote = now
             self._timer.at(now + self._limits["T16"])
         if not self._lost:
             if floats:
                 chip.report(ds.FLOATING_WRITE, detail=f"no pin drives D0-D7: {byte:02X}H is taken")
-            chip.write(ps, byte)
+            chip.write(port, byte)
         if byte != net.value:
             self.settle()
 
-    def _end_read(self, now: int, ps: int, rd: int) -> None:
+    def _end_read(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         if chip.judged:
-            if rd == LOW:
+            if early:
                 self._judge("T7", -1, "/CS rose before /RD")
             self._judge("T10", now - self._began)
             if not self._fought and self._others_drive():
                 self._judge("T11", -1)
             self._ended = self._read = now
             self._undo = keep(chip) if self._read_undone else {}
-            if ps == ds.DATA_PORT:
+            if port:
                 self._data_read = now
             self._timer.at(now + self._limits["T12"])
         if self._lost:
@@ -285,9 +287,14 @@ class BusPins:
                 self._judge_hold("T12", hold, net.changed_at)
 
     def take_levels(self) -> None:
-        """Take the control lines as they are; no edge has been, and no hold time is judged."""
-        self._old = (self._cs.value, self._ps.value, self._rd.value, self._wr.value)
-        self._wrote = self._read = _LONG_AGO
+        """Take the control lines as they are; no edge has been, and no time is judged from one."""
+        self._levels = self.levels()
+        self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO
+        self._ended = self._wrote = self._read = self._data_wrote = self._data_read = _LONG_AGO
+        self._began = self._byte = self._left = 0
+        self._lost = self._fought = False
+        self._undo = {}
+        self._timer.cancel()
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
@@ -296,7 +303,7 @@ class BusPins:
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
         self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.read_byte())
-        self._live.at(self._chip.next_event())
+        self._live.at(self._chip.due(OUTPUT))
 
     def _changes(self) -> None:
         self._chip.advance()

@@ -138,6 +138,27 @@ class Trajectory:
             return self.relative[number] or ds.POSITION_MIN <= value <= ds.POSITION_MAX
         return self.relative[number] or self.raw[number] <= ds.RATE_MAX
 
+    def loaded(self) -> bool:
+        """Whether LTRJ has loaded anything since the reset."""
+        return bool(self.control or any(self._newer) or any(self.raw) or any(self._sent_raw))
+
+    def waits(self) -> bool:
+        """Whether LTRJ has loaded what no STT has taken."""
+        return any(self._newer)
+
+    def stuck(self, here: i64) -> bool:
+        """Whether what STT has taken never begins to move: it rests at ``here`` (counts)."""
+        if self.velocity or self._sent_raw[ACCELERATION] or self._sent_relative[ACCELERATION]:
+            return False
+        if self.started & ds.VELOCITY_MODE:
+            return self._sent_raw[VELOCITY] != 0
+        way = sign_extend(self._sent_raw[POSITION], 32)
+        return way != (0 if self._sent_relative[POSITION] else here)
+
+    def speed(self) -> str:
+        """Return the desired velocity in words."""
+        return f"{self.velocity / 65536:.3g} counts per sample"
+
     def start(self) -> None:
         """STT: the buffers as they are go with it; later data is for the next STT (NOTES 18)."""
         self.started: i64 = self.control

@@ -215,6 +215,21 @@ class StepperAxis:
 
     # -- update -------------------------------------------------------------------------------
 
+    def loaded(self) -> bool:
+        """Whether the buffer has what no update has taken."""
+        buffer, active = self.buffer, self.active
+        return (
+            buffer.differs(active)
+            or (self.motor_command_given and buffer.motor_command != active.motor_command)
+            or buffer.stop + buffer.smooth_stop + buffer.synch > 0
+        )
+
+    def up_to_date(self) -> bool:
+        """Whether an update now would change nothing: of a move that goes on, or has ended."""
+        if self._update_pending or self.position_given or self.motor_command_given:
+            return False
+        return self.motor_on and self.profile.settled(self.active) and not self.loaded()
+
     def request_update(self) -> None:
         """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""
         buffer, taken = self.buffer, self._taken

@@ -5,22 +5,32 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import CHANGE, POLL, SAMPLE
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
     AC,
+    BUS,
     CARD_DECODES,
+    CHECKSUM_UNREAD,
+    COMMAND_ERROR,
     COMMAND_PORT,
     DATA_PORT,
+    ERRORS_STAND,
     FAMILY,
+    INTERRUPT_STANDS,
+    LEFT_LOADED,
+    MOTION_ERROR,
     OPTIONS,
     PINS,
     RESET_CLK,
     RESET_PORT,
     RULES,
     SLOT_CLK,
+    STATUS_BITS,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
     VALUES,
@@ -34,7 +44,7 @@ from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Z
+from vbus.signals import Plant, Policy, Rule, ValueTable, Violation
 from vbus.state import Names
 
 
@@ -56,6 +66,7 @@ class MC1241A(ChipSet):
     AXES: ClassVar[int] = 2
     PARTS: ClassVar[tuple[str, ...]] = ("MC1241A", "MC1141A")
     PINS: ClassVar[tuple[PinRow, ...]] = PINS
+    BUS: ClassVar[BusTable | None] = BUS
     RULES: ClassVar[tuple[Rule, ...]] = RULES
     VALUES: ClassVar[ValueTable] = VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
@@ -85,8 +96,6 @@ class MC1241A(ChipSet):
             raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.axis_count = 2 if part == "MC1241A" else 1
-        self.read_low_ps = 100_000
-        self.cycle_ps = 200_000
         b_leads = self.settings["phase_b"] == "leads"
         self.shared: Final[SharedParameters] = SharedParameters()
         self.axes: list[StepperAxis] = [
@@ -152,26 +161,6 @@ class MC1241A(ChipSet):
         if self.interrupts.axis != NOBODY:
             status &= ~STATUS_NO_INTERRUPT
         return status
-
-    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-        """Return the edges of a whole cycle; none where the adapter answers by itself."""
-        if address == RESET_PORT:
-            return [(-1_000_000, "~Reset", LOW), (0, "~Reset", Z)] if write else []
-        if not write:
-            if address != DATA_PORT:
-                return []
-            return [
-                (-110_000, "HostCmd", LOW), (-110_000, "~HostSlct", LOW),
-                (-100_000, "~HostRead", LOW),
-                (0, "~HostRead", HIGH),
-                (25_000, "~HostSlct", HIGH), (25_000, "HostCmd", Z),
-            ]  # fmt: skip
-        return [
-            (-110_000, "HostCmd", address), (-110_000, "~HostSlct", LOW),
-            (-100_000, "~HostWrite", LOW), (-100_000, "D0-D7", data),
-            (0, "~HostWrite", HIGH),
-            (30_000, "~HostSlct", HIGH), (30_000, "HostCmd", Z), (30_000, "D0-D7", Z),
-        ]  # fmt: skip
 
     def ready_at(self) -> int:
         """Return when HostRdy is high: now or earlier, or the end of the busy time."""
@@ -296,31 +285,23 @@ class MC1241A(ChipSet):
         """Tell whether the slot that comes next began long ago."""
         return self.cycles.overdue(self.kernel.now)
 
-    def steady_until(self, address: int) -> int:
-        """Return until when the adapter's status byte stays as it is (PMD-BUS-12)."""
-        due = self.next_event()
-        ready = self.port.busy_until
-        return min(due, ready) if ready > self.kernel.now else due
-
-    def next_event(self) -> i64:
-        """Return a lower bound of the next change of an output (ps)."""
+    def due(self, kind: int) -> i64:
+        """Return when a cycle begins, or a lower bound of what changes."""
+        if kind == SAMPLE:
+            due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
+            rests = due == NEVER and self.cycles.resting()
+            return NEVER if rests else self.cycles.next_cycle()
         self.advance()
-        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
+        if kind == CHANGE:
+            return self._wake
+        due = self._next_due()
         if self.cycles.heard:
             due = min(due, self.cycles.boundary)
         if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
+        if kind == POLL and self.port.busy_until > self.kernel.now:
+            due = min(due, self.port.busy_until)  # PMD-BUS-12
         return due
-
-    def next_sample(self) -> int:
-        """Return when the next cycle begins."""
-        self.advance()
-        return NEVER if self.resting() else self.cycles.next_cycle()
-
-    def resting(self) -> bool:
-        """Whether cycles would change nothing but the time, and nothing else is due."""
-        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
-        return due == NEVER and self.cycles.resting()
 
     def touched(self) -> None:
         """Something from outside has changed the chip set: find what is due next."""
@@ -341,16 +322,14 @@ class MC1241A(ChipSet):
         """Put another motor behind an axis, and behind every encoder that hears the one there."""
         self.cycles.exchange(axis, plant)
 
-    def move_instants(self, shift: Callable[[int, int], int]) -> None:
-        """Move what the chip set waits for: the clock stands, or runs again."""
+    def clock_changed(self, shift: Callable[[int, int], int] | None) -> None:
+        """Move what the chip set waits for; find when the next cycle comes."""
         now = self.kernel.now
-        self.port.busy_until = shift(self.port.busy_until, now)
-        self.interrupts.quiet_until = shift(self.interrupts.quiet_until, now)
-        self.output.move_instants(shift, now)
-        self.cycles.pause(self.clock.stopped)
-
-    def follow_clock(self) -> None:
-        """The clock has another course: so is when the next cycle comes."""
+        if shift is not None:
+            self.port.busy_until = shift(self.port.busy_until, now)
+            self.interrupts.quiet_until = shift(self.interrupts.quiet_until, now)
+            self.output.move_instants(shift, now)
+            self.cycles.pause(self.clock.stopped)
         if not self.held:
             self.cycles.replan(self.port.busy_until)
 
@@ -382,7 +361,25 @@ class MC1241A(ChipSet):
             return ""
         return "its motor command is 0, so its windings get no current: SET_MTR_CMD sets it"
 
-    def next_change(self) -> int:
-        """Return when anything happens inside."""
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return what stands, what was loaded in vain, and that no checksum was read."""
         self.advance()
-        return int(self._wake)
+        found = []
+        if self.port.unchecked > 0:
+            text = f"no checksum of {self.port.unchecked} packets was read"
+            found.append((CHECKSUM_UNREAD, text))
+        number = self.interrupts.axis
+        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+            found.append(
+                (INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
+            )
+        for axis in self.axes:
+            errors = axis.events & (COMMAND_ERROR | MOTION_ERROR)
+            names = [bit.name for bit in STATUS_BITS if errors & bit.mask]
+            if names:
+                text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
+                found.append((ERRORS_STAND, text))
+            if axis.loaded():
+                text = f"axis {axis.number + 1}: what is loaded last no update has taken"
+                found.append((LEFT_LOADED, text))
+        return found

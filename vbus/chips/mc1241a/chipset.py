@@ -85,6 +85,11 @@ class ProfileRegisters:
             if name not in kept:
                 setattr(self, name, getattr(other, name))
 
+    def differs(self, active: "ProfileRegisters") -> bool:
+        """Whether a number that every update copies is another there (PMD-UPD-1)."""
+        names = self.STATE[: self.STATE.index("motor_command")]
+        return any(getattr(self, name) != getattr(active, name) for name in names)
+
 
 class SharedParameters:
     """What the axes have in common."""

@@ -6,7 +6,16 @@ from vbus.bits import sign_extend, wrap
 from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
-from vbus.chips.mc1241a.datasheet import COMMANDS, NO_SUCH_AXIS, RANGE, UNUSED_BITS, VERSIONS
+from vbus.chips.mc1241a.datasheet import (
+    COMMANDS,
+    IDLE_UPDATE,
+    KEEPS_INTERRUPT,
+    NO_STEP_RATIO,
+    NO_SUCH_AXIS,
+    RANGE,
+    UNUSED_BITS,
+    VERSIONS,
+)
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.tables import Command
 from vbus.state import Names
@@ -100,12 +109,22 @@ class Commands:
             self.current = self._interrupts.axis
         return self._axis.status
 
+    def update(self) -> None:
+        """Update the current axis (PMD-CMD-36)."""
+        self._update(self._axis)
+
     def update_several(self, which: int) -> None:
         """Update several axes in one cycle (PMD-CMD-37)."""
         self._check_unused(COMMANDS["MULTI_UPDATE"], which, len(self._axes))
         for axis in self._axes:
             if which >> axis.number & 1:
-                axis.request_update()
+                self._update(axis)
+
+    def _update(self, axis: StepperAxis) -> None:
+        if axis.up_to_date():
+            text = f"axis {axis.number + 1}: nothing was loaded since the last update"
+            self._chip.find(IDLE_UPDATE, text)
+        axis.request_update()
 
     # -- interrupts ---------------------------------------------------------------------------
 
@@ -118,8 +137,22 @@ class Commands:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
         number = self._interrupts.axis
         if number != NOBODY:
-            self._axes[number].clear_events(keep)
+            axis = self._axes[number]
+            enabled = axis.events & axis.interrupt_mask
+            if enabled & keep == enabled != 0:
+                text = f"RST_INTRPT {keep:04X}H leaves {enabled:04X}H of axis {number + 1}"
+                self._chip.find(KEEPS_INTERRUPT, f"{text}: it interrupts again at once")
+            axis.clear_events(keep)
             self._interrupts.release()
+
+    # -- the encoder ---------------------------------------------------------------------------
+
+    def set_step_ratio(self, value: int) -> None:
+        """Counts per ustep, times 256 (PMD-CMD-53)."""
+        if not value:
+            text = f"axis {self.current + 1}: with step ratio 0 no stall is found"
+            self._chip.find(NO_STEP_RATIO, text)
+        self._axis.set_step_ratio(value)
 
     # -- inputs, at this instant --------------------------------------------------------------
 

@@ -2,11 +2,12 @@
 
 from typing import Final
 
+from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
 from vbus.options import Option
-from vbus.signals import LOW, Rule, Value, ValueTable, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mc1241a"
 
@@ -216,7 +217,7 @@ COMMANDS: Final = CommandTable(
             value=BRK_OFF, title="Set breakpoint mode off"),
     Command("SET_BRK_PNT", 0x16, write=2, scope="c", clause="PMD-CMD-35",
             parameter="breakpoint_value", signed=True, title="Set breakpoint comparison value"),
-    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="request_update",
+    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="update",
             title="Immediate parameter update"),
     Command("MULTI_UPDATE", 0x5B, write=1, scope="g", clause="PMD-CMD-37", hook="update_several",
             title="Multiple axis immediate parameter update"),
@@ -383,6 +384,36 @@ VERSIONS: Final = {
 
 # -- pins ----------------------------------------------------------------------------------------
 
+BUS: Final = BusTable(
+    ("~HostSlct", "HostCmd", "~HostRead", "~HostWrite"),
+    strobes=(
+        Strobe(("~HostSlct", "~HostWrite"), HIGH, "write"),
+        Strobe(("~HostSlct", "~HostRead"), HIGH, "take", (("HostCmd", LOW),)),
+        Strobe(("~HostSlct", "~HostRead"), HIGH, "empty", (("HostCmd", HIGH),)),
+        Strobe(("HostCmd",), EITHER, "place"),
+        Strobe(("~HostSlct",), HIGH, "release"),
+        Strobe(("~HostSlct", "~HostRead", "~HostWrite"), LOW, "clash"),
+        Strobe(("~HostSlct", "~HostRead", "HostCmd"), LOW, "begin", (("~HostWrite", HIGH),)),
+    ),
+    read=(
+        (-110_000, "HostCmd", LOW), (-110_000, "~HostSlct", LOW), (-100_000, "~HostRead", LOW),
+        (0, "~HostRead", HIGH), (25_000, "~HostSlct", HIGH), (25_000, "HostCmd", Z),
+    ),
+    write=(
+        (-110_000, "HostCmd", ADDRESS), (-110_000, "~HostSlct", LOW),
+        (-100_000, "~HostWrite", LOW), (-100_000, "D0-D7", BYTE), (0, "~HostWrite", HIGH),
+        (30_000, "~HostSlct", HIGH), (30_000, "HostCmd", Z), (30_000, "D0-D7", Z),
+    ),
+    address="HostCmd",
+    # The adapter answers by itself: it has a status byte, and a write that pulses ~Reset.
+    special={
+        **dict.fromkeys(((COMMAND_PORT, False), (RESET_PORT, False)), ()),
+        (RESET_PORT, True): ((-1_000_000, "~Reset", LOW), (0, "~Reset", Z)),
+    },
+    cycle_ps=200_000,
+)  # fmt: skip
+"""The host bus (PMD-BUS-2 to PMD-BUS-4)."""
+
 PINS: Final = (
     PinRow("~HostSlct", "in", strobe=True, select=True, title="Host Port Select"),
     PinRow("~HostWrite", "in", strobe=True, title="Host Port Write data"),
@@ -526,11 +557,42 @@ TWO_CHANNELS: Final = Rule(
     "mc1241a.quadrature", "PMD-ENC-1", "Only one of A and B may change at a time."
 )
 
+KEEPS_INTERRUPT: Final = Rule(
+    "mc1241a.keeps-interrupt", "PMD-INT-3",
+    "RST_INTRPT clears an event that interrupts: of its word a 0 clears, and a 1 leaves.",
+    "warning",
+)  # fmt: skip
+NO_STEP_RATIO: Final = Rule(
+    "mc1241a.no-step-ratio", "PMD-STL-1",
+    "With a step ratio above 0 the axis is compared with its encoder; with 0 no stall is found.",
+    "note",
+)  # fmt: skip
+IDLE_UPDATE: Final = Rule(
+    "mc1241a.idle-update", "PMD-UPD-1", "UPDATE follows what has been loaded for it.", "note"
+)
+CHECKSUM_UNREAD: Final = Rule(
+    "mc1241a.checksum-unread", "PMD-PKT-2",
+    "A host reads checksums, by which it finds a byte that went wrong.", "note",
+)  # fmt: skip
+INTERRUPT_STANDS: Final = Rule(
+    "mc1241a.interrupt-stands", "PMD-INT-1",
+    "When a run ends, ~HostIntrpt has been answered by RST_INTRPT, if it is wired.", "note",
+)  # fmt: skip
+ERRORS_STAND: Final = Rule(
+    "mc1241a.errors-stand", "PMD-STA-1",
+    "When a run ends, errors in the status words have been cleared.", "note",
+)  # fmt: skip
+LEFT_LOADED: Final = Rule(
+    "mc1241a.left-loaded", "PMD-UPD-1", "When a run ends, an update has taken what was loaded.",
+    "note",
+)  # fmt: skip
+
 RULES: Final = (
     *AC.rules.values(),
     NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
     UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
-    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS,
+    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS, KEEPS_INTERRUPT,
+    NO_STEP_RATIO, IDLE_UPDATE, CHECKSUM_UNREAD, INTERRUPT_STANDS, ERRORS_STAND, LEFT_LOADED,
 )  # fmt: skip
 
 # -- settings ------------------------------------------------------------------------------------
@@ -586,26 +648,23 @@ def _double(
 
 
 VALUES: Final = ValueTable(
-    Value("status word", "axes[{}].status", _STATUS, "PMD-STA-1", "what GET_STATUS reads",
+    Value("status word", group=_STATUS, clause="PMD-STA-1", command="GET_STATUS",
           digits=4, fields=STATUS_BITS, key="status {}"),
-    Value("mode word", "axes[{}].mode", _STATUS, "PMD-STA-5", "what GET_MODE reads",
+    Value("mode word", group=_STATUS, clause="PMD-STA-5", command="GET_MODE",
           digits=4, fields=MODE_BITS, key="mode {}"),
     Value("interrupt mask", "axes[{}].interrupt_mask", _STATUS, "PMD-CMD-41",
           "events that pull ~HostIntrpt", digits=2, fields=_EVENTS),
     Value("breakpoint mode", "axes[{}].breakpoint_mode", _STATUS, "PMD-CMD-27",
           "what is compared", words=_BREAKPOINTS),
-    Value("breakpoint value", "axes[{}].breakpoint_value", _STATUS, "PMD-CMD-35",
-          "what it is compared with"),
-    Value("target position", "axes[{}].profile.target_position", _POSITION, "PMD-CMD-25",
-          "what GET_TRGT_POS reads", "ustep", key="target {}", lane="desired"),
-    Value("target velocity", "axes[{}].profile.target_velocity", _POSITION, "PMD-CMD-26",
-          "what GET_TRGT_VEL reads", _VELOCITY, 16),
-    Value("actual position", "axes[{}].encoder.actual", _POSITION, "PMD-CMD-49",
-          "what GET_ACTL_POS reads", "cnt", key="actual {}", lane="real"),
-    Value("position error", "axes[{}].position_error", _POSITION, "PMD-CMD-59",
-          "what GET_ACTL_POS_ERR reads", "cnt", key="error {}", lane="error"),
-    Value("position error limit", "axes[{}].position_error_limit", _POSITION, "PMD-CMD-57",
-          "as SET_POS_ERR set it", "cnt"),
+    Value("breakpoint value", group=_STATUS, command="SET_BRK_PNT",
+          title="what it is compared with"),
+    Value("target position", group=_POSITION, command="GET_TRGT_POS",
+          key="target {}", lane="desired"),
+    Value("target velocity", group=_POSITION, command="GET_TRGT_VEL"),
+    Value("actual position", group=_POSITION, command="GET_ACTL_POS", key="actual {}", lane="real"),
+    Value("position error", group=_POSITION, command="GET_ACTL_POS_ERR",
+          key="error {}", lane="error"),
+    Value("position error limit", group=_POSITION, command="SET_POS_ERR"),
     Value("step ratio", "axes[{}].step_ratio", _POSITION, "PMD-CMD-53",
           "encoder counts for each microstep", "cnt/ustep", 8),
     Value("profile mode", "axes[{}].profile.mode", _PROFILE, "PMD-CMD-4",
@@ -619,8 +678,7 @@ VALUES: Final = ValueTable(
     Value("start velocity", "axes[{}].start_velocity", _PROFILE, "PMD-CMD-14",
           "as SET_START_VEL set it", _VELOCITY, 16),
     *_double("motor command", "motor_command", "PMD-CMD-64", ""),
-    Value("phase information", "axes[{}].stepper.phase_info", _MOTOR, "PMD-CMD-80",
-          "what GET_PHASE_INFO reads", digits=4),
+    Value("phase information", group=_MOTOR, command="GET_PHASE_INFO", digits=4),
     Value("current axis", "commands.current", "chip set", "PMD-CMD-1",
           "which axis commands are for", words=("1", "2")),
     Value("output mode", "shared.output_mode", "chip set", "PMD-CMD-68",
@@ -629,7 +687,7 @@ VALUES: Final = ValueTable(
           "as SET_LMT_SENSE set it", digits=4),
     Value("limit sensing", "shared.sensing", "chip set", "PMD-CMD-72",
           "whether limit switches are looked at", words=("off", "on")),
-    Value("time", "shared.time", "chip set", "PMD-CMD-77", "what GET_TIME reads", "cycles",
+    Value("time", "shared.time", "chip set", unit="cycles", command="GET_TIME",
           moves=True, key="time"),
     Value("target velocity", "axes[{}].profile.velocity", unit=_VELOCITY, fraction=32,
           key="velocity {}", lane="velocity"),
@@ -637,6 +695,7 @@ VALUES: Final = ValueTable(
     Value("phase B", "cycles.phase_outputs({})[1]", key="phase B {}"),
     Value("HostRdy", "ready()", key="ready"),
     Value("interrupting axis", "interrupts.axis + 1", key="interrupt"),
+    commands=COMMANDS, home="axes[{}].",
     order=("time", "ready", "interrupt", "target {}", "velocity {}", "actual {}", "error {}",
            "status {}", "mode {}", "phase A {}", "phase B {}"),
 )  # fmt: skip

@@ -18,7 +18,6 @@ FAMILY: Final = Family(
         "stands, so the chip set notices a stall."
     ),
     datasheet="datasheet",
-    bus="bus:Mc1241aWatch",
     packets="packets:Mc1241aDecoder",
     coverage="coverage:Mc1241aExercises",
     access="access:Mc1241aPackets",
@@ -29,7 +28,6 @@ FAMILY: Final = Family(
     clock="25 MHz",
     plant="stepper",
     upsets="upsets:Mc1241aUpsets",
-    strobes=("~HostRead", "~HostWrite"),
     limits={"limit+": "PosLimit{}", "limit-": "NegLimit{}"},
     cycle="datasheet:CYCLE_CLK",
     reset_pin="~Reset",

@@ -41,7 +41,7 @@ class PacketPort:
     WIRING: ClassVar[Names] = (
         "_chip", "_commands", "_cycles", "_noop_codes", "_ready_pin", "_slot_busy",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_row",)
+    DERIVED: ClassVar[Names] = ("_row", "unchecked")
 
     def __init__(self, chip: ChipSet, commands: Commands, cycles: SampleCycles) -> None:
         self._chip: ChipSet = chip
@@ -54,6 +54,9 @@ class PacketPort:
         self._high: int = 0
         self._word: int = 0
         self._word_is_data: bool = False
+        self.unchecked: int = 0
+        """Packets begun before a checksum was read at all, -1 from then on; no part of the state
+        that is saved."""
         self.reset(0, 0)
 
     def reset(self, since: int, ready: int) -> None:
@@ -171,6 +174,7 @@ class PacketPort:
             self._word_is_data = True
         else:
             self._word = self._checksum
+            self.unchecked = -1
 
     # -- at the end of the busy time ----------------------------------------------------------
 
@@ -189,6 +193,8 @@ class PacketPort:
     def _begin_packet(self, code: int) -> None:
         self._code = code
         self._checksum = code
+        if self.unchecked >= 0:
+            self.unchecked += 1
         row = ds.COMMANDS.by_code(code)
         if row is not None:
             self._open(row, row.write, row.read)

@@ -2,6 +2,9 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
+from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import (
     AC,
@@ -12,14 +15,19 @@ from vbus.chips.mc1241a.datasheet import (
     READ_COMMAND,
 )
 from vbus.chips.mc1241a.packet import PacketPort
-from vbus.signals import LOW, Net, Watcher
+from vbus.signals import LOW, Watcher
 from vbus.state import Names
+
+# Bits of the control lines' levels.
+_SELECT: Final = 8
+_READ: Final = 2
+_WRITE: Final = 1
 
 LONG_AGO: Final = -1_000_000_000_000
 """An instant from which every interval is long enough."""
 
 
-class AdapterPins:
+class AdapterPins(BusFrontEnd):
     """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-2 to PMD-BUS-4).
 
     A write is latched, and a read ends, at the trailing edge of select and strobe together, with
@@ -35,23 +43,16 @@ class AdapterPins:
         "_read_fell", "_strobe_ended", "_write_ended", "_read_ended", "_reset_fell", "_data_judged",
         "_command_at", "_data_at", "_data_before",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_command", "_port", "_read", "_select", "_write")
-    DERIVED: ClassVar[Names] = ("_looked", "_seen")
+    WIRING: ClassVar[Names] = ("_owner", "_port")
 
     def __init__(self, chip: ChipSet, port: PacketPort) -> None:
-        self._chip: ChipSet = chip
+        super().__init__(chip)
+        self._owner: ChipSet = chip
         self._port: PacketPort = port
-        self.find_nets()
-        watcher = Watcher(chip.kernel, self._control_moved)
-        for name in ("~HostSlct", "~HostWrite", "~HostRead", "HostCmd"):
-            chip.pins[name].net.watch(watcher)
         # The data bus moves by itself only in answer to strobes: being heard there needs no timer.
         chip.data_pin.on_heard = None
         chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
         chip.pins["~Reset"].net.watch(Watcher(chip.kernel, self._reset_moved))
-        # Lines may follow one another within a batch: each edge counts once.
-        self._looked: int = -1
-        self._seen: tuple[int, int, int, int] = (0, 0, 0, 0)
         self._driving: bool = False
         self._clashed: bool = False
         self._last_was_write: bool = False
@@ -67,48 +68,34 @@ class AdapterPins:
         self._data_at: int = LONG_AGO
         self._data_before: int = LONG_AGO
 
-    def find_nets(self) -> None:
-        """Look the nets up again: a board solders pins to other nets before time starts."""
-        pins = self._chip.pins
-        self._select: Net = pins["~HostSlct"].net
-        self._write: Net = pins["~HostWrite"].net
-        self._read: Net = pins["~HostRead"].net
-        self._command: Net = pins["HostCmd"].net
-
     # -- edges --------------------------------------------------------------------------------
 
-    def _control_moved(self) -> None:
-        """One or more control lines have moved at this instant."""
-        self.find_nets()
+    def edges(self, before: i64, after: i64) -> None:
+        """Note which lines have fallen; carry out what comes of it."""
+        now, fell = self._chip.kernel.now, before & ~after
+        if fell & _SELECT:
+            self._select_fell = now
+        if fell & _WRITE:
+            self._write_fell = now
+        if fell & _READ:
+            self._read_fell = now
+        super().edges(before, after)
+
+    def act(self, action: str, before: i64, after: i64) -> None:
+        """Carry out one action of the table."""
         now = self._chip.kernel.now
-        select, write, read = self._select.value, self._write.value, self._read.value
-        command = self._command.value
-        old_select, old_write, old_read, old_command = (
-            self._seen if self._looked == self._chip.kernel.batch else
-            (self._select.before, self._write.before, self._read.before, self._command.before)
-        )  # fmt: skip
-        self._looked, self._seen = self._chip.kernel.batch, (select, write, read, command)
-        was_selected = old_select == LOW
-        was_writing = was_selected and old_write == LOW
-        was_reading = was_selected and old_read == LOW
-        if was_writing and (select or write):
+        if action == "write":
             self._end_write(now)
-        if was_reading and (select or read):
+        elif action in ("take", "empty"):
             self._end_read(now)
-        if old_command != command:
+        elif action == "place":
             self._after_strobe("T9", now - self._strobe_ended)
             self._command_at = now
-        if was_selected and select:
+        elif action == "release":
             self._released(now)
-        if not was_selected and not select:
-            self._select_fell = now
-        if old_write and not write:
-            self._write_fell = now
-        if old_read and not read:
-            self._read_fell = now
-        if not select and not write and not read:
+        elif action == "clash":
             self._clash()
-        elif not select and not read and not command and not self._driving:
+        elif action == "begin" and not self._driving:
             self._begin_read(now)
 
     def _end_write(self, now: int) -> None:
@@ -125,7 +112,7 @@ class AdapterPins:
         self._strobe_ended = self._write_ended = now
         self._last_was_write = True
         if not lost:
-            address = COMMAND_PORT if self._command.before else DATA_PORT
+            address = COMMAND_PORT if self._place.net.before else DATA_PORT
             data = chip.bus_net.before
             if chip.bus_net.floats:
                 taken = f"no pin drives D0-D7: {data:02X}H is taken"
@@ -159,7 +146,7 @@ class AdapterPins:
                 self._port.cancel_read()
             chip.end_read()
             chip.data_pin.release()
-        elif self._command.before and not clashed:
+        elif self._place.net.before and not clashed:
             chip.report(READ_COMMAND)  # PMD-BUS-4
 
     def _clash(self) -> None:
@@ -197,7 +184,7 @@ class AdapterPins:
         """~Reset has moved: it takes hold after T-reset, and is over when it rises
         (PMD-TIM-5).
         """
-        chip = self._chip
+        chip = self._owner
         now = chip.kernel.now
         chip.advance()
         if chip.pins["~Reset"].value == LOW:

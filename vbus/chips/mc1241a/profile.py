@@ -195,6 +195,14 @@ class Profile:
         # What cannot begin has not ended either (NOTES 21).
         return not moves and (way == 0 or running)
 
+    def settled(self, active: ProfileRegisters) -> bool:
+        """Whether :meth:`start` would leave a point-to-point move as it is: under way, or over."""
+        if self.mode in (ds.VELOCITY, ds.GEAR):
+            return self._state == RUNNING and not self._smooth
+        if self._state == RUNNING:
+            return not self._smooth and self._destination == active.position
+        return self.velocity == 0 and self.position == active.position << 32
+
     def _retarget(self, destination: int) -> bool:
         """Stretch or cut a running S-curve to end elsewhere, if that can be (PMD-TRJ-5)."""
         return self._curve.retarget(((destination << 32) - self._start) * self._sign)

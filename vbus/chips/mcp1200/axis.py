@@ -180,7 +180,7 @@ class ClockedAxis(Blocks):
         self.rest.disturb()
         before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
-        self.host.write(self.host.map(address), data, cycle)
+        self.host.write(address, data, cycle)
         self.counter.look_equal(before, cycle)
 
     # -- reset --------------------------------------------------------------------------------
@@ -269,11 +269,23 @@ class ClockedAxis(Blocks):
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
+        self._judge_control(cycle, position)
         self.state = CONTROL
         self.loop.enter_control(position)
         self._aiming = False
         self.rest.disturb()
         self._look_for_stall(cycle)
+
+    def _judge_control(self, cycle: int, position: int) -> None:
+        """Say so if an axis is about to jump, or has no filter."""
+        registers, loop = self.registers, self.loop
+        way = int(registers.command_position) - position
+        if abs(way) > ds.JUMP_COUNTS and not loop.command_written:
+            text = f"control begins at {position} counts, and R0C to R0E have {position + way}"
+            self.report(ds.JUMP, cycle, way, text)
+        lacking = "" if registers.step_mode else loop.lacking()
+        if lacking:
+            self.report(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""

@@ -199,8 +199,22 @@ class Blocks:
         """Whether mode flags take effect: control mode, not halted."""
         return self.state == CONTROL and not self.loop.halted
 
+    def entering(self) -> bool:
+        """Whether R05 = 03 waits for its sample in idle mode."""
+        return self.state == STANDING and self._request == ds.CONTROL_CODE
+
+    def closed(self) -> bool:
+        """Whether the loop drives the counted position to the command position."""
+        return self.state == CONTROL and not self.registers.step_mode
+
     def request(self, mode: int, cycle: int) -> None:
         """R05 has been written (MCP-MOD-1)."""
+        waiting = self._request
+        if waiting != NO_REQUEST and (
+            waiting < ds.HALT_CODE <= mode or (self.state == STANDING and mode == ds.HALT_CODE)
+        ):
+            text = f"R05 = {mode:02X} comes before the sample that obeys R05 = {waiting:02X}"
+            self.report(ds.MODE_LOST, cycle, mode, text)
         self._request = mode
         if self.state == STANDING and mode != ds.CONTROL_CODE:
             self._request = NO_REQUEST

@@ -5,6 +5,8 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.blocks import STANDING
@@ -15,13 +17,11 @@ from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher, Z
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher
 from vbus.state import Names
 
 NO_READ: Final = -1
 """In place of an address: no read is under way."""
-STROBE_PS: Final = 80_000
-"""From the first edge of :meth:`MCP1200.strobes` to the last."""
 
 MODES: Final = {
     0: "position", ds.F0: "profile", ds.F3: "position interpolation",
@@ -44,6 +44,7 @@ class MCP1200(HostInterface):
     ADDRESS_BITS: ClassVar[int] = ds.ADDRESS_BITS
     PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
     PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
+    BUS: ClassVar[BusTable | None] = ds.BUS
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
     VALUES: ClassVar[ValueTable] = ds.VALUES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.STATUS,)
@@ -69,7 +70,7 @@ class MCP1200(HostInterface):
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
-        self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
+        self.cycle_ps += self.ac.minimum("tCSAL", clock)
         self.axis: Final[ClockedAxis] = ClockedAxis(clock, self.settings, self.report)
         self._reading: int = NO_READ
         self._latch: int = 0
@@ -152,35 +153,9 @@ class MCP1200(HostInterface):
             return NEVER
         return self.clock.span(self.axis.shortest_period())
 
-    def next_sample(self) -> int:
-        """Return when the next sample starts, or the results of this one show (MCP-SMP-5)."""
-        self.advance()
-        cycle = self.axis.next_sample()
-        return NEVER if cycle == FAR or self.resting() else self.clock.ps(cycle)
-
-    def steady_until(self, address: int) -> int:
-        """Return until when a status register stays as it is: until anything happens inside."""
-        return self._due_ps
-
     def ready_at(self) -> int:
         """Return when the recovery time of the last access is over (MCP-BUS-12)."""
         return self._last_rise + self.clock.span_up(ds.RECOVERY_WRITE_CLK)
-
-    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-        """Return the edges of a cycle in the non-overlapped order, well above the minima."""
-        edges = [
-            (-70_000, "R/W", int(not write)),
-            (-70_000, ds.DATA, address),
-            (-70_000, "/ALE", LOW),
-            (-60_000, "/ALE", HIGH),
-        ]
-        if write:
-            edges += [(-50_000, ds.DATA, data), (-50_000, "/CS", LOW), (0, "/CS", HIGH)]
-            edges += [(10_000, ds.DATA, Z), (10_000, "R/W", HIGH)]
-        else:
-            edges += [(-50_000, ds.DATA, Z), (-50_000, "/CS", LOW), (-45_000, "/OE", LOW)]
-            edges += [(0, "/CS", HIGH), (10_000, "/OE", HIGH)]
-        return edges
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -218,25 +193,21 @@ class MCP1200(HostInterface):
             return NEVER
         return self.clock.ps(cycle)
 
-    def next_edge(self) -> i64:
-        """Return the next event, or a later one if samples can move nothing that is heard."""
+    def due(self, kind: int) -> i64:
+        """Return when a sample starts or shows (MCP-SMP-5), or a lower bound of what changes."""
+        if kind == SAMPLE:
+            rests = self._reading == NO_READ and self.axis.resting()
+            return NEVER if rests else self._instant(self.axis.next_sample())
         self.advance()
-        if self._reading != NO_READ or self.outputs.may_move():
-            return self.next_event()
-        return self._instant(self.axis.next_order())
-
-    def next_event(self) -> i64:
-        """Return an instant not later than the next change of an output (ps)."""
-        self.advance()
+        if kind in (CHANGE, POLL):
+            return self._due_ps
+        if kind == EDGE and self._reading == NO_READ and not self.outputs.may_move():
+            return self._instant(self.axis.next_order())
         # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
         due: i64 = self.axis.next_output() if self._reading == NO_READ else self.axis.next()
         if self._pulse_heard:
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
         return self._instant(due)
-
-    def resting(self) -> bool:
-        """Whether samples repeat themselves and nothing else is due, nor is a read under way."""
-        return self._reading == NO_READ and self.axis.resting()
 
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen; the chip's own watchers do not count."""
@@ -344,10 +315,14 @@ class MCP1200(HostInterface):
         """Return the motor output as a fraction of full scale."""
         return round(self.axis.drive.level(), 4)
 
-    def next_change(self) -> int:
-        """Return when anything happens inside."""
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return that errors of the status register stand."""
         self.advance()
-        return self._due_ps
+        standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
+        if not standing:
+            return []
+        names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+        return [(ds.ERRORS_STAND, f"in R07 these are 0 at the end, and mean errors: {names}")]
 
     def before_save(self) -> None:
         """However seldom anybody has looked at Pulse, its frame is the one under way now."""

@@ -146,6 +146,15 @@ class ControlLoop:
         self.faults.clear()
         self.following.begin(position if registers.step_mode else registers.command_position)
 
+    def lacking(self) -> str:
+        """Return which gains are all 0, so that no error and no motion gives a motor command."""
+        registers = self.registers
+        if not registers.feature & ds.PID:
+            return "" if registers.lead_gain else "R22, the gain of the lead filter, 0"
+        gains = registers.kp | registers.ki | registers.kd
+        forward = registers.kv | registers.ka | registers.feed_forward
+        return "" if gains or forward else "all gains of the PID filter 0"
+
     def drop(self, flags: int) -> None:
         """The host has cleared mode flags: a mode set again before a sample begins anew."""
         self._dropped |= flags

@@ -6,11 +6,12 @@ silent or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
-from vbus.signals import LOW, Rule, Value, ValueTable, Z
+from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")
@@ -284,6 +285,36 @@ FILTER_STAGES: Final = 3
 DATA: Final = "DB0-DB7"
 DAC: Final = "MC0-MC11"
 
+_ADDRESSED: Final = (
+    (-70_000, DATA, ADDRESS), (-70_000, "/ALE", LOW), (-60_000, "/ALE", HIGH),
+)  # fmt: skip
+BUS: Final = BusTable(
+    ("/ALE", "/CS", "/OE", "R/W"),
+    strobes=(
+        Strobe(("R/W",), EITHER, "place"),
+        Strobe(("/ALE",), LOW, "open"),
+        Strobe(("/ALE",), HIGH, "latch"),
+        Strobe(("/CS",), LOW, "enter"),
+        Strobe(("/CS",), HIGH, "access", (("R/W", HIGH),)),
+        Strobe(("/CS",), HIGH, "write", (("R/W", LOW),)),
+        Strobe(("/OE",), HIGH, "take"),
+        Strobe(("/OE",), LOW, "begin", (("R/W", HIGH),)),
+        Strobe(("/OE",), LOW, "begin", (("/CS", HIGH),)),
+    ),
+    read=(
+        (-70_000, "R/W", HIGH), *_ADDRESSED, (-50_000, DATA, Z), (-50_000, "/CS", LOW),
+        (-45_000, "/OE", LOW), (0, "/CS", HIGH), (10_000, "/OE", HIGH),
+    ),
+    write=(
+        (-70_000, "R/W", LOW), *_ADDRESSED, (-50_000, DATA, BYTE), (-50_000, "/CS", LOW),
+        (0, "/CS", HIGH), (10_000, DATA, Z), (10_000, "R/W", HIGH),
+    ),
+    data=DATA,
+    cycle_ps=80_000,
+)  # fmt: skip
+"""The host bus (MCP-BUS-2 to MCP-BUS-7); whole cycles have the non-overlapped order, well above the
+minima."""
+
 PINS: Final = (
     PinRow("/ALE", "in", strobe=True, title="Address Latch Enable"),
     PinRow("/CS", "in", strobe=True, select=True, title="Chip Select"),
@@ -396,9 +427,57 @@ STEP_OVERRUN: Final = Rule(
 DOUBLE_EDGE: Final = Rule(
     "mcp1200.double-edge", "MCP-ENC-1", "CHA and CHB must not change together.", "warning"
 )
+EXTENDED_OFF: Final = Rule(
+    "mcp1200.extended-off", "MCP-BUS-9",
+    "Registers from R40 on are written with bit 0 of R02 set: without it the byte goes to another.",
+    "warning",
+)  # fmt: skip
+LISTED_RANGE: Final = Rule(
+    "mcp1200.range", "MCP-REG-26", "A register is written with what the manual lists for it.",
+    "warning",
+)  # fmt: skip
+LISTED_MOST: Final = {0x18: 0x07, 0x27: 0x7F, 0x28: 0x7F}
+"""Largest bytes that the manual lists for some registers (MCP-REG-18, -25, -26)."""
+JUMP: Final = Rule(
+    "mcp1200.jump", "MCP-MOD-6",
+    "The command position is written before control begins, or the axis jumps to the old one.",
+    "warning",
+)  # fmt: skip
+JUMP_COUNTS: Final = 127
+"""So far an axis may have drifted since its host has looked where it is."""
+NO_GAIN: Final = Rule(
+    "mcp1200.no-gain", "MCP-FLT-3", "Control begins with a gain above 0.", "warning"
+)
+PRESET_IN_CONTROL: Final = Rule(
+    "mcp1200.preset-in-control", "MCP-REG-17",
+    "The position counter is preset in idle mode: a closed loop drives the difference away.",
+    "note",
+)  # fmt: skip
+MODE_LOST: Final = Rule(
+    "mcp1200.mode-lost", "MCP-MOD-1",
+    "R05 is written again once the sample has come that obeys it.", "warning",
+)  # fmt: skip
+TOO_EARLY: Final = Rule(
+    "mcp1200.flag-before-control", "MCP-FLG-4",
+    "A mode flag is set once R05 reads 03: before, F2 does not rise with it.", "note",
+)  # fmt: skip
+OTHER_VELOCITY: Final = Rule(
+    "mcp1200.other-velocity", "MCP-TRP-1",
+    "The velocity of a profile is in the register that bit 5 of R01 chooses.", "warning",
+)  # fmt: skip
+NO_RATE: Final = Rule(
+    "mcp1200.no-rate", "MCP-TRP-5",
+    "A profile has an acceleration and a velocity when it starts, or it waits for them.", "note",
+)  # fmt: skip
+ERRORS_STAND: Final = Rule(
+    "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
+)
+
 RULES: Final = (
     *AC["5 V"].rules.values(),
     CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
+    EXTENDED_OFF, LISTED_RANGE, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY,
+    OTHER_VELOCITY, NO_RATE, ERRORS_STAND,
 )  # fmt: skip
 
 # -- board file keys ----------------------------------------------------------------------------
@@ -441,5 +520,5 @@ VALUES: Final = ValueTable(
     Value("status", key="status", register="STATUS"),
     Value("profile phase", key="phase", register="PHASE"),
     Value("sample timer", "axis.timer.count(chip.cycle_now())", register="SAMPLE_TIMER"),
-    registers=REGISTERS, file="axis.registers.",
+    registers=REGISTERS, home="axis.registers.",
 )  # fmt: skip

@@ -17,7 +17,6 @@ FAMILY: Final = Family(
         "bits, or a stepper driver by step pulses. The part extends the HCTL-1100."
     ),
     datasheet="datasheet",
-    bus="bus:Mcp1200Watch",
     packets="packets:Mcp1200Decoder",
     coverage="coverage:Mcp1200Exercises",
     access="access:Mcp1200Access",
@@ -26,7 +25,6 @@ FAMILY: Final = Family(
     demo_name="mcp1200",
     typical=("MCP-1200",),
     upsets="upsets:Mcp1200Upsets",
-    strobes=("/CS", "/CS"),
     limits={"limit+": "/LIMIT", "limit-": "/LIMIT"},
     cycle="datasheet:SAMPLE_CLK",
     reset_pin="/RESET",

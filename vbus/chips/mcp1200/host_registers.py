@@ -64,8 +64,18 @@ class HostRegisters:
         elif address not in _WRITES:
             self._note(address, -1)
 
-    def write(self, address: int, data: int, cycle: int) -> None:
+    def write(self, bus_address: int, data: int, cycle: int) -> None:
         """Take the byte ``data``; it is visible from ``cycle`` on."""
+        address = self.map(bus_address)
+        if address != bus_address and bus_address in _WRITES:
+            meant = f"R{bus_address:02X} = {data:02X}H goes to R{address:02X}"
+            self._blocks.report(ds.EXTENDED_OFF, cycle, bus_address, f"{meant}: bit 0 of R02 is 0")
+        most = ds.LISTED_MOST.get(address)
+        if most is not None and data > most:
+            self._blocks.report(
+                ds.LISTED_RANGE, cycle, data,
+                f"R{address:02X} = {data:02X}H: the manual lists 00H to {most:02X}H",
+            )  # fmt: skip
         hook = _WRITES.get(address)
         if hook is None:
             self._note(address, cycle)
@@ -109,12 +119,30 @@ class HostRegisters:
             return
         if data & 8:
             registers.flag |= flag
+            self._judge_flag(flag, cycle)
             # F2 acknowledges a profile at once, so that a host may wait for it to fall (NOTES 3).
             if flag == ds.F0 and not registers.flag & ds.F1 and self._blocks.controlling():
                 registers.flag |= ds.F2
         else:
             registers.flag &= ~flag
             self._blocks.loop.drop(flag)
+
+    def _judge_flag(self, flag: int, cycle: int) -> None:
+        """Say so if the mode that a flag begins is not there yet, or cannot move."""
+        blocks, registers = self._blocks, self._registers
+        if blocks.entering():
+            blocks.report(ds.TOO_EARLY, cycle, flag, "R00 is written before R05 = 03 is obeyed")
+        if flag != ds.F0:
+            return
+        fine = registers.feature & ds.HIGH_RESOLUTION
+        low = registers.profile_velocity
+        velocity, other = (registers.velocity, low) if fine else (low, registers.velocity)
+        if velocity == 0 != other:
+            meant = "R28, and R01 chooses R23 to R25" if fine else "R23 to R25, and R01 chooses R28"
+            blocks.report(ds.OTHER_VELOCITY, cycle, 0, f"the velocity is in {meant}, which is 0")
+        elif velocity == 0 or registers.acceleration == 0:
+            what = "velocity" if velocity == 0 else "acceleration"
+            blocks.report(ds.NO_RATE, cycle, 0, f"the profile is started with {what} 0")
 
     def write_config(self, address: int, data: int, cycle: int) -> None:
         """The position stays when the counter's source changes (MCP-STP-1)."""
@@ -175,11 +203,19 @@ class HostRegisters:
     def write_actual_position(self, address: int, data: int, cycle: int) -> None:
         """Any byte written to R13 clears the counter (MCP-REG-16)."""
         if address == _ACTUAL_CSB:
-            self._blocks.counter.preset(0, cycle)
+            self._preset(0, cycle)
 
     def preset_position(self, cycle: int) -> None:
         """The counter is preset (MCP-REG-17)."""
-        self._blocks.counter.preset(self._registers.preset_position, cycle)
+        self._preset(self._registers.preset_position, cycle)
+
+    def _preset(self, position: int, cycle: int) -> None:
+        blocks = self._blocks
+        here = blocks.counter.position(cycle)
+        if blocks.closed() and abs(int(position - here)) > ds.JUMP_COUNTS:
+            text = f"the counter is set from {here} to {position} while the loop is closed"
+            blocks.report(ds.PRESET_IN_CONTROL, cycle, position - here, text)
+        blocks.counter.preset(position, cycle)
 
     def write_encoder_pwm(self, address: int, data: int, cycle: int) -> None:
         """Encoder filter, and whether the channels are swapped (MCP-ENC-1)."""

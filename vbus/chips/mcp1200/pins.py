@@ -2,14 +2,19 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.base import Chip
+from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.strobes import AcTable
 from vbus.kernel import NEVER
-from vbus.signals import LOW, Net, Watcher, Z
+from vbus.signals import LOW, Net, Z
 from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
+_OE: Final = 2
+"""Place of /OE among the levels of the control lines."""
 AD6: Final = 0x40
 """The one bus line with a pull-up of its own (MCP-BUS-1)."""
 
@@ -77,7 +82,7 @@ class HostInterface(Chip):
             self.report(self.ac.rules[symbol], measured, least)
 
 
-class StrobePins:
+class StrobePins(BusFrontEnd):
     """Sees strobes on the nets, makes bus cycles of them, and judges their times.
 
     The three bus orders differ in when /ALE is low: before /CS, across its fall, or inside it.
@@ -97,10 +102,11 @@ class StrobePins:
         "_ale_fell", "_ale_rose", "_cs_fell", "_cs_rose", "_oe_fell", "_rw_at", "_data_at",
         "_closed_at", "_previous_closed_at",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_release", "own")
+    WIRING: ClassVar[Names] = ("_owner", "_release")
 
     def __init__(self, chip: HostInterface) -> None:
-        self._chip: HostInterface = chip
+        super().__init__(chip)
+        self._owner: HostInterface = chip
         self._ale: int = 1
         self._cs: int = 1
         self._oe: int = 1
@@ -126,53 +132,55 @@ class StrobePins:
         self._closed_at: int = LONG_AGO
         self._previous_closed_at: int = LONG_AGO
         self._release = chip.kernel.timer(self._let_go)
-        self.own: Watcher = Watcher(chip.kernel, self._moved)
-        for name in ("/ALE", "/CS", "/OE", "R/W", ds.DATA):
-            chip.pins[name].net.watch(self.own)
+        chip.bus_net.watch(self.own)
 
     @property
     def _net(self) -> Net:
-        return self._chip.bus_net
+        return self._owner.bus_net
 
     # -- edges --------------------------------------------------------------------------------
 
-    def _moved(self) -> None:
-        chip = self._chip
+    def moved(self) -> None:
+        """Control lines, or the data bus, have moved at this instant."""
+        chip = self._owner
         chip.advance()
         now = chip.kernel.now
-        pins = chip.pins
-        ale, cs = pins["/ALE"].value, pins["/CS"].value
-        oe, rw = pins["/OE"].value, pins["R/W"].value
         data = self._net.value
-        if rw != self._rw:
-            self._read_write(rw, now)
-        if ale != self._ale:
-            if ale == LOW:
-                self._ale_falls(now)
-            else:
-                self._ale_rises(now)
-        if cs != self._cs:
-            if cs == LOW:
-                self._cs_falls(now)
-            else:
-                self._cs_rises(now)
-        if oe != self._oe:
-            self._output_enable(oe, now)
+        before: i64 = self._ale << 3 | self._cs << 2 | self._oe << 1 | self._rw
+        after = self.levels()
+        self.edges(before, after)
+        if before & ~after & _OE:
+            self._oe_falls(now)
         if data != self._data:
             self._data_moves(data, now)
         self.refresh()
         chip.touched()
 
+    def act(self, action: str, before: i64, after: i64) -> None:
+        """Carry out one action of the table."""
+        now = self._owner.kernel.now
+        if action == "place":
+            self._read_write(after & 1, now)
+        elif action == "open":
+            self._ale_falls(now)
+        elif action == "latch":
+            self._ale_rises(now)
+        elif action == "enter":
+            self._cs_falls(now)
+        elif action in ("access", "write"):
+            self._cs_rises(now)
+        elif action == "take":
+            self._oe_rises(now)
+
     def _judge(self, symbol: str, measured: int) -> None:
         """Judge a limit of the access under way."""
-        if self._chip.judged and self._chip.judge(symbol, measured):
+        if self._owner.judged and self._owner.judge(symbol, measured):
             self._lost = True
 
     def _read_write(self, rw: int, now: int) -> None:
-        chip = self._chip
+        chip = self._owner
         if chip.judged and chip.judge("tWH", now - self._cs_rose):
             chip.drop_write()
-        # If /CS rises in the same batch, the old level is what counts there: ``before``.
         self._rw = rw
         self._rw_at = now
         if self._cs == LOW and not self._open:
@@ -195,7 +203,7 @@ class StrobePins:
         self._overlapped = False
         if self._inside:
             self._judge("tCA", now - self._cs_fell)
-            self._chip.drop_read()
+            self._owner.drop_read()
         self._was_write = False
         self._open = True
         self._ale_fell = now
@@ -234,13 +242,14 @@ class StrobePins:
 
     def _access_begins(self) -> None:
         if self._rw:
-            self._chip.begin_read(self._address)
+            self._owner.begin_read(self._address)
         else:
             self._check_contention()
 
     def _cs_rises(self, now: int) -> None:
-        chip = self._chip
+        chip = self._owner
         self._cs = 1
+        # R/W may have risen in this batch, as /CS does: what it was before counts.
         write = chip.pins["R/W"].net.before == 0
         self._judge("tIPW", now - self._cs_fell)
         if self._overlapped or self._inside:
@@ -274,14 +283,16 @@ class StrobePins:
         self._lost = False
         self._cs_rose = now
 
-    def _output_enable(self, oe: int, now: int) -> None:
-        chip = self._chip
-        self._oe = oe
-        if oe == LOW:
-            self._oe_fell = now
-            self._release.cancel()
-            self._check_contention()
-        elif chip.judged:
+    def _oe_falls(self, now: int) -> None:
+        self._oe = 0
+        self._oe_fell = now
+        self._release.cancel()
+        self._check_contention()
+
+    def _oe_rises(self, now: int) -> None:
+        chip = self._owner
+        self._oe = 1
+        if chip.judged:
             low = now - self._oe_fell
             chip.judge("tIPWOE", low)
             chip.judge_latest("tOEDB", low)
@@ -291,10 +302,10 @@ class StrobePins:
 
     def _check_contention(self) -> None:
         if self._oe == LOW and self._cs == LOW and self._rw == 0:
-            self._chip.report(ds.CONTENTION)
+            self._owner.report(ds.CONTENTION)
 
     def _data_moves(self, data: int, now: int) -> None:
-        chip = self._chip
+        chip = self._owner
         self._data = data
         self._data_at = now
         if not chip.judged:
@@ -310,7 +321,7 @@ class StrobePins:
 
     def refresh(self) -> None:
         """Drive the bus with the output latch, or let go of it (MCP-BUS-7)."""
-        chip = self._chip
+        chip = self._owner
         if self._oe == LOW and not (self._cs == LOW and self._rw == 0):
             chip.data_pin.drive(chip.output())
         elif chip.data_pin.level != Z and self._release.due == NEVER:
@@ -321,7 +332,7 @@ class StrobePins:
 
     def _let_go(self) -> None:
         """The data hold time after /OE has passed (MCP-TIM-25)."""
-        self._chip.data_pin.release()
+        self._owner.data_pin.release()
         self._data = self._net.value
 
     def clear(self) -> None:

@@ -1,13 +1,18 @@
 """Fills the generated tables of documentation pages."""
 
+import ast
+import inspect
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
 from vbus.tools.generate.layout import ROOT, fill, filled, table
-from vbus.transports.states import CLOSED, EVENTS, SESSION, STATES, TERMINAL, Machine
+from vbus.transports import states
+from vbus.transports.states import CLOSED, SESSION, TERMINAL, Machine
 
 
 def byte_protocol() -> str:
@@ -47,9 +52,21 @@ def architecture() -> str:
     """Return the page about the architecture with the states of sessions and terminals."""
     page = (ROOT / "ARCHITECTURE.md").read_text()
     figure = ["```mermaid", "stateDiagram-v2", *_drawn(SESSION), *_drawn(TERMINAL), "```", ""]
-    states = table(("state", "what it is"), STATES.items())
-    events = table(("event", "what happens"), EVENTS.items())
-    return fill(page, "sessions", [*figure, *states, "", *events])
+    rows = SESSION.rows + TERMINAL.rows
+    parts = {"state": [one for row in rows for one in row[::2]], "event": [row[1] for row in rows]}
+    for what, names in parts.items():
+        told = [(name, text) for name, text in constants(states) if name in names]
+        figure += [*table((what, "what it is"), told), ""]
+    return fill(page, "sessions", figure[:-1])
+
+
+def constants(module: ModuleType) -> Iterator[tuple[str, str]]:
+    """Yield the text constants of a module, each with the docstring behind it."""
+    for line, told in pairwise(ast.parse(inspect.getsource(module)).body):
+        if isinstance(line, ast.AnnAssign) and isinstance(told, ast.Expr):
+            value = getattr(module, ast.unparse(line.target))
+            if isinstance(value, str):
+                yield value, " ".join(ast.literal_eval(told.value).split())
 
 
 def _drawn(machine: Machine) -> Iterator[str]:

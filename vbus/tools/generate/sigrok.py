@@ -7,7 +7,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any, Final
 
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusTable
 from vbus.chips.family import Family
 from vbus.chips.packets import Decoder
 from vbus.chips.tables import CommandTable, RegisterMap
@@ -28,7 +28,7 @@ _PD: Final = '''"""sigrok's part: channels in, annotations out."""
 import sigrokdecode as srd
 
 from .decoder import {packets}
-from .watch import {watch}
+from .watch import BUS, watch_by
 
 CONTROL = {control!r}
 CYCLE, PACKET, STATUS, PROBLEM = range(4)
@@ -68,7 +68,7 @@ class Decoder(srd.Decoder):
 
     def reset(self):
         """Forget everything."""
-        self.watch = {watch}()
+        self.watch = watch_by(BUS)
         self.packets = {packets}()
 
     def start(self):
@@ -99,13 +99,12 @@ def _names(family: Family) -> tuple[str, str]:
     return short, f"{(family.title or family.name).replace(' and ', '/')} {family.kind}".rstrip()
 
 
-def _pd(family: Family, watch: type[BusWatch], packets: type[Decoder]) -> str:
+def _pd(family: Family, bus: BusTable, packets: type[Decoder]) -> str:
     name, title = _names(family)
-    plain = (re.sub(r"\W", "", pin).lower() for pin in watch.PINS)
+    plain = (re.sub(r"\W", "", pin).lower() for pin in bus.lines)
     text = _PD.format(
         packets=packets.__name__,
-        watch=watch.__name__,
-        control=tuple(zip(family.channels or plain, watch.PINS, strict=True)),
+        control=tuple(zip(family.channels or plain, bus.lines, strict=True)),
         family=family.name,
         name=name,
         title=title,
@@ -132,6 +131,7 @@ def _copy(module: str) -> str:
     """Return a module's source with its imports made relative."""
     path, text = _source(module)
     text = re.sub(r"from [\w.]+ import datasheet as ds", "from . import tables as ds", text)
+    text = text.replace("from vbus.signals import HIGH, LOW, Z\n", "\nHIGH, LOW, Z = 1, 0, -1\n")
     for home, name in _COPIES.items():
         text = text.replace(f"from {home} import", f"from .{name} import")
     return _HEAD.format(path) + text
@@ -160,6 +160,13 @@ def _tables(family: Family, packets: type[Decoder]) -> str:
     return _HEAD.format(path) + rows + "\n\n" + "\n".join(lines) + "\n"
 
 
+def _watch(bus: BusTable) -> str:
+    """Return the bus table of the chip."""
+    return _HEAD.format("its datasheet.py") + (
+        f"from .bus_watch import BusTable, Strobe, watch_by\n\nBUS = {bus!r}\n"
+    )
+
+
 def _literal(value: Any) -> str:
     if isinstance(value, CommandTable | RegisterMap):
         size = f"    {value.size},\n" if isinstance(value, RegisterMap) else ""
@@ -172,20 +179,20 @@ def _literal(value: Any) -> str:
 
 def decoder_targets(family: Family, folder: str) -> list[tuple[str, Callable[[], str]]]:
     """Return the files of a family's decoder below ``folder``; none if its bus is not known."""
-    watch = family.load("bus", BusWatch)
+    bus = getattr(family.tables, "BUS", None)
     packets = family.load("packets", Decoder)
-    if watch is None or packets is None:
+    if bus is None or packets is None:
         return []
     folder = f"{folder}/vbus_{family.name}"
     return [
         (f"{folder}/__init__.py", partial(_init, family)),
-        (f"{folder}/pd.py", partial(_pd, family, watch, packets)),
+        (f"{folder}/pd.py", partial(_pd, family, bus, packets)),
         (f"{folder}/tables.py", partial(_tables, family, packets)),
         *(
             (f"{folder}/{name}.py", partial(_copy, home))
             for home, name in _COPIES.items()
             if name != "tables"
         ),
-        (f"{folder}/watch.py", partial(_copy, watch.__module__)),
+        (f"{folder}/watch.py", partial(_watch, bus)),
         (f"{folder}/decoder.py", partial(_decoder, family, packets)),
     ]

@@ -1,7 +1,7 @@
 """A capture of a card's bus: its strobes and address lines to accesses of the card."""
 
 from vbus.board.card_bus import CardBus
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusTable, BusWatch
 from vbus.chips.packets import Cycle
 from vbus.trace.silicon.channel_map import Wiring
 
@@ -20,7 +20,6 @@ class CardWatch(BusWatch):
     """
 
     def __init__(self, bus: CardBus, wiring: Wiring | None = None) -> None:
-        super().__init__()
         self._bus: CardBus = bus
         first, last = bus.where(0), bus.where(int(bus.settings["size"]) - 1)
         self._lines: list[int] = [
@@ -28,7 +27,8 @@ class CardWatch(BusWatch):
             if (first ^ last) >> number or (wiring is not None and line in wiring.bits)
         ]  # fmt: skip
         lines = [bus.row.address[number] for number in self._lines]
-        self.PINS = (bus.read_strobe, bus.write_strobe, *lines)
+        lines = [bus.read_strobe, bus.write_strobe, *lines]
+        super().__init__(BusTable(tuple(lines), (), (), ()))
         self._ports: dict[int, int] = {
             self._shown(bus.where(port)): port for port in range(int(bus.settings["size"]))
         }

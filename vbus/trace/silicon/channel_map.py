@@ -72,7 +72,8 @@ def wiring_of(
     Raises:
         CaptureError: a pin of the bus has no channel, or several; or a name is not known.
     """
-    data = bit_names(watch.DATA, next(row.width for row in rows if row.name == watch.DATA))
+    bus = watch.table.data
+    data = bit_names(bus, next(row.width for row in rows if row.name == bus))
     lines = [row.name for row in rows if row.width == 1]
     pins = {_key(name): name for name in lines}
     for bit, name in enumerate(data):

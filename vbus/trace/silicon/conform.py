@@ -243,9 +243,9 @@ class Conform(Observer):
 
     def _named(self, bits: int) -> str:
         """Name bits of the data bus, with their verb."""
-        names = bit_names(self._watch.DATA, 8)
+        names = bit_names(self._watch.table.data, 8)
         if bits == 0xFF:
-            return f"{self._watch.DATA} are"
+            return f"{self._watch.table.data} are"
         chosen = [name for bit, name in enumerate(names) if bits >> bit & 1]
         return f"{', '.join(chosen)} {'is' if len(chosen) == 1 else 'are'}"
 

@@ -7,7 +7,7 @@ from typing import Final
 from vbus import plugins
 from vbus.board.card_bus import CardBus
 from vbus.chips.base import Chip
-from vbus.chips.bus_watch import BusWatch
+from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.errors import CaptureError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.trace.silicon.capture import Sample
@@ -48,10 +48,9 @@ def watch_of(chip: Chip, wiring: Wiring | None = None) -> BusWatch:
     """
     if isinstance(chip, CardBus):
         return CardWatch(chip, wiring)
-    found = plugins.family(chip.FAMILY).load("bus", BusWatch)
-    if found is None:
+    if chip.BUS is None:
         raise VbusError(f"{chip.part}: its bus is not known here, so no capture can be followed")
-    return found()
+    return watch_by(chip.BUS)
 
 
 def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: str | int) -> Start:

@@ -1,0 +1,221 @@
+"""Rules for what a driver does: each with its mistake, and with what looks like it and is right."""
+
+import pytest
+
+from tests.conformance.lm628.bench import SAMPLE, Bench
+from vbus.kernel import MS
+
+ONE = 1 << 16
+
+
+def found(bench: Bench) -> list[tuple[str, str]]:
+    """Return the rules broken so far, each with its severity."""
+    return [(v.rule.partition(".")[2], v.severity) for v in bench.violations]
+
+
+def left(bench: Bench) -> list[tuple[str, str]]:
+    """Return what a run that ended now would leave."""
+    return [(rule.name.partition(".")[2], text) for rule, text in bench.chip.left_over()]
+
+
+def run(bench: Bench) -> None:
+    """Have the axis run in velocity mode at 4 counts per sample."""
+    bench.filter(kp=10)
+    bench.move(0x1800, accel=4 * ONE, velocity=4 * ONE)
+    bench.run(3 * SAMPLE)
+
+
+# -- LFIL and UDF ---------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-CMD-5")
+@pytest.mark.parametrize("control", [0x0000, 0x0200])
+def test_a_motor_turned_on_before_udf_is_found(bench, control):
+    bench.command("LFIL", 0x08, 10)
+    bench.move(control, accel=ONE, velocity=ONE, position=100)
+    assert found(bench) == [("filter-waits", "warning")]
+    assert "UDF has not followed LFIL" in bench.violations[0].detail
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_udf_before_stt_is_what_the_rule_asks_for(bench):
+    bench.command("LFIL", 0x08, 10)
+    bench.command("UDF")
+    bench.move(0, accel=ONE, velocity=ONE, position=100)
+    bench.run(MS)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_gains_loaded_ahead_of_their_use_in_motion_are_no_mistake(bench):
+    run(bench)
+    bench.command("LFIL", 0x08, 20)
+    bench.move(0x1800, velocity=5 * ONE)
+    bench.run(MS)
+    bench.command("UDF")
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_an_open_loop_without_any_filter_is_no_mistake(bench):
+    bench.move(0, accel=ONE, velocity=ONE, position=3)
+    bench.filter()
+    bench.run(10 * SAMPLE)
+    bench.command("LFIL", 0x08, 10)
+    bench.move(0x0100)  # the motor off
+    assert found(bench) == []
+
+
+# -- STT ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-CMD-2")
+def test_stt_before_ltrj_is_noted(bench):
+    bench.filter(kp=10)
+    bench.command("STT")
+    assert found(bench) == [("no-trajectory", "note")]
+
+
+@pytest.mark.spec("LM-CMD-2", "LM-TRJ-5")
+@pytest.mark.parametrize("control", [0x0100, 0x0200, 0x0400])
+def test_stt_of_a_stop_needs_no_trajectory(bench, control):
+    bench.filter(kp=10)
+    bench.move(control)
+    bench.run(MS)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-CMD-2", "LM-TRJ-5")
+def test_stt_given_again_goes_on_to_what_is_buffered(bench):
+    run(bench)
+    bench.move(0x1C00)
+    bench.run(3 * SAMPLE)
+    bench.command("STT")
+    bench.run(3 * SAMPLE)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-TRJ-12")
+@pytest.mark.parametrize(
+    ("control", "loads"),
+    [(0, {"velocity": ONE, "position": 100}), (0x1, {"position": -7}), (0x1800, {"velocity": ONE})],
+)
+def test_a_move_with_acceleration_0_is_found(bench, control, loads):
+    bench.filter(kp=10)
+    bench.move(control, **loads)
+    bench.run(4 * SAMPLE)
+    assert found(bench) == [("no-acceleration", "warning")]
+    assert bench.probe.desired_velocity == 0
+
+
+@pytest.mark.spec("LM-TRJ-12")
+def test_a_move_with_the_acceleration_of_the_one_before_is_right(bench):
+    bench.filter(kp=10)
+    bench.move(0, accel=ONE, velocity=ONE, position=2)
+    bench.run(10 * SAMPLE)
+    bench.move(0, position=4)
+    bench.run(10 * SAMPLE)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-TRJ-12")
+def test_holding_an_axis_where_it_stands_needs_no_acceleration(bench):
+    bench.filter(kp=10)
+    bench.move(0, position=0)
+    bench.move(0x1, position=0)
+    bench.move(0x0800, velocity=0)
+    assert found(bench) == []
+
+
+# -- motor off ------------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-TRJ-10")
+def test_the_motor_off_at_speed_is_noted(bench):
+    run(bench)
+    bench.move(0x0100)
+    bench.run(SAMPLE)
+    assert found(bench) == [("off-at-speed", "note")]
+    assert bench.violations[0].detail == "STT with bit 8 at 4 counts per sample"
+
+
+@pytest.mark.spec("LM-TRJ-10")
+@pytest.mark.parametrize("stop", [0x0200, 0x0400])
+def test_the_motor_off_after_a_stop_is_right(bench, stop):
+    run(bench)
+    bench.move(stop)
+    bench.run(3 * SAMPLE)
+    bench.move(0x0100)
+    bench.run(SAMPLE)
+    bench.move(0x0100)
+    assert found(bench) == []
+
+
+# -- RSTI -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-CMD-18")
+@pytest.mark.parametrize("word", [0x007E, 0xFFFF, 0x00FF])
+def test_rsti_of_ones_is_found(bench, word):
+    bench.command("RSTI", word)
+    assert found(bench) == [("resets-nothing", "warning")]
+
+
+@pytest.mark.spec("LM-CMD-18")
+def test_rsti_that_leaves_every_flag_that_is_set_is_noted(bench):
+    bench.command("RSTI", 0x0004)
+    assert bench.status() & 0x7E == 0x04
+    assert found(bench) == [("leaves-flags", "note")]
+    assert bench.violations[0].detail == (
+        "RSTI 0004H leaves all flags that are set: TRAJECTORY_COMPLETE"
+    )
+
+
+@pytest.mark.spec("LM-CMD-18")
+@pytest.mark.parametrize("word", [0x0000, 0xFF81, 0x007A, 0xFFFB])
+def test_rsti_that_clears_is_right_and_so_is_one_before_anything_is_set(bench, word):
+    bench.command("RSTI", word)
+    bench.command("RSTI", word)
+    assert bench.status() & 0x7E == 0
+    assert found(bench) == []
+
+
+# -- the end of a run -----------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-CMD-19", "LM-CMD-20")
+def test_what_is_loaded_and_never_taken_is_noted_at_the_end(bench):
+    bench.filter(kp=10)
+    bench.move(0, accel=ONE, velocity=ONE, position=3)
+    bench.run(MS)
+    assert left(bench) == []
+    bench.command("LFIL", 0x08, 20)
+    bench.load(0, position=5)
+    assert left(bench) == [
+        ("left-loaded", "LFIL has loaded a filter that no UDF has taken"),
+        ("left-loaded", "LTRJ has loaded a trajectory that no STT has taken"),
+    ]
+    bench.command("UDF")
+    bench.command("STT")
+    assert left(bench) == []
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-STA-7")
+def test_an_interrupt_that_stands_at_the_end_is_noted_where_hi_is_wired(bench):
+    assert bench.pin("HI") == 1
+    assert left(bench) == [], "a host that polls need not reset a flag"
+    watched = []
+    bench.chip.pins["HI"].net.watch(_watcher(bench, watched))
+    assert left(bench) == [
+        ("hi-stands", "HI is high at the end: TRAJECTORY_COMPLETE; RSTI lets it fall")
+    ]
+    bench.command("RSTI", 0)
+    assert left(bench) == []
+    assert watched
+
+
+def _watcher(bench, seen):
+    from vbus.signals import Watcher
+
+    return Watcher(bench.kernel, lambda: seen.append(bench.now))

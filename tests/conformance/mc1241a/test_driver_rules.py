@@ -1,0 +1,161 @@
+"""Rules for what a driver does: each with its mistake, and with what looks like it and is right."""
+
+import pytest
+
+from tests.conformance.mc1241a.conftest import Bench
+from vbus.kernel import MS
+from vbus.signals import Watcher
+
+spec = pytest.mark.spec
+
+COMPLETE, COMMAND_ERROR = 0x01, 0x80
+
+
+def found(bench: Bench) -> list[tuple[str, str]]:
+    """Return the rules broken so far, each with its severity."""
+    bench.chip.advance()
+    return [(v.rule.partition(".")[2], v.severity) for v in bench.violations]
+
+
+def left(bench: Bench, besides: str = "checksum-unread") -> list[tuple[str, str]]:
+    """Return what a run that ended now would leave."""
+    every = [(rule.name.partition(".")[2], text) for rule, text in bench.chip.left_over()]
+    return [one for one in every if one[0] != besides]
+
+
+@pytest.fixture
+def moved(bench: Bench) -> Bench:
+    """An axis that has ended a move, which interrupts."""
+    bench.send("SET_INTRPT_MASK", COMPLETE)
+    bench.send("SET_MTR_CMD", 1000)
+    bench.send("SET_BUF_MTR_CMD", 1000)
+    bench.move(pos=10, vel=0x10000, acc=0x1000)
+    bench.run_for(40 * MS)
+    assert bench.send("GET_INTRPT") & COMPLETE
+    return bench
+
+
+# -- interrupts -----------------------------------------------------------------------------------
+
+
+@spec("PMD-INT-3")
+@pytest.mark.parametrize("word", [0x0001, 0xFFFF, 0x00FF])
+def test_an_acknowledgement_that_leaves_what_interrupts_is_found(moved: Bench, word: int) -> None:
+    moved.send("RST_INTRPT", word)
+    assert found(moved) == [("keeps-interrupt", "warning")]
+    assert moved.violations[0].detail == (
+        f"RST_INTRPT {word:04X}H leaves 0001H of axis 1: it interrupts again at once"
+    )
+    moved.next_cycle(2)
+    assert moved.level("~HostIntrpt") == 0
+
+
+@spec("PMD-INT-3")
+@pytest.mark.parametrize("word", [0x0000, 0xFFFE, 0x0080])
+def test_an_acknowledgement_of_what_interrupts_is_right(moved: Bench, word: int) -> None:
+    moved.send("RST_INTRPT", word)
+    moved.send("RST_INTRPT", 0xFFFF)  # nothing interrupts
+    assert found(moved) == []
+
+
+@spec("PMD-INT-3")
+def test_two_events_may_be_acknowledged_one_by_one(moved: Bench) -> None:
+    moved.send("SET_INTRPT_MASK", COMPLETE | COMMAND_ERROR)
+    moved.move(pos=1000)
+    moved.next_cycle(4)
+    moved.move(acc=0x2000)  # refused in motion
+    moved.run_for(2 * MS)
+    moved.send("RST_INTRPT", 0xFFFF & ~COMPLETE)
+    moved.send("RST_INTRPT", 0xFFFF & ~COMMAND_ERROR)
+    assert [one for one in found(moved) if one[0] == "keeps-interrupt"] == []
+
+
+# -- updates --------------------------------------------------------------------------------------
+
+
+@spec("PMD-UPD-1")
+def test_an_update_that_changes_nothing_is_noted(moved: Bench) -> None:
+    moved.send("UPDATE")
+    assert found(moved) == [("idle-update", "note")]
+    moved.next_cycle()
+    moved.send("MULTI_UPDATE", 3)
+    assert found(moved) == [("idle-update", "note")] * 3
+
+
+@spec("PMD-UPD-1", "PMD-TRJ-12")
+def test_updates_that_look_idle_and_are_not(moved: Bench) -> None:
+    moved.move(pos=10)  # the same destination: motion is complete anew
+    moved.next_cycle(2)
+    moved.move(pos=5000)
+    moved.next_cycle(5)
+    moved.send("STOP")
+    moved.send("UPDATE")
+    moved.next_cycle(2)
+    moved.send("UPDATE")  # it goes on to where it was going
+    moved.next_cycle(5)
+    assert moved.status() & 0x400
+    moved.send("MTR_OFF")
+    moved.send("UPDATE")
+    moved.send("MTR_ON")
+    moved.send("UPDATE")  # so it does after MTR_ON
+    moved.next_cycle(3)
+    moved.send("SET_BUF_MTR_CMD", 1000)
+    moved.send("UPDATE")
+    assert found(moved) == []
+
+
+# -- the encoder ----------------------------------------------------------------------------------
+
+
+@spec("PMD-STL-1")
+def test_a_step_ratio_of_0_is_noted(bench: Bench) -> None:
+    bench.send("SET_STEP_RATIO", 256)
+    assert found(bench) == []
+    bench.send("SET_STEP_RATIO", 0)
+    assert found(bench) == [("no-step-ratio", "note")]
+
+
+# -- the end of a run -----------------------------------------------------------------------------
+
+
+@spec("PMD-PKT-2")
+def test_checksums_never_read_are_noted_at_the_end(bench: Bench) -> None:
+    assert left(bench, "") == []
+    bench.send("SET_POS", 0)
+    bench.send("GET_POS")
+    assert left(bench, "") == [("checksum-unread", "no checksum of 2 packets was read")]
+    bench.checksum()
+    bench.send("GET_POS")
+    assert left(bench, "") == [], "one that reads some knows of checksums"
+
+
+@spec("PMD-UPD-1")
+def test_what_no_update_has_taken_is_noted_at_the_end(moved: Bench) -> None:
+    assert left(moved) == []
+    text = "axis 1: what is loaded last no update has taken"
+    for name, value in (("SET_VEL", 5), ("STOP", 0), ("SET_BUF_MTR_CMD", 7)):
+        moved.send(name, value)
+        assert left(moved) == [("left-loaded", text)]
+        moved.send("UPDATE")
+        moved.next_cycle(2)
+        assert left(moved) == []
+
+
+@spec("PMD-INT-1")
+def test_an_interrupt_that_stands_at_the_end_is_noted_where_it_is_wired(moved: Bench) -> None:
+    assert left(moved) == []
+    moved.chip.pins["~HostIntrpt"].net.watch(Watcher(moved.kernel, lambda: None))
+    assert left(moved) == [("interrupt-stands", "~HostIntrpt is low at the end, for axis 1")]
+    moved.send("RST_INTRPT", 0)
+    assert left(moved) == []
+
+
+@spec("PMD-STA-1")
+def test_errors_that_stand_at_the_end_are_noted(moved: Bench) -> None:
+    moved.move(pos=1000)
+    moved.next_cycle(4)
+    moved.move(acc=0x2000)
+    moved.next_cycle(2)
+    assert ("errors-stand", "axis 1 at the end: command error") in left(moved)
+    moved.send("CLR_STATUS")
+    assert "errors-stand" not in dict(left(moved))

@@ -1,0 +1,296 @@
+"""Rules for what a driver does: each with its mistake, and with what looks like it and is right."""
+
+import pytest
+
+from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
+
+F0, PID, FINE, STEPS = 0x08, 0x08, 0x20, 0x02
+
+
+def found(bench: Bench) -> list[tuple[str, str]]:
+    """Return the rules broken so far, each with its severity."""
+    bench.chip.advance()
+    return [(v.rule.partition(".")[2], v.severity) for v in bench.violations]
+
+
+def left(bench: Bench) -> list[tuple[str, str]]:
+    """Return what a run that ended now would leave."""
+    return [(rule.name.partition(".")[2], text) for rule, text in bench.chip.left_over()]
+
+
+@pytest.fixture
+def away() -> Bench:
+    """A chip in idle mode whose axis stands at 1000 counts."""
+    bench = Bench(plant=Follower())
+    bench.put("PRESET_POSITION", 1000)
+    return bench
+
+
+# -- addresses and values -------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-BUS-9")
+@pytest.mark.parametrize(("register", "hit"), [(0x61, "R21"), (0x63, "R23"), (0x49, "R09")])
+def test_an_extended_register_without_extended_addressing_is_found(bench, register, hit):
+    bench.write(register, 0x20)
+    assert found(bench) == [("extended-off", "warning")]
+    assert bench.violations[0].detail == (f"R{register:02X} = 20H goes to {hit}: bit 0 of R02 is 0")
+    assert bench.read(int(hit[1:], 16)) == 0x20
+
+
+@pytest.mark.spec("MCP-BUS-9")
+def test_extended_addressing_is_what_the_rule_asks_for(bench):
+    bench.extended()
+    bench.write(0x61, 0x20)
+    bench.write(0x02, 0x00)
+    bench.write(0x21, 0x20)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-BUS-9")
+def test_reading_with_six_address_bits_is_no_mistake(bench):
+    assert bench.read(0x47) == bench.read(0x07)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-REG-26", "MCP-REG-25", "MCP-REG-18")
+@pytest.mark.parametrize(("register", "most"), [(0x28, 0x7F), (0x27, 0x7F), (0x18, 0x07)])
+def test_a_value_beyond_what_the_manual_lists_is_found(bench, register, most):
+    bench.write(register, most)
+    assert found(bench) == []
+    bench.write(register, most + 1)
+    assert found(bench) == [("range", "warning")]
+    assert f"lists 00H to {most:02X}H" in bench.violations[0].detail
+
+
+# -- entering control -----------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-MOD-6")
+def test_control_at_an_old_command_position_is_found(away):
+    away.control()
+    away.samples()
+    assert found(away) == [("jump", "warning")]
+    assert away.violations[0].detail == "control begins at 1000 counts, and R0C to R0E have 0"
+
+
+@pytest.mark.spec("MCP-MOD-6")
+@pytest.mark.parametrize("command", [1000, 0])
+def test_a_command_position_that_the_host_has_written_is_meant(away, command):
+    away.put("COMMAND_POSITION", command)
+    away.control()
+    away.samples()
+    assert found(away) == []
+
+
+@pytest.mark.spec("MCP-MOD-6")
+def test_a_small_drift_in_idle_mode_is_no_mistake(bench):
+    bench.put("PRESET_POSITION", 127)
+    bench.control()
+    bench.samples()
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-MOD-6", "MCP-STP-1")
+def test_steps_toward_an_old_command_position_are_found_and_need_no_gain(bench):
+    bench.write(0x02, STEPS)
+    bench.write(0x22, 0)
+    bench.put("PRESET_POSITION", 128)
+    bench.control()
+    bench.samples()
+    assert ("jump", "warning") in found(bench)
+    assert ("no-gain", "warning") not in found(bench)
+
+
+@pytest.mark.spec("MCP-MOD-6")
+def test_control_entered_anew_wants_the_command_position_anew(away):
+    away.put("COMMAND_POSITION", 1000)
+    away.control()
+    away.samples(2)
+    away.write(0x05, 0x01)
+    away.samples(2)
+    away.put("PRESET_POSITION", 0)
+    away.control()
+    away.samples()
+    assert found(away) == [("jump", "warning")]
+
+
+@pytest.mark.spec("MCP-FLT-3")
+def test_control_with_all_gains_0_is_found(bench):
+    bench.extended()
+    bench.write(0x01, PID)
+    bench.write(0x61, 0, 0, 0)
+    bench.control()
+    bench.samples()
+    assert found(bench) == [("no-gain", "warning")]
+
+
+@pytest.mark.spec("MCP-FLT-2")
+def test_control_with_a_lead_filter_of_gain_0_is_found(bench):
+    bench.write(0x22, 0)
+    bench.control()
+    bench.samples()
+    assert found(bench) == [("no-gain", "warning")]
+
+
+@pytest.mark.spec("MCP-FLT-3", "MCP-FLT-4")
+@pytest.mark.parametrize("gain", ["KP", "KI", "KD", "KV", "KA"])
+def test_one_gain_is_enough_also_one_of_feed_forward(bench, gain):
+    bench.extended()
+    bench.write(0x01, PID)
+    bench.write(0x61, 0, 0, 0)
+    bench.put(gain, 1)
+    bench.control()
+    bench.samples()
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-MOD-1")
+def test_a_mode_that_the_next_replaces_is_found(bench):
+    bench.control()
+    bench.samples(2)
+    bench.write(0x05, 0x01)
+    bench.write(0x05, 0x03)
+    bench.samples()
+    assert found(bench) == [("mode-lost", "warning")]
+    assert bench.violations[0].detail == ("R05 = 03 comes before the sample that obeys R05 = 01")
+    assert bench.read(0x05) == 0x03
+
+
+@pytest.mark.spec("MCP-MOD-1", "MCP-MOD-7")
+def test_a_halt_before_control_has_begun_is_found(bench):
+    bench.control()
+    bench.write(0x05, 0x02)
+    bench.samples(2)
+    assert found(bench) == [("mode-lost", "warning")]
+    assert bench.read(0x05) == 0x01
+
+
+@pytest.mark.spec("MCP-MOD-1")
+@pytest.mark.parametrize("modes", [(1, 0), (2, 1), (2, 0), (3, 3), (1, 1), (3, 1), (3, 0)])
+def test_the_stronger_of_two_modes_within_a_sample_is_no_mistake(bench, modes):
+    bench.control()
+    bench.samples(2)
+    for mode in modes:
+        bench.write(0x05, mode)
+    bench.samples(2)
+    assert found(bench) == []
+
+
+# -- profiles -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ready(bench: Bench) -> Bench:
+    """A chip in control, with rates and a way to go."""
+    bench.put("ACCELERATION", 0x100)
+    bench.put("PROFILE_VELOCITY", 4)
+    bench.put("FINAL_POSITION", 200)
+    bench.control()
+    return bench
+
+
+@pytest.mark.spec("MCP-FLG-4")
+def test_a_flag_set_before_control_is_noted(ready):
+    ready.write(0x00, F0)
+    assert ready.read(0x00) & 0x04 == 0, "a host that polls for the fall of F2 thinks it is over"
+    assert found(ready) == [("flag-before-control", "note")]
+
+
+@pytest.mark.spec("MCP-FLG-4")
+def test_a_flag_set_in_control_or_long_before_is_right(ready):
+    ready.samples()
+    ready.write(0x00, F0)
+    assert ready.read(0x00) & 0x04
+    ready.write(0x05, 0x01)
+    ready.samples()
+    ready.write(0x00, 0x00)
+    ready.write(0x00, F0)
+    ready.control()
+    ready.samples()
+    assert found(ready) == []
+
+
+@pytest.mark.spec("MCP-TRP-1")
+@pytest.mark.parametrize("fine", [False, True])
+def test_a_velocity_in_the_register_of_the_other_resolution_is_found(bench, fine):
+    bench.put("ACCELERATION", 0x100)
+    bench.write(0x01, FINE if fine else 0)
+    bench.put("PROFILE_VELOCITY" if fine else "VELOCITY", 4)
+    bench.put("FINAL_POSITION", 200)
+    bench.control()
+    bench.samples()
+    bench.write(0x00, F0)
+    bench.samples(3)
+    assert found(bench) == [("other-velocity", "warning")]
+    assert bench.seen("COMMAND_POSITION") == 0
+
+
+@pytest.mark.spec("MCP-TRP-1")
+@pytest.mark.parametrize("fine", [False, True])
+def test_a_velocity_in_both_registers_is_right(bench, fine):
+    bench.put("ACCELERATION", 0x100)
+    bench.write(0x01, FINE if fine else 0)
+    bench.put("PROFILE_VELOCITY", 4)
+    bench.put("VELOCITY", 0x400)
+    bench.control()
+    bench.samples()
+    bench.write(0x00, F0)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-TRP-5")
+@pytest.mark.parametrize(("name", "what"), [("ACCELERATION", 0), ("PROFILE_VELOCITY", 0)])
+def test_a_profile_that_waits_for_its_rates_is_noted(ready, name, what):
+    ready.samples()
+    ready.put(name, what)
+    ready.write(0x00, F0)
+    assert found(ready) == [("no-rate", "note")]
+
+
+# -- the counter ----------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-REG-17", "MCP-REG-16")
+@pytest.mark.parametrize("way", ["preset", "clear"])
+def test_a_counter_set_in_a_closed_loop_is_noted(away, way):
+    away.put("COMMAND_POSITION", 1000)
+    away.control()
+    away.samples(2)
+    if way == "clear":
+        away.write(0x13, 0)
+    else:
+        away.put("PRESET_POSITION", 0)
+    assert found(away) == [("preset-in-control", "note")]
+    assert away.violations[0].detail == (
+        "the counter is set from 1000 to 0 while the loop is closed"
+    )
+
+
+@pytest.mark.spec("MCP-REG-17")
+def test_a_counter_set_in_idle_mode_or_to_where_it_is_is_right(away):
+    away.put("PRESET_POSITION", 3000)
+    away.put("COMMAND_POSITION", 3000)
+    away.control()
+    away.samples(2)
+    away.put("PRESET_POSITION", 3000)
+    assert found(away) == []
+
+
+# -- the end of a run -----------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-STA-2")
+def test_errors_that_stand_at_the_end_are_noted():
+    bench = Bench(plant=Rail())
+    assert left(bench) == []
+    bench.drive("/STOP", 0)
+    bench.control()
+    bench.samples(2)
+    assert left(bench) == [
+        ("errors-stand", "in R07 these are 0 at the end, and mean errors: STOP_OK")
+    ]
+    bench.drive("/STOP", 1)
+    bench.samples(1)
+    bench.write(0x07, 0)
+    assert left(bench) == []
