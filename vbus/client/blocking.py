@@ -20,6 +20,7 @@ _SPECIAL: Final = {
     "__aexit__": "__exit__",
 }
 """The special methods that have a counterpart, and the name of that."""
+_COPIED: Final = ("__doc__", "__module__", "__name__", "__qualname__")
 _COROUTINE: Final = 0x80
 """Flag of the code of ``async def``: ``inspect``, which has it too, takes 10 ms to import."""
 
@@ -68,10 +69,15 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
     """
     made = _MADE.get(cls)
     if made is None:
-        body = {"__doc__": _without_aio(cls.__doc__), "__module__": _without_aio(cls.__module__)}
+        body: dict[str, Any] = {name: _without_aio(getattr(cls, name)) for name in _COPIED[:2]}
         for name, value in vars(cls).items():
-            if name in _SPECIAL or not name.startswith("_"):
-                body[_SPECIAL.get(name, name)] = _counterpart(value)
+            if isinstance(value, property):
+                body[name] = property(_call(value.fget), doc=value.__doc__)
+            elif isinstance(value, FunctionType):
+                if name in _SPECIAL or not name.startswith("_"):
+                    body[_SPECIAL.get(name, name)] = _call(value)
+            elif name.isupper() and not name.startswith("_"):
+                body[name] = value  # a constant; attributes that change are those of the instance
         made = type(cls.__name__, tuple(map(blocking, cls.__bases__)), body)
         made._CORE = core or cls
         _MADE[cls] = _MADE[made._CORE] = made
@@ -114,13 +120,6 @@ def _stand(front: Blocking, core: Core) -> None:
     core.front = ref(front)
 
 
-def _counterpart(value: Any) -> Any:
-    """Return what stands for a member of a class."""
-    if isinstance(value, property):
-        return property(_call(value.fget), doc=value.__doc__)
-    return _call(value) if isinstance(value, FunctionType) else value
-
-
 def _call(function: Any) -> Any:
     """Return the blocking function that stands for a method."""
     call: Any
@@ -150,7 +149,7 @@ def _call(function: Any) -> Any:
         def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
             return fronted(function(self._core, *args, **kwargs))
 
-    for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+    for name in _COPIED:
         setattr(call, name, _without_aio(getattr(function, name)))
     call.__wrapped__ = function
     return call

@@ -112,6 +112,7 @@ class Served:
                 data = b""
             if not data:
                 return True
+            mute = self.mute
             self.messages.append(data)
             protocol.receive(data)
             while self.port.held and self.port.hold_until != NEVER:
@@ -120,6 +121,6 @@ class Served:
                 protocol.resume()
             protocol.report_events()
             answer = protocol.take()
-            while answer and not self.mute:
+            while answer and not mute:
                 answer = answer[os.write(fd, answer) :]
         return False

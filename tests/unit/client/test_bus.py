@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.unit.client.served import Served
+from tests.waiting import until
 from vbus.client import Bus, Event, Ready, Sample, connect
 from vbus.errors import ProtocolError, TransportError
 from vbus.kernel import US
@@ -206,8 +207,10 @@ def test_no_reply_in_time_is_told_with_request_and_link(served: Served) -> None:
 def test_a_late_reply_is_not_taken_for_another_one(bus: Bus, pty_served: Served) -> None:
     pty_served.mute = True
     bus.timeout = 0.01
+    before = len(pty_served.messages)
     with pytest.raises(TransportError, match=r"no reply to READ4 within 0\.01 s"):
         bus.read(0)
+    until(lambda: len(pty_served.messages) > before, "the board takes the read")
     pty_served.mute = False
     os.write(pty_served._fd, b"D\x01")
     bus.timeout = 5.0

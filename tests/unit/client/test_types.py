@@ -12,6 +12,7 @@ import pytest
 from tests.unit.client.served import Served
 from vbus.chips.lm628.calls import Lm628Calls as AioCalls
 from vbus.client import Bus, aio, blocking, connect
+from vbus.client.aio.lm628 import Lm628 as AioLm628
 from vbus.client.lm628 import Lm628, Lm628Calls
 from vbus.client.mcp1200 import Mcp1200
 from vbus.tools.generate.targets import own_clients, stale
@@ -163,12 +164,34 @@ def test_what_stands_before_an_asyncio_object_is_always_the_same(served: Served)
             axis.sttt()  # type: ignore[attr-defined]
 
 
-def test_a_class_derived_from_the_asyncio_one_works_blocking(served: Served) -> None:
-    class Slower(aio.Bus):
-        async def twice(self, address: int) -> int:
-            return await self.read(address) + await self.read(address)
+def test_calls_use_what_a_class_derived_from_the_asyncio_one_changes(served: Served) -> None:
+    class Watched(AioLm628):
+        reads = 0
 
-    assert blocking.blocking(Slower).__mro__[1] is Bus
+        async def status(self) -> int:
+            self.reads += 1
+            return await super().status() & 0xFE
+
+    with connect(served.where) as bus:
+        served.port.answers = {0: [0x85]}
+        axis = blocking.blocking(Watched)(bus)
+        axis.stt()
+        assert isinstance(axis, Lm628)
+        assert (axis.reads, axis.status(), axis.reads) == (1, 0x84, 2)
+
+
+def test_a_derived_class_has_calls_and_attributes_of_its_own(served: Served) -> None:
+    class Shaft(Lm628):
+        def __init__(self, bus: Bus, teeth: int) -> None:
+            super().__init__(bus)
+            self.teeth = teeth
+
+        def steps(self) -> int:
+            return self.status() * self.teeth
+
+    with connect(served.where) as bus:
+        served.port.answers = {0: [0x04]}
+        assert Shaft(bus, 5).steps() == 20
 
 
 def test_a_call_that_would_wait_for_an_event_loop_says_so() -> None:
