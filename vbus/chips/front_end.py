@@ -50,7 +50,7 @@ class BusFrontEnd:
         """Return the levels of the control lines, a bit each, that of the first highest."""
         levels: i64 = 0
         for pin in self._lines:
-            levels = levels << 1 | pin.net.value
+            levels = levels << 1 | pin.net.value & 1  # of an address, the one line
         return levels
 
     def apart(self, levels: i64) -> tuple[int, ...]:
@@ -64,7 +64,7 @@ class BusFrontEnd:
         if self._looked != batch:
             before = 0
             for pin in self._lines:
-                before = before << 1 | pin.net.before
+                before = before << 1 | pin.net.before & 1
         self._looked = batch
         self._seen = self.levels()
         self.edges(before, self._seen)
