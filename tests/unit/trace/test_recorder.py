@@ -4,6 +4,7 @@ import io
 from collections.abc import Callable
 
 import pytest
+from msgspec.structs import replace
 
 from tests.frozen.frozen import RUNS, board_of, read_journal
 from tests.unit.trace.conftest import LM629
@@ -12,7 +13,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END, MS
 from vbus.protocols.port import NotYet, PortError
-from vbus.trace.journal.format import NOT_YET
+from vbus.trace.journal.format import NOT_YET, Entry
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.player import Player
 from vbus.trace.journal.recorded_bus import RecordedBus
@@ -51,7 +52,13 @@ def recorded_again(name: str, port: Port) -> bytes:
 def test_the_fast_recorder_writes_the_bytes_of_the_plain_one(name: str) -> None:
     data = recorded_again(name, RecordedBus)
     assert data == recorded_again(name, recorded(HostBus))
-    assert read_journal(data)[1] == read_journal((RUNS / f"{name}.vbj").read_bytes())[1]
+    assert calls(data) == calls((RUNS / f"{name}.vbj").read_bytes())
+
+
+def calls(data: bytes) -> list[Entry]:
+    """Return what hosts did; rules that came since the run was recorded find more."""
+    found = (replace(entry, number=0) for entry in read_journal(data)[1])
+    return [entry for entry in found if entry.op not in ("violation", "end")]
 
 
 def refused_and_unfinished(port: Port, granted: bool) -> bytes:
