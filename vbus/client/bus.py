@@ -5,17 +5,17 @@ from vbus.client.blocking import blocking, export, fronted, run
 from vbus.client.ready import BlockingWaits
 
 
-class _Bus(aio.Bus):
+class _BlockingBus(aio.Bus):
     _WAITS = BlockingWaits
 
 
-blocking(aio.Bus, _Bus)
+blocking(aio.Bus, _BlockingBus)
 export(aio, globals())
 
 
 def connect(where: str, timeout: float = aio.TIMEOUT, wait: str | None = None) -> aio.Bus:
     """Open a session with a board and ask what is attached: see :func:`vbus.client.aio.connect`."""
-    return fronted(run(_Bus._connect(where, timeout, wait)))
+    return fronted(run(_BlockingBus._connect(where, timeout, wait)))
 
 
 connect.__doc__ = aio.connect.__doc__

@@ -70,7 +70,7 @@ def _blocking(sources: list[str], origin: str, path: Path, own: str = "-") -> st
         body = ast.parse(source).body
         for_types = [one for node in body if isinstance(node, ast.If) for one in node.body]
         for node in [*for_types, *body]:
-            text = ast.unparse(_Blocking().visit(node))
+            text = ast.unparse(_BlockingStub().visit(node))
             if isinstance(node, ast.ImportFrom):
                 if (node.module or "").removeprefix(own) not in _ROLES:
                     imports.append(text)
@@ -98,7 +98,7 @@ def _is_public(node: ast.AST) -> bool:
     return name != "" and (not name.startswith("_") or name.endswith("__"))
 
 
-class _Blocking(ast.NodeTransformer):
+class _BlockingStub(ast.NodeTransformer):
     """Makes a blocking stub of an asyncio source."""
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
