@@ -14,6 +14,7 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Final
 
+from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 from vbus.tools.generate.layout import own_families
@@ -72,6 +73,7 @@ include_patterns = [
     "*.md",
     "docs/**",
     "firmware_host_examples/*/README.md",
+    "tests/README.md",
     "tests/*/README.md",
     "vbus/chips/*/NOTES.md",
 ]
@@ -192,6 +194,7 @@ def live_files(got: Path, folder: Path) -> None:
 
 def setup(app: Sphinx) -> None:
     """Take part in the build."""
+    app.add_lexer("mermaid", TextLexer)  # forges draw such a figure; here its text is shown
     app.connect("builder-inited", make_pages)
     app.connect("source-read", list_pages)
     app.connect("source-read", lead_folders)
