@@ -74,6 +74,8 @@ class _Terminal:
         self, loop: asyncio.AbstractEventLoop, notice: Callable[["_Terminal"], None]
     ) -> None:
         self.state: str = states.FRESH
+        self.named: bool = True
+        """Whether the name leads to it; asked at each read."""
         self.link: PtyLink | None = None
         self._loop: asyncio.AbstractEventLoop = loop
         self._clients: int = 0
@@ -110,14 +112,10 @@ class _Terminal:
             made.callback(loop.remove_reader, self.hangups.fileno())
             self._made: ExitStack = made.pop_all()
 
-    @property
-    def named(self) -> bool:
-        """Whether the name leads to it."""
-        return self.state in (states.FRESH, states.SHARED)
-
     def move(self, event: str) -> None:
         """Go on to the state after an event."""
         self.state = TERMINAL.after(self.state, event, self.name)
+        self.named = self.state in (states.FRESH, states.SHARED)
 
     def close(self) -> None:
         """Free all descriptors; again is harmless.
