@@ -73,7 +73,7 @@ def _turn(ran: Ran, said: str, bus: str) -> SweepRun:
         tuple(said.splitlines()),
         tuple(folded),
         tuple(sorted(f"{chip} {rule}" for chip, rule in ran.findings.first)),
-        tuple(ran.outcome.lines()),
+        tuple(ran.outcome.lines(sizes=False)),
     )
 
 
