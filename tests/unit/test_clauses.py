@@ -52,7 +52,7 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
     """A small suite of its own, with this project's plug-in and one list of clauses."""
     here = Path(__file__).parents[1]
     tests = pytester.mkpydir("tests")
-    names = ("conftest", "clauses", "costs", "left_out", "repeat", "waiting")
+    names = ("conftest", "clauses", "costs", "left_out", "left_running", "repeat", "waiting")
     for name in names:
         shutil.copy(here / f"{name}.py", tests / f"{name}.py")
     chip = pytester.path / "vbus" / "chips" / "x"
