@@ -5,8 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+from vbus.board.config import read_board_file
 from vbus.client import Bus, connect
-from vbus.client.lm628 import TRAJECTORY_COMPLETE, Lm628
+from vbus.client.lm628 import Lm628
+from vbus.cluster.ordering import order
+from vbus.kernel import MS, SECOND
 
 BOARD = Path(__file__).with_name("three_axes.toml")
 TARGETS = {"x": 4000, "y": -2500, "z": 1200}
@@ -24,44 +27,31 @@ def prepared(bus: Bus, target: int) -> Lm628:
     return axis
 
 
-def vbus(*arguments: str, typed: str = "") -> str:
-    """Run a vbus command; return what it prints."""
-    done = subprocess.run(["vbus", *arguments], input=typed, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr)
-    return done.stdout
-
-
 def main() -> int:
     """Move; return 0 if all axes have arrived."""
     router = sys.argv[1]
     buses = {name: connect(f"zenoh:machine.{name}/{name}?connect={router}") for name in TARGETS}
     axes = {name: prepared(bus, TARGETS[name]) for name, bus in buses.items()}
-    print(
-        vbus(
-            "order",
-            str(BOARD),
-            "-",
-            "--connect",
-            router,
-            "--ahead",
-            "2s",
-            typed="0us x+y+z w 0 1  # STT\n",
-        ),
-        end="",
-    )
+    file, _ = read_board_file(str(BOARD))
+    at, answers = order(file, "0us x+y+z w 0 1  # STT", "start", 2 * SECOND, (router,))
+    for answer in answers:
+        print(f"node {answer.node}: {answer.taken} requests, {(at - answer.now) / MS:.3f} ms ahead")
+    print(f"ordered for chip time {at / MS:.6f} ms")
     for bus in buses.values():
         bus.delay("2200ms")  # until the start is over
     arrived = True
     for name, axis in axes.items():
-        axis.wait_status(TRAJECTORY_COMPLETE, "20s")
+        axis.wait_status(longest="20s")
         axis.bus.delay("200ms")
         position = axis.rdrp()
         arrived = arrived and abs(position - TARGETS[name]) <= NEAR
         print(f"{name} is at {position:5d} counts, asked for {TARGETS[name]:5d}")
     for bus in buses.values():
         bus.close()
-    for board in json.loads(vbus("ls", "--json", "--zenoh", router)):
+    listed = subprocess.run(
+        ["vbus", "ls", "--json", "--zenoh", router], stdout=subprocess.PIPE, check=True
+    )
+    for board in json.loads(listed.stdout):
         if board.get("node", {}).get("keeps_epoch"):
             skew = board["node"]["skew"]
             shown = ", ".join(

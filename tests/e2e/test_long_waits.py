@@ -40,6 +40,9 @@ class Restless(Toy):
             self.done += MS
             sum(range(2000))
 
+    def resting(self) -> bool:
+        return False
+
 
 RESTLESS = """
 import sys

@@ -194,7 +194,9 @@ def test_whatever_a_board_does_when_a_host_goes_its_link_and_its_claim_are_free(
         message.claim()
         message.pin("/RST", 0)
         first.exchange(message, None)
-        waiting = threading.Thread(target=second._ask, args=(client.Message.claim,))
+        claiming = client.Message(second.info)
+        claiming.claim()
+        waiting = threading.Thread(target=second.exchange, args=(claiming, None))
         waiting.start()
         until(lambda: server._hosts[0].sessions[0].port.held, "the claim is waited for")
         observer.armed = True

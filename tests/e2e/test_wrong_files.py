@@ -67,7 +67,6 @@ VERBS: dict[str, tuple[int, tuple[str, ...]]] = {
     "exec --board board.toml --avr mmcu=atmega328p,f=16000000 @": (126, ()),
     "explain @": (1, ("run.vbj",)),
     "explain @:1": (1, ("run.vbj",)),
-    "order @ text.txt": (3, ("board.toml",)),
     "plot @ -o out.svg": (1, ("run.vbj",)),
     "replay @": (1, ("run.vbj",)),
     "report @": (1, ("run.vbj",)),

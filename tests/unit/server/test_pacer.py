@@ -199,6 +199,9 @@ class Labour(Toy):
         super().advance()
         self.wall.ns += self.cost_ns
 
+    def resting(self) -> bool:
+        return False
+
 
 def laborious(cost_ns: int, rate: float = 1.0, policy: str = "lockstep") -> tuple[
     Board, Pacer, Loop
