@@ -29,3 +29,10 @@ def test_the_control_word_keeps_its_bits_12_to_8() -> None:
 def test_the_interrupt_mask_has_the_flags_that_raise_hi() -> None:
     (row,) = (row for row in VALUES.rows if row.name == "interrupt mask")
     assert [bit.number for bit in row.fields] == [6, 5, 4, 3, 2, 1]
+
+
+@pytest.mark.spec("LM-PID-7")
+def test_the_motor_command_is_shown_as_what_samples_change() -> None:
+    row = VALUES.named("command")
+    assert row is not None
+    assert (row.name, row.moves) == ("motor command", True)

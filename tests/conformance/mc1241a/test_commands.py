@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.conformance.mc1241a.conftest import Bench, words
-from vbus.chips.mc1241a.datasheet import COMMANDS, VERSIONS, version_word
+from vbus.chips.mc1241a.datasheet import COMMANDS, VALUES, VERSIONS, version_word
 
 spec = pytest.mark.spec
 
@@ -609,3 +609,16 @@ def test_the_manual_s_conversions_use_1851_cycles_a_second() -> None:
     assert int(12345 / 1851 * 65536) == 437083
     assert int(67890 / 1851**2 * 65536) == 1298
     assert round(67890 / 1851**2, 6) == 0.019815
+
+
+@spec("PMD-CMD-9", "PMD-CMD-10", "PMD-CMD-11", "PMD-CMD-12", "PMD-CMD-13")
+@pytest.mark.parametrize(
+    ("name", "fraction"),
+    [("velocity", 16), ("acceleration", 16), ("max acceleration", 16), ("jerk", 32),
+     ("gear ratio", 16)],
+)  # fmt: skip
+def test_a_value_in_use_and_the_one_loaded_have_the_fraction_of_the_manual(
+    name: str, fraction: int
+) -> None:
+    fractions = {row.name: row.fraction for row in VALUES.rows}
+    assert fractions[name] == fractions[f"{name} buffered"] == fraction

@@ -107,7 +107,7 @@ def test_updates_that_look_idle_and_are_not(moved: Bench) -> None:
 # -- the encoder ----------------------------------------------------------------------------------
 
 
-@spec("PMD-STL-1")
+@spec("PMD-STL-1", "PMD-CMD-53")
 def test_a_step_ratio_of_0_is_noted(bench: Bench) -> None:
     bench.send("SET_STEP_RATIO", 256)
     assert found(bench) == []

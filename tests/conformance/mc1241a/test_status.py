@@ -105,7 +105,7 @@ def _fail(bench: Bench, axis: int = 1) -> None:
     bench.move(pos=10, vel=10 << 16, acc=10 << 16)
 
 
-@spec("PMD-STA-4")
+@spec("PMD-STA-4", "PMD-CYC-1")
 def test_a_motion_error_cannot_be_cleared_while_it_lasts(chip: Bench) -> None:
     _fail(chip)
     chip.next_cycle()

@@ -123,6 +123,7 @@ def test_control_with_all_gains_0_is_found(bench):
     bench.control()
     bench.samples()
     assert found(bench) == [("no-gain", "warning")]
+    assert bench.violations[0].measured == 0
 
 
 @pytest.mark.spec("MCP-FLT-2")
@@ -190,7 +191,7 @@ def ready(bench: Bench) -> Bench:
     return bench
 
 
-@pytest.mark.spec("MCP-FLG-4")
+@pytest.mark.spec("MCP-FLG-4", "MCP-FLG-1", "MCP-FLG-2", "MCP-REG-1")
 def test_a_flag_set_before_control_is_noted(ready):
     ready.write(0x00, F0)
     assert ready.read(0x00) & 0x04 == 0, "a host that polls for the fall of F2 thinks it is over"
@@ -246,6 +247,7 @@ def test_a_profile_that_waits_for_its_rates_is_noted(ready, name, what):
     ready.put(name, what)
     ready.write(0x00, F0)
     assert found(ready) == [("no-rate", "note")]
+    assert ready.violations[0].measured == 0
 
 
 # -- the counter ----------------------------------------------------------------------------------
@@ -265,6 +267,7 @@ def test_a_counter_set_in_a_closed_loop_is_noted(away, way):
     assert away.violations[0].detail == (
         "the counter is set from 1000 to 0 while the loop is closed"
     )
+    assert away.violations[0].measured == -1000
 
 
 @pytest.mark.spec("MCP-REG-17")
