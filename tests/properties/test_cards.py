@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from tests.unit.glue.test_cards import Slot
-from tests.unit.glue.test_paths import path_of
+from tests.unit.glue.test_paths import TWO_CHIPS, path_of
 from vbus.board.snapshot import restore, take
 from vbus.kernel import NS, US
 from vbus.signals import Observer
@@ -20,23 +20,9 @@ A_BOARD = 150
 """So many steps are made on each board."""
 BATCHES = max(5, CYCLES // 1000)
 
-HEAD = """
-[chips.x]
-part = "{part}"
-clock = "{clock}"
-plant = "none"
-
-[chips.y]
-part = "{part}"
-clock = "{clock}"
-plant = "none"
-
-[board]
-power_on = "done"
-
-[buses.main]
-chips = ["x", "y"]
-
+HEAD = (
+    TWO_CHIPS
+    + """
 [cards.slot]
 bus = "{bus}"
 base = 0x300
@@ -50,6 +36,7 @@ card = "slot"
 
 [cards.slot.pins]
 """
+)
 PARTS = {
     "LM629N-8": ("8 MHz", "D0-D7", ("x./CS", "y./CS", "main./PS", "main./RD", "main./WR"), "x.HI"),
     "MCP-1200": (

@@ -4,28 +4,14 @@ from functools import partial
 
 from tests.probe import probe
 from tests.unit.glue.test_cards import Slot
-from tests.unit.glue.test_paths import path_of, steady
+from tests.unit.glue.test_paths import TWO_CHIPS, path_of, steady
 from vbus.chips.mc1241a.datasheet import NOT_READY
 from vbus.kernel import US
 from vbus.signals import HIGH, Observer
 
-HEAD = """
-[chips.x]
-part = "{part}"
-clock = "{clock}"
-plant = "none"
-
-[chips.y]
-part = "{part}"
-clock = "{clock}"
-plant = "none"
-
-[board]
-power_on = "done"
-
-[buses.main]
-chips = ["x", "y"]
-
+HEAD = (
+    TWO_CHIPS
+    + """
 [cards.slot]
 bus = "ISA"
 base = 0x300
@@ -38,6 +24,7 @@ card = "slot"
 
 [cards.slot.pins]
 """
+)
 MCP = {"part": "MCP-1200", "clock": "2 MHz", "data": "DB0-DB7"}
 MC = {"part": "MC1241A", "clock": "25 MHz", "data": "D0-D7"}
 

@@ -12,15 +12,15 @@ from vbus.board.snapshot import restore, take
 from vbus.kernel import MS, NS, US
 from vbus.signals import HIGH, Observer
 
-TWO = """\
+TWO_CHIPS = """\
 [chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
+part = "{part}"
+clock = "{clock}"
 plant = "none"
 
 [chips.y]
-part = "LM629N-8"
-clock = "8 MHz"
+part = "{part}"
+clock = "{clock}"
 plant = "none"
 
 [board]
@@ -29,6 +29,7 @@ power_on = "done"
 [buses.main]
 chips = ["x", "y"]
 """
+TWO = TWO_CHIPS.format(part="LM629N-8", clock="8 MHz")
 CARD = (
     TWO
     + """
