@@ -66,9 +66,9 @@ def test_a_board_is_not_looked_at_for_who_does_not_read(
     """What is stored has an end, and behind it hosts are served as if nobody watched."""
     for limit in ("MOST_PENDING", "MOST_FRAMES"):
         monkeypatch.setattr(f"vbus.server.watching.{limit}", 1000)
-    monkeypatch.setattr("vbus.server.watching.View.most", 1000)
+    monkeypatch.setattr("vbus.server.watching.WatchView.most", 1000)
     monkeypatch.setattr("vbus.server.watching.MOST_EVENTS", 100)
-    for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS", "View.pause"):
+    for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS", "WatchView.pause"):
         monkeypatch.setattr(f"vbus.server.watching.{pause}", 0.001)
     board = toy_board()
     with served(board, UNIX) as server, watch(**asked) as link, connect(runtime / "x") as host:

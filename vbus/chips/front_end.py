@@ -50,7 +50,9 @@ class BusFrontEnd:
         """Return the levels of the control lines, a bit each, that of the first highest."""
         levels: i64 = 0
         for pin in self._lines:
-            levels = levels << 1 | pin.net.value & 1  # of an address, the one line
+            levels = (
+                levels << 1 | pin.net.value & 1
+            )  # a host may drive more of an address than this line
         return levels
 
     def apart(self, levels: i64) -> tuple[int, ...]:

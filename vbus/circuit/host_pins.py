@@ -20,7 +20,7 @@ MOST_CYCLES: Final = 4096
 """So many different bus cycles are kept as edges."""
 
 
-class Strobe:
+class CycleEdge:
     """One edge of a whole bus cycle.
 
     Args:
@@ -72,7 +72,7 @@ class HostPins:
         self._chips: list[Chip] = chips
         self._on_edge: Callable[[], None] = on_edge
         self._soldered: dict[int, Pin] = {}
-        self._cycles: dict[tuple[str, bool, int, int], list[Strobe]] = {}
+        self._cycles: dict[tuple[str, bool, int, int], list[CycleEdge]] = {}
         self._connector: dict[int, Pin] = {
             id(pin.net): pin for chip in chips if chip.CONNECTOR for pin in chip.pins.values()
         }
@@ -142,7 +142,7 @@ class HostPins:
             self._soldered[id(net)] = pin
         return pin
 
-    def strobes(self, chip: Chip, write: bool, address: int, data: int) -> list[Strobe]:
+    def strobes(self, chip: Chip, write: bool, address: int, data: int) -> list[CycleEdge]:
         """Return the edges of a whole cycle at ``chip``, in order; not to be changed.
 
         Those at a connector depend on how its lines stand, those at any other chip do not.
@@ -151,7 +151,7 @@ class HostPins:
         strobes = self._cycles.get(key)
         if strobes is None:
             strobes = [
-                Strobe(offset, self.of(chip.pins[name]), level)
+                CycleEdge(offset, self.of(chip.pins[name]), level)
                 for offset, name, level in chip.strobes(write, address, data)
             ]
             # What a computer's bus moves at one instant is in order.
@@ -336,6 +336,6 @@ class HostPins:
             self.named(full_name).level = level
 
 
-def offset_of(strobe: Strobe) -> int:
+def offset_of(strobe: CycleEdge) -> int:
     """Return when an edge is, counted from the latching edge (ps)."""
     return strobe.offset

@@ -4,7 +4,7 @@ from collections import deque
 from typing import ClassVar
 
 from vbus.chips.base import Chip
-from vbus.circuit.host_pins import HostPins, Strobe, offset_of
+from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
 from vbus.kernel import NEVER, Kernel
 from vbus.signals import Guard, Pin
 from vbus.state import Names
@@ -37,7 +37,7 @@ class StrobePlayer:
         """
         self.flush()
         kernel = self._kernel
-        strobes: list[Strobe] = []
+        strobes: list[CycleEdge] = []
         for chip in chips:
             chip.judged = False
             strobes = strobes + pins.strobes(chip, write, address, data)

@@ -120,7 +120,7 @@ class RemoteWatcher(Connection):
     ) -> None:
         super().__init__(loop, link, on_end)
         self.watched: Watched = watched
-        self.view: View | None = None
+        self.view: WatchView | None = None
         self._away: bool = False
         self._timer: asyncio.TimerHandle | None = None
         self.message(status)
@@ -236,7 +236,7 @@ class RemoteWatcher(Connection):
                 del self.pending[: os.write(self._link.fd, self.pending)]
 
 
-class View:
+class WatchView:
     """What is told of a board to somebody who has asked for it.
 
     Args:
@@ -288,7 +288,7 @@ class _Events(msgspec.Struct, forbid_unknown_fields=True):
     until: str = ""
 
 
-class EventsView(View, Observer):
+class EventsView(WatchView, Observer):
     """Bus cycles, violations and values, one by one."""
 
     WHO = "a monitor"
@@ -358,7 +358,7 @@ class EventsView(View, Observer):
             self._until.end()
 
 
-class WaveView(View, io.StringIO):
+class WaveView(WatchView, io.StringIO):
     """A waveform: a text file whose text goes to who watches."""
 
     WHO = "a waveform"
@@ -400,7 +400,7 @@ class WaveView(View, io.StringIO):
         self._wave.stop()
 
 
-class FramesView(View):
+class FramesView(WatchView):
     """Frames that a recorder makes.
 
     Attributes:
@@ -552,7 +552,7 @@ class ScopeView(FramesView):
         super().end()
 
 
-VIEWS: Final[dict[str, type[View]]] = {
+VIEWS: Final[dict[str, type[WatchView]]] = {
     "events": EventsView, "wave": WaveView, "scope": ScopeView, "pins": PinsView,
 }  # fmt: skip
 """What can be asked for, by the word."""

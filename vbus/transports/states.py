@@ -76,7 +76,7 @@ STOP: Final = "stop"
 log = logging.getLogger("vbus.states")
 
 
-class Machine:
+class States:
     """States, and which event leads from which to which.
 
     Args:
@@ -107,7 +107,7 @@ class Machine:
         return to
 
 
-SESSION: Final = Machine(
+SESSION: Final = States(
     "session",
     (NEW, BEGIN, READING),
     (READING, HOLD, HELD),
@@ -133,7 +133,7 @@ SESSION: Final = Machine(
 )  # fmt: skip
 """One connected host: see :class:`vbus.server.session.Session`."""
 
-TERMINAL: Final = Machine(
+TERMINAL: Final = States(
     "terminal",
     (FRESH, OPENED, SHARED),
     (FRESH, WROTE, UNUSED),

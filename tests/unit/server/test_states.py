@@ -14,7 +14,7 @@ from vbus.server.session import Session
 from vbus.tools.generate.documents import constants
 from vbus.transports import states
 from vbus.transports.sockets import SocketLink
-from vbus.transports.states import SESSION, TERMINAL, Machine
+from vbus.transports.states import SESSION, TERMINAL, States
 
 __all__ = ["hosts", "loop"]
 
@@ -95,7 +95,7 @@ class OneSession:
         it.turn(4)
 
 
-def moves_of(machine: Machine, who: str, caplog: pytest.LogCaptureFixture) -> list[object]:
+def moves_of(machine: States, who: str, caplog: pytest.LogCaptureFixture) -> list[object]:
     """Return the transitions that have been logged."""
     told = [record.args for record in caplog.records if record.name == "vbus.states"]
     return [one[2:] for one in told if isinstance(one, tuple) and one[:2] == (who, machine.name)]

@@ -12,7 +12,7 @@ from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadL
 from vbus.protocols.text import VERBS
 from vbus.tools.generate.layout import ROOT, fill, filled, table
 from vbus.transports import states
-from vbus.transports.states import CLOSED, SESSION, TERMINAL, Machine
+from vbus.transports.states import CLOSED, SESSION, TERMINAL, States
 
 
 def byte_protocol() -> str:
@@ -69,7 +69,7 @@ def constants(module: ModuleType) -> Iterator[tuple[str, str]]:
                 yield value, " ".join(ast.literal_eval(told.value).split())
 
 
-def _drawn(machine: Machine) -> Iterator[str]:
+def _drawn(machine: States) -> Iterator[str]:
     """Yield the lines of a state diagram; the first row is of the first state."""
     yield f"    state {machine.name} {{"
     yield f"        [*] --> {machine.rows[0][0]}"
