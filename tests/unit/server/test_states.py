@@ -3,6 +3,7 @@
 import logging
 import os
 import socket
+from contextlib import suppress
 from typing import NoReturn
 
 import pytest
@@ -19,6 +20,13 @@ from vbus.transports.states import SESSION, TERMINAL, States
 __all__ = ["hosts", "loop"]
 
 UNCLAIM = b"\x05"
+ANSWERS = {
+    states.BEGIN: True, states.GO_ON: True, states.ROOM: True, states.HOLD: False,
+    states.FULL: False,
+}  # fmt: skip
+"""Whether a host that is there is answered after an event, whatever the table says."""
+OVER = (states.END, states.DONE, states.GIVE_UP)
+"""Events after which the board has no port of the session."""
 
 
 def full(fd: int, data: bytearray) -> NoReturn:
@@ -115,6 +123,16 @@ def test_a_session_goes_from_state_to_state(
             caplog.clear()
             walker.do(event)
             assert moves_of(SESSION, "x", caplog)[0] == (state, event, to)
+        if event in ANSWERS and state not in (states.LEAVING, states.DEPARTED):
+            walker.host.setblocking(False)
+            walker.host.send(b"\x02\x07")  # ECHO
+            it.turn(4)
+            answers = b""
+            with suppress(BlockingIOError):
+                answers = walker.host.recv(4096)
+            assert (b"E\x07" in answers) == ANSWERS[event]
+        if event in OVER:
+            assert walker.session.port not in it.board.ports
 
 
 class OneTerminal:
