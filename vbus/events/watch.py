@@ -158,7 +158,7 @@ class Watch(PacketReader):
         return ", ".join(f"{key} is {values[key]}" for key in self.condition.levels)
 
 
-class Holds:
+class ConditionTracker:
     """Tells, look by look, whether a condition holds; a board not looked at before begins anew.
 
     Args:

@@ -8,22 +8,22 @@ from collections.abc import Callable, Coroutine
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
-from vbus.serve.direct import DirectReaders
+from vbus.serve.fast_readers import FastReaders
 from vbus.serve.time.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
 
 
 class DirectSelector(selectors.EpollSelector):
-    """Serves direct descriptors while it waits; see :class:`~vbus.serve.direct.DirectReaders`.
+    """Serves direct descriptors while it waits; see :class:`~vbus.serve.fast_readers.FastReaders`.
 
     Everything else goes through the event loop as ever, which gets its turn whenever it has
     something to do.
     """
 
-    def __init__(self, readers: DirectReaders) -> None:
+    def __init__(self, readers: FastReaders) -> None:
         super().__init__()
-        self._readers: DirectReaders = readers
+        self._readers: FastReaders = readers
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Serve direct descriptors; return the indirect that are ready."""
@@ -47,7 +47,7 @@ class HostLoop(asyncio.SelectorEventLoop):
     """An asyncio event loop that knows direct readers; see :class:`DirectSelector`."""
 
     def __init__(self) -> None:
-        self._readers: DirectReaders = DirectReaders(self._failed)
+        self._readers: FastReaders = FastReaders(self._failed)
         super().__init__(DirectSelector(self._readers))
 
     def _failed(self, error: Exception) -> None:

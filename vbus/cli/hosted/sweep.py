@@ -14,7 +14,7 @@ from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
 from vbus.boardfile.source import Source
-from vbus.cli.hosted.beside import Ran, run_beside
+from vbus.cli.hosted.program import Ran, run_beside
 from vbus.core.errors import ConfigError
 from vbus.plugins import family_of
 from vbus.protocols.quantities import format_instant
@@ -98,7 +98,7 @@ def sweep(
         host: what the program reaches.
         command: gives program and arguments, for the address of the link.
         limit: chip time that each run may take (ps); see
-            :func:`vbus.cli.hosted.beside.run_on_board`.
+            :func:`vbus.cli.hosted.program.run_on_board`.
 
     Raises:
         ConfigError: the board runs in real time, or the cycle is not known.

@@ -161,7 +161,7 @@ def command(
     if sweep is not None:
         runner = _sweep(sweep, limit)
     else:
-        from vbus.cli.hosted.beside import run_on_board
+        from vbus.cli.hosted.program import run_on_board
 
         runner = partial(
             run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
@@ -219,8 +219,8 @@ def _join(link: str, program: list[str]) -> int:
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
-    from vbus.cli.hosted.beside import run_program
     from vbus.cli.hosted.preload import environment, warn_of
+    from vbus.cli.hosted.program import run_program
     from vbus.client import connect
 
     with connect(link) as bus:
@@ -244,7 +244,7 @@ def _run(
     runner: Runner,
 ) -> int:
     from vbus.board.config import read_board_file
-    from vbus.cli.hosted.beside import host_of
+    from vbus.cli.hosted.program import host_of
     from vbus.core.errors import ConfigError
     from vbus.serve.serving import recorded
 

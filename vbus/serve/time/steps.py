@@ -19,8 +19,8 @@ from vbus.core.signals import Observer
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.serve.orders.control import Order
 from vbus.serve.session import Session
-from vbus.serve.time.pacer import LEASE, Pacer
-from vbus.serve.time.slices import SLICE_NS
+from vbus.serve.time.pacer import LEASE, WallClockPacer
+from vbus.serve.time.time_slicer import SLICE_NS
 
 if TYPE_CHECKING:
     from vbus.events.watch import Watch
@@ -83,14 +83,14 @@ class Steps(Observer):
     """
 
     def __init__(
-        self, board: Board, pacer: Pacer, sessions: Callable[[], Iterator[Session]]
+        self, board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
     ) -> None:
         self.state: str = RUNNING
         self.text: str = "time runs"
         self.changed: list[Callable[[], None]] = []
         self.own: HostBus | None = None
         self._board: Board = board
-        self._pacer: Pacer = pacer
+        self._pacer: WallClockPacer = pacer
         self._sessions: Callable[[], Iterator[Session]] = sessions
         self._goal: _Goal | None = None
         self._alone: bool = False
