@@ -23,7 +23,8 @@ MOST_TURNED: Final = 67108864.0
 """Counts that a shaft turns in a period at most: tens of thousands of times what a chip can count.
 
 An index or a switch on the way is an event of its own, so a period without a bound could take for
-ever. A plant that has further to go goes on in the next period; a position that is loaded is checked.
+ever. A plant that has further to go does so in the next period; a position that is loaded is
+checked.
 """
 # The largest float below 1.
 _ALMOST_ONE: Final = 0.99999999999999988898

@@ -18,8 +18,8 @@ class IdealPlant(EncodedPlant):
     """Follows exactly, for golden traces and for trying out hosts.
 
     With a servo command it moves by the position error in each period; with step pulses or phase
-    currents it makes every step. Its course through a period is a straight line, of
-    :data:`~vbus.plant.encoder.MOST_TURNED` counts at most: the rest of a way is for the next periods.
+    currents it makes every step. Its course through a period is a straight line of at most
+    :data:`~vbus.plant.encoder.MOST_TURNED` counts; the rest of a longer way is for later periods.
     """
 
     TAKES: ClassVar[tuple[str, ...]] = ("drive", "pulses", "phases")

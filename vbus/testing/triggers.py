@@ -10,7 +10,7 @@ from vbus.chips.packets import Packet
 from vbus.circuit.stream import PacketTaker, decoder_of
 from vbus.errors import VbusError
 from vbus.events.names import Names
-from vbus.events.watch import Watch, not_met
+from vbus.events.watch import Watch, not_met, passing
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import EdgeTaker
@@ -256,6 +256,10 @@ class Triggers:
 
     def _step(self) -> None:
         """Let time pass to where something may happen next."""
-        board = self._board
+        board, kernel = self._board, self._board.kernel
+
+        def next_look() -> int:
+            return min(kernel.next_stop, board.now + STRIDE)
+
         with self._tested.watch.excused():
-            board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
+            next(passing(lambda: self._come_now, next_look, board.run_until), None)
