@@ -6,11 +6,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from vbus.core.state import load, save
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.encoder import MOST_TURNED, EncodedPlant, Encoder
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
-from vbus.state import load, save
 
 
 def test_counting_up_a_leads_b():
