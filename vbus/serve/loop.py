@@ -4,7 +4,8 @@ import asyncio
 import select
 import selectors
 import signal
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
+from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
@@ -83,6 +84,28 @@ class HostLoop(asyncio.SelectorEventLoop):
         """Schedule a callback for later, and see that its time is noticed."""
         self._readers.wanted = True
         return super().call_at(when, callback, *args, context=context)
+
+
+async def first_of(events: Iterable[asyncio.Event]) -> None:
+    """Wait until one of some events is set."""
+    waits = [asyncio.ensure_future(event.wait()) for event in events]
+    try:
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()
+
+
+async def done_before(ends: Iterable[asyncio.Event], work: Coroutine[Any, Any, None]) -> bool:
+    """Do some work; return whether it was done before one of ``ends`` was set, which cancels it."""
+    doing, over = asyncio.ensure_future(work), asyncio.ensure_future(first_of(ends))
+    await asyncio.wait((doing, over), return_when=asyncio.FIRST_COMPLETED)
+    done = doing.done()
+    for one in (doing, over):
+        one.cancel()
+    with suppress(asyncio.CancelledError):
+        await doing
+    return done
 
 
 def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:

@@ -5,7 +5,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Coroutine, Iterable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,7 +23,7 @@ from vbus.serve.disconnects import DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
-from vbus.serve.loop import run_until_signal
+from vbus.serve.loop import done_before, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.orders.control import Control, ControlConnection
@@ -351,9 +351,8 @@ class Server:
         self.pacer.on_end = stop.set
         self.start(asyncio.get_running_loop())
         try:
-            if before is not None:
-                await _unless(stop, before())
-            if ready is not None and not stop.is_set():
+            begun = before is None or await done_before((stop,), before())
+            if begun and ready is not None and not stop.is_set():
                 ready()
             await stop.wait()
             last = asyncio.get_running_loop().time() + patience
@@ -442,14 +441,3 @@ def run(
         await server.serve(stop, ready, None if before is None else partial(before, server))
 
     run_until_signal(serve)
-
-
-async def _unless(stop: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
-    """Wait until something is done, or until ``stop`` is set, which cancels it."""
-    done = asyncio.ensure_future(doing)
-    stopped = asyncio.ensure_future(stop.wait())
-    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
-    for one in (done, stopped):
-        one.cancel()
-    with suppress(asyncio.CancelledError):
-        await done
