@@ -55,10 +55,25 @@ SHIMS: Final = {
     "arduino": Shim(("arduino", "avr"), (*_AVR, "shims/arduino/arduino_shim.cpp")),
     "avr": Shim(("avr",), _AVR),
     "pic": Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",)),
+    "stm32": Shim(
+        ("stm32",),
+        (*_PINS, "shims/stm32/stm32_shim.cpp"),
+        (
+            "-DVBUS_PORT_BITS=16",
+            "-DVBUS_INT_IS_32_BITS",
+            "-fsanitize-coverage=trace-pc",
+            "-Wno-missing-field-initializers",
+        ),
+    ),
     "linux-io": Shim(("linux-io",), _CARD, _CLOCKS),
     "mmio": Shim(("mmio",), _CARD, ("-D_DEFAULT_SOURCE", "-include", "vbus_mmio.h", *_CLOCKS)),
 }
-"""The shims by name. The ports of microcontrollers are C++ objects: those want g++."""
+"""The shims by name."""
+
+MICROCONTROLLERS: Final = frozenset(
+    name for name, shim in SHIMS.items() if _PINS[-1] in shim.sources
+)
+"""The shims with ports. Those are C++ objects, for which sources are compiled with g++."""
 
 PLAIN: Final = Shim((), ("vbus.c",))
 """For sources that call the C client themselves."""
