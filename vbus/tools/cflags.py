@@ -1,6 +1,7 @@
 """``vbus cflags``: what a C compiler must be told to build a host against the C client."""
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -51,10 +52,21 @@ _PINS: Final = (
 )  # fmt: skip
 _AVR: Final = (*_PINS, "shims/avr/avr_shim.cpp")
 
+_PIC: Final = Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",))
+
+
+def _dialect(name: str) -> Shim:
+    """Return the shim of another compiler for PICs: its sources are translated on the way."""
+    wrapper = f"{sys.executable},{Path(include_dir()) / 'pic_dialect.py'},{name}"
+    return replace(_PIC, options=(*_PIC.options, "-wrapper", wrapper))
+
+
 SHIMS: Final = {
     "arduino": Shim(("arduino", "avr"), (*_AVR, "shims/arduino/arduino_shim.cpp")),
     "avr": Shim(("avr",), _AVR),
-    "pic": Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",)),
+    "pic": _PIC,
+    "c18": _dialect("c18"),
+    "ccs": _dialect("ccs"),
     "stm32": Shim(
         ("stm32",),
         (*_PINS, "shims/stm32/stm32_shim.cpp"),
