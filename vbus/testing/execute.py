@@ -104,7 +104,7 @@ class Execute:
             VbusError: a source is not there; there is no compiler, or it complains, with its
                 words in the message.
         """
-        from vbus.tools.cflags import MICROCONTROLLERS
+        from vbus.cli.run.cflags import MICROCONTROLLERS
 
         files = [self._bench.find_file(source) for source in sources]
         plus = shim in MICROCONTROLLERS or any(file.suffix != ".c" for file in files)
