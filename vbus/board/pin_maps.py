@@ -15,8 +15,8 @@ from vbus.glue.part import GluePart
 if TYPE_CHECKING:
     from vbus.circuit.host_pins import HostPins
 
-PORT_BIT: Final = re.compile(r"[PR]([A-L])([0-7])")
-"""A port bit as an AVR (``PB3``) or a PIC (``RB3``) calls it."""
+PORT_BIT: Final = re.compile(r"[PR]([A-L])(1[0-5]|[0-9])")
+"""A port bit as an AVR (``PB3``), an STM32 (``PB12``) or a PIC (``RB3``) calls it."""
 
 DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 """Names of the single wires of D0-D7."""

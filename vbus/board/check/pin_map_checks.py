@@ -65,8 +65,8 @@ class PinMapChecks:
             if match is None:
                 yield (
                     (*path, "pins", bit),
-                    f"{quoted(bit)} is no port bit; write PB3 (AVR) or RB3 (PIC), with ports A to L"
-                    " and bits 0 to 7",
+                    f"{quoted(bit)} is no port bit; write PB3 (AVR), PB12 (STM32) or RB3 (PIC),"
+                    " with ports A to L and bits 0 to 15",
                 )
             elif bits.setdefault(match[1] + match[2], bit) != bit:
                 other = bits[match[1] + match[2]]

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.card.cards import outputs_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.cli import child_processes, exit_codes
@@ -350,7 +351,7 @@ def not_started(program: str, error: OSError) -> ProgramError:
 
 def _interrupts(board: Board, outputs: str) -> str:
     """Name the outputs that interrupt a program, and when one of them moved last."""
-    nets = [board.find_pin(output).net for output in outputs.split()]
+    nets = [board.find_pin(output).net for output, _ in outputs_of(outputs)]
     when = max((net.changed_at for net in nets), default=0)
     return (
         f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
