@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from vbus.server.host_limits import HostStuck
+from vbus.serve.host_limits import HostStuck
 from vbus.testing.bench import Bench
 from vbus.testing.chips import chip_bench
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 
 ONE = 1 << 16
 
@@ -310,6 +310,6 @@ def test_errors_that_stand_at_the_end_are_noted(bench):
 
 
 def _watcher(bench, seen):
-    from vbus.signals import Watcher
+    from vbus.core.signals import Watcher
 
     return Watcher(bench.kernel, lambda: seen.append(bench.now))
