@@ -32,14 +32,14 @@ ORDER = (
     "file_kinds", "errors", "bits", "collection", "options", "addresses", "version", "wall_clock",
     "runtime", "native", "entry_points", "compiled", "instants", "state", "kernel", "values",
     "signals", "protocols", "chips", "plant", "glue", "plugins", "network", "client", "circuit",
-    "events", "faults", "boardfile", "board", "trace", "scope", "nodes", "transports", "server",
-    "attach", "cluster", "tools", "testing", "__init__", "__main__",
+    "events", "faults", "boardfile", "board", "trace", "scope", "nodes", "campaign", "transports",
+    "server", "attach", "cluster", "tools", "testing", "__init__", "__main__",
 )  # fmt: skip
 """Rooms, the lowest first: a room imports those before it, for type checkers and in functions too.
 A folder is a room, a file beside the folders too; see :data:`ROLES` for the folder of a chip."""
 PURE = {
     "state", "kernel", "values", "signals", "protocols", "chips", "plant", "glue", "circuit",
-    "events", "faults", "boardfile", "board", "trace", "scope", "nodes",
+    "events", "faults", "boardfile", "board", "trace", "scope", "nodes", "campaign",
 }  # fmt: skip
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
 ROLES = {
