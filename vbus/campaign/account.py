@@ -11,11 +11,11 @@ from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketReader, PacketStream
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer, ValueTable, Violation
+from vbus.core.signals.values import reader
 from vbus.plugins import family_of
-from vbus.signals import Observer, ValueTable, Violation
-from vbus.signals.values import reader
-from vbus.trace.runs.motion import Motion
+from vbus.views.runs.motion import Motion
 
 _SETTLE: Final = 10 * MS
 _ON: Final = 1037 * US

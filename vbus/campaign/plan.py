@@ -30,10 +30,10 @@ from vbus.campaign.world import (
     extremes,
     longest_cycle,
 )
+from vbus.core.kernel import US
 from vbus.faults.row import CHIP, LINK, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
-from vbus.kernel import US
 from vbus.protocols.quantities import format_instant
 
 PHASES: Final = 16

@@ -21,7 +21,7 @@ from vbus.campaign.verdict import (
     WayTotal,
 )
 from vbus.campaign.world import World
-from vbus.errors import VbusError, read_errors
+from vbus.core.errors import VbusError, read_errors
 
 QUIET: Final = (SILENT, FOUND)
 _HEADS: Final = {DETECTED: "detected", NO_EFFECT: "no effect", HANG: "hang", FOUND: "finding",

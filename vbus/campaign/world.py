@@ -10,13 +10,13 @@ from vbus.board.board import Board
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
+from vbus.core.options import Value
+from vbus.core.values.settings import among
 from vbus.faults.faults import Faults
 from vbus.faults.table import faults
-from vbus.options import Value
 from vbus.plugins import chip_class, family_of
 from vbus.protocols.quantities import format_instant, parse_duration
-from vbus.values.settings import among
 
 CYCLE: Final = "cycle"
 INTERRUPT: Final = "interrupt"

@@ -7,7 +7,7 @@ from vbus.board.config import read_board_text
 from vbus.campaign.account import Account, Seen, Witness
 from vbus.campaign.plan import Plan, Planned, in_order, plan, shortened, specimens
 from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
 from vbus.testing.boards import of_part
 from vbus.testing.in_process import connect_in_process
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unit.faults.bench import Lm, build, settle
-from vbus.kernel import US
+from vbus.core.kernel import US
 
 
 def test_an_answer_that_is_late_leaves_what_the_lines_have_shown() -> None:
