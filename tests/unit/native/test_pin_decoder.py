@@ -229,6 +229,15 @@ def test_a_multiplexed_bus_takes_its_address_when_the_latch_rises(decoder: Path)
     assert play(decoder, wiring, *read) == ["read 1 12", "D 77"]
 
 
+def test_a_port_may_have_sixteen_bits(decoder: Path) -> None:
+    data = " ".join(f"0d{bit}=E{bit + 8}" for bit in range(8))
+    wiring = f"{data} 0s=E0 0r=E1 0w=E2 0a0=E3 o0=E7"
+    write = ["EFF0F 4207", "EFF0F 4202", "EFF0F 420F"]
+    assert play(decoder, wiring, *write) == ["write 1 0 42"]
+    read = ["E000F 0007", "=99", "E000F 0004", "#E", "o1", "#E"]
+    assert play(decoder, wiring, *read)[0::2] == ["read 1 0", "E 99F4"]
+
+
 def test_a_tied_select_is_always_selected(decoder: Path) -> None:
     assert play(decoder, f"{DATA} 0r=C0 0w=C1 0a0=1 0s=0", IDLE, "C1F 1E") == ["read 1 1"]
 
@@ -246,7 +255,7 @@ def test_an_output_line_is_seen_at_its_port_bit(decoder: Path) -> None:
 @pytest.mark.parametrize(
     ("wiring", "place"),
     [
-        ("0r=M0", 1), ("0r=A8", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
+        ("0r=N0", 1), ("0r=A16", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
         ("0r=A0 0w", 7), ("0r=A0 0w=", 7), ("0r=A0,0w=A1", 1), ("o32=A0", 1), ("p=A0", 1),
         ("0r=!", 1), ("0r", 1),
     ],

@@ -60,6 +60,8 @@ void open_link()
         exit(4);
     }
     must(chips.error);
+    if (chips.pins.highest > 7)
+        fail("the pin map uses a bit above 7; the ports of an AVR or PIC have bits 0 to 7");
     chips.clock = time_stamp;
     is_open = true;
     atexit(leave);
