@@ -39,7 +39,7 @@ from scope_samples import Watched
 import vbus
 from vbus.board.board import Board
 from vbus.compiled import is_compiled
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.frames import frame
@@ -57,8 +57,8 @@ ROUND = "called in each round of the server, beside system calls"
 COMMANDS = "with it interpreted, commands take 1.6 times as long"
 REASONS: dict[str, str] = {
     "vbus/board/board.py": "a circuit, and circuits take no interpreted heirs",
-    "vbus/board/card_bus.py": HELD,
-    "vbus/board/card_cycle.py": HELD,
+    "vbus/board/card/card_bus.py": HELD,
+    "vbus/board/card/card_cycle.py": HELD,
     "vbus/board/host_leases.py": HELD,
     "vbus/board/host_polls.py": HELD,
     "vbus/board/host_selection.py": HELD,
@@ -76,19 +76,19 @@ REASONS: dict[str, str] = {
     "vbus/protocols/base.py": BASE,
     "vbus/protocols/codes.py": HELD,
     "vbus/protocols/port.py": BASE,
-    "vbus/scope/lane.py": HELD,
-    "vbus/server/direct.py": ROUND,
-    "vbus/server/pace.py": BASE,
-    "vbus/server/patience.py": ROUND,
-    "vbus/server/statistics.py": "a session's histogram takes each message",
-    "vbus/server/ticks.py": ROUND,
-    "vbus/server/turns.py": ROUND,
-    "vbus/signals/axis.py": BASE,
-    "vbus/signals/lane.py": HELD,
-    "vbus/signals/observer.py": BASE,
-    "vbus/signals/wire.py": "a net, and nets take no interpreted heirs",
-    "vbus/trace/wave/changes.py": "a waveform takes 1.27 times as long without",
-    "vbus/trace/wave/vcd_file.py": "a waveform takes 1.27 times as long without",
+    "vbus/views/scope/lane.py": HELD,
+    "vbus/serve/direct.py": ROUND,
+    "vbus/serve/time/pace.py": BASE,
+    "vbus/serve/time/patience.py": ROUND,
+    "vbus/serve/time/statistics.py": "a session's histogram takes each message",
+    "vbus/serve/time/ticks.py": ROUND,
+    "vbus/serve/time/turns.py": ROUND,
+    "vbus/core/signals/axis.py": BASE,
+    "vbus/core/signals/lane.py": HELD,
+    "vbus/core/signals/observer.py": BASE,
+    "vbus/core/signals/wire.py": "a net, and nets take no interpreted heirs",
+    "vbus/views/wave/changes.py": "a waveform takes 1.27 times as long without",
+    "vbus/views/wave/vcd_file.py": "a waveform takes 1.27 times as long without",
 }
 """Modules of the list that gain less by themselves, and why they stay."""
 

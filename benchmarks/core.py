@@ -26,14 +26,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200, strobed_reads
 
-from vbus.bits import clamp
 from vbus.board.build import load_board_text
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.compiled import core, is_compiled
-from vbus.kernel import SECOND
+from vbus.core.bits import clamp
+from vbus.core.kernel import SECOND
+from vbus.core.signals import Observer
 from vbus.plant.dc_motor import DcMotor
 from vbus.protocols.byte import ByteProtocol
-from vbus.signals import Observer
 
 STEP = Path(__file__).with_name("lm629_step.c")
 FLAGS = ("-O2", "-ffp-contract=off")

@@ -23,19 +23,19 @@ import core
 from in_process import board, moving_lm629
 
 from benchmarks import journal
-from tests.unit.trace.plain_recorder import recorded
+from tests.unit.views.plain_recorder import recorded
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
+from vbus.cli import journal_lines
 from vbus.compiled import is_compiled
-from vbus.kernel import SECOND, US
+from vbus.core.kernel import SECOND, US
+from vbus.core.signals import Observer
 from vbus.plant.dc_motor import DcMotor
-from vbus.signals import Observer
-from vbus.tools import journal_lines
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.view import Sessions, show
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
+from vbus.record.recorded_bus import RecordedBus
+from vbus.record.replay import Replay
+from vbus.record.view import Sessions, show
 
 LEAST = 1.3
 SPREAD_S = 2.0
@@ -173,17 +173,18 @@ _REPLAY = "unit/trace/test_replay.py, frozen"
 WAYS = (
     Way("chips/base.py", "a chip at rest, left alone for 1000 samples", "differential, frozen",
         at_rest),
-    Way("board/card_path.py", "a read through a 74HC138", "properties/test_cards.py", through_glue),
+    Way("board/card/card_path.py", "a read through a 74HC138", "properties/test_cards.py",
+        through_glue),
     Way("board/host_polls.py", "polls of a lease", "unit/board/test_leases.py",
         lambda: (polled(False), polled(True))),
     Way("plant/dc_motor.py", "two lengths of a period by turns", "unit/plant/test_solved_motor.py",
         lambda: (lengths(2), lengths(3))),
-    Way("trace/journal/recorded_bus.py", "polls under a journal", _RECORDER,
+    Way("record/recorded_bus.py", "polls under a journal", _RECORDER,
         lambda: both(lambda port: recorded_by(port, reads))),
-    Way("trace/journal/again.py", "polls played again", _REPLAY, lambda: replayed(journal.polls)),
-    Way("trace/journal/again.py", "a driver played again", _REPLAY,
+    Way("record/again.py", "polls played again", _REPLAY, lambda: replayed(journal.polls)),
+    Way("record/again.py", "a driver played again", _REPLAY,
         lambda: replayed(journal.moves)),
-    Way("tools/journal_lines.py", "a driver's journal explained",
+    Way("cli/journal_lines.py", "a driver's journal explained",
         "unit/tools/test_journal_lines.py", explained),
 )  # fmt: skip
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.kernel import SECOND
+from vbus.core.kernel import SECOND
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import REQUESTS
 

@@ -17,12 +17,12 @@ from typing import BinaryIO
 
 from benchmarks.in_process import CHIPS, board, command, resident, start_lm629, strobed_reads
 from vbus.board.host_bus import HostBus
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 from vbus.protocols.byte import ByteProtocol
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Replay
-from vbus.trace.wave.wave import Wave
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
+from vbus.record.replay import Replay
+from vbus.views.wave.wave import Wave
 
 CYCLES = 40_000
 ROUNDS = 9

@@ -25,7 +25,7 @@ from in_process import command
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.compiled import is_compiled
-from vbus.kernel import MS, SECOND
+from vbus.core.kernel import MS, SECOND
 
 FEW = 64
 

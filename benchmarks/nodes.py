@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from vbus.board.config import read_board_text
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 from vbus.network.session import free_endpoint, open_session
 from vbus.nodes.machine import Machine
 from vbus.nodes.messages import encode
@@ -113,7 +113,7 @@ def together(commands: list[list[str]], folder: Path) -> float:
 def run_nodes(board: str, script: str, nodes: str) -> None:
     """The body of one process with some of the nodes: print how long they took."""
     from vbus.board.config import read_board_file
-    from vbus.cluster.nodes import NodeOptions, serve_nodes
+    from vbus.serve.nodes.nodes import NodeOptions, serve_nodes
 
     options = NodeOptions(tuple(nodes.split(",")), script)
     timing = serve_nodes(*read_board_file(board), options, None, lambda text: None).timing
@@ -218,8 +218,8 @@ def processes(nodes: int, folder: Path, seconds: float = 0.6) -> list[dict[str, 
 def run_one(virtual: str, script: str, real: str, nothing: str, node: str) -> None:
     """The body of one process: run a node twice, print what it measured."""
     from vbus.board.config import read_board_file
-    from vbus.cluster.nodes import NodeOptions, serve_nodes
-    from vbus.server.server import Server
+    from vbus.serve.nodes.nodes import NodeOptions, serve_nodes
+    from vbus.serve.server import Server
 
     timing = serve_nodes(
         *read_board_file(virtual), NodeOptions((node,), script), None, lambda text: None

@@ -34,7 +34,7 @@ import pytest, time
 from importlib.metadata import distributions
 list(package.entry_points for package in distributions())  # as pytest has done before
 began = time.process_time()
-import vbus.testing.plugin
+import vbus.testing.plugins.plugin
 print(time.process_time() - began)
 """
 BARE = """\

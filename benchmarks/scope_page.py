@@ -28,7 +28,7 @@ from tests.browser.conftest import ADDRESS, serve
 from tests.browser.recordings import MS, PAGE, SAMPLE, SECOND, Recording, samples
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
-from vbus.scope.page_file import one_file
+from vbus.views.scope.page_file import one_file
 
 AXES, SECONDS, MESSAGES = 16, 8, 60
 LANES = (("real", "counts"), ("error", "counts"), ("velocity", "counts/s"), ("output", "%"))

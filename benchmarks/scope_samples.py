@@ -3,8 +3,8 @@
 ``python benchmarks/scope_samples.py``.
 
 Three boards in turn: one watched by nobody; one asked by name for telemetry at each sample, by
-interpreted code; one recorded by :class:`vbus.scope.look.Look`. Frames are made every 50 ms, as a
-server makes them.
+interpreted code; one recorded by :class:`vbus.views.scope.look.Look`. Frames are made every 50 ms,
+as a server makes them.
 """
 
 import argparse
@@ -20,9 +20,9 @@ from many_axes import moving
 
 from vbus.board.board import Board
 from vbus.chips.base import SAMPLE
-from vbus.kernel import MS, NEVER, SECOND
-from vbus.scope.frames import numbers
-from vbus.scope.recording import Recorder
+from vbus.core.kernel import MS, NEVER, SECOND
+from vbus.views.scope.frames import numbers
+from vbus.views.scope.recording import Recorder
 
 AXES = 16
 EVERY = 50 * MS

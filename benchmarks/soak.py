@@ -33,7 +33,7 @@ from snapshots import TEXT
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.compiled import core
-from vbus.kernel import MS, SECOND
+from vbus.core.kernel import MS, SECOND
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import REQUESTS
 

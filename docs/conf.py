@@ -17,8 +17,8 @@ from typing import Final
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
-from vbus.tools.generate.layout import own_families
-from vbus.tools.generate.ledger import ledger
+from vbus.cli.generate.layout import own_families
+from vbus.cli.generate.ledger import ledger
 from vbus.version import __version__
 
 ROOT: Final = Path(__file__).resolve().parents[1]
@@ -26,8 +26,10 @@ MADE: Final = ROOT / "docs" / "made"
 """Pages made on the way; git leaves them out."""
 
 PACKAGES: Final = (
-    "vbus.board", "vbus.chips", "vbus.client", "vbus.faults", "vbus.kernel", "vbus.plant",
-    "vbus.protocols", "vbus.signals", "vbus.state", "vbus.testing", "vbus.transports",
+    "vbus.board", "vbus.board.card", "vbus.board.check", "vbus.chips",
+    "vbus.client", "vbus.faults", "vbus.core.kernel", "vbus.plant",
+    "vbus.protocols", "vbus.core.signals", "vbus.core.state", "vbus.testing",
+    "vbus.testing.checks", "vbus.testing.plugins", "vbus.transports",
 )  # fmt: skip
 """What programs and parts of other packages may use."""
 

@@ -10,20 +10,20 @@ if TYPE_CHECKING:
     from vbus.board.board import Board as Board
     from vbus.board.build import load_board as load_board
     from vbus.client.bus import connect as connect
-    from vbus.errors import VbusError as VbusError
-    from vbus.server.serving import serve as serve
-    from vbus.signals.tables import Violation as Violation
+    from vbus.core.errors import VbusError as VbusError
+    from vbus.core.signals.tables import Violation as Violation
+    from vbus.serve.serving import serve as serve
 
 if compiled.pure_wanted():
     compiled.interpret()
 
 _HOMES = {
     "Board": "vbus.board.board",
-    "VbusError": "vbus.errors",
-    "Violation": "vbus.signals.tables",
+    "VbusError": "vbus.core.errors",
+    "Violation": "vbus.core.signals.tables",
     "connect": "vbus.client.bus",
     "load_board": "vbus.board.build",
-    "serve": "vbus.server.serving",
+    "serve": "vbus.serve.serving",
 }
 """The public names and where they live: imported when first used, so ``import vbus`` is cheap."""
 

@@ -7,18 +7,18 @@ def main() -> None:
     """Run the command line; Ctrl-C while it is still being imported ends it as later."""
     try:
         if sys.argv[1:] in (["--version"], ["-V"]):
-            from vbus.tools.version_line import version_line
+            from vbus.cli.version_line import version_line
 
             print(version_line())  # without the parser of the command line, which takes longer
             return
-        from vbus.collection import collection_held, keep_what_is_made
+        from vbus.core.collection import collection_held, keep_what_is_made
 
         with collection_held():
-            from vbus.tools.cli import main as run
+            from vbus.cli.cli import main as run
 
             keep_what_is_made()
     except KeyboardInterrupt:
-        from vbus.tools.exit_codes import INTERRUPTED
+        from vbus.cli.exit_codes import INTERRUPTED
 
         sys.exit(INTERRUPTED)
     run()

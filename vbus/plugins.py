@@ -11,9 +11,9 @@ from typing import Final, TypeVar
 
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
-from vbus.entry_points import EntryPoint, installed
-from vbus.errors import PluginError
-from vbus.signals import Plant
+from vbus.core.entry_points import EntryPoint, installed
+from vbus.core.errors import PluginError
+from vbus.core.signals import Plant
 
 CHIPS: Final = "vbus.chips"
 PLANTS: Final = "vbus.plants"

@@ -8,8 +8,8 @@ from pathlib import Path
 from vbus.board.config import read_board_file
 from vbus.client import Bus, connect
 from vbus.client.lm628 import Lm628
-from vbus.cluster.ordering import order
-from vbus.kernel import MS, SECOND
+from vbus.core.kernel import MS, SECOND
+from vbus.serve.nodes.ordering import order
 
 BOARD = Path(__file__).with_name("three_axes.toml")
 TARGETS = {"x": 4000, "y": -2500, "z": 1200}

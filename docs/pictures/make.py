@@ -150,10 +150,10 @@ def _wrapped(lines: Sequence[str]) -> list[str]:
 def move(picture: Path) -> None:
     """Draw the tutorial's move of an LM629."""
     from vbus.board.build import load_board_text
+    from vbus.cli.look.plot import draw
     from vbus.client.lm628 import Lm628
-    from vbus.scope.recording import Recorder
     from vbus.testing import connect_in_process
-    from vbus.tools.plot import draw
+    from vbus.views.scope.recording import Recorder
 
     board = load_board_text(BOARD, "picture")
     recorder = Recorder(board, edges=False)

@@ -23,9 +23,9 @@ from multi_axis.parts import Part, endpoint_of
 from multi_axis.picture import Picture
 from multi_axis.score import MS, US, Score
 from vbus.board.config import read_board_file
-from vbus.cluster.nodes import read_traces
-from vbus.errors import TransportError, VbusError
-from vbus.server.registry import ask
+from vbus.core.errors import TransportError, VbusError
+from vbus.serve.nodes.nodes import read_traces
+from vbus.serve.registry import ask
 
 PATIENCE = 60
 """Seconds the others wait for the node that has died."""

@@ -25,9 +25,9 @@ from multi_axis.play import Played, play
 from multi_axis.result import skew
 from multi_axis.score import Score
 from vbus.board.config import read_board_file
-from vbus.cluster.nodes import read_traces
-from vbus.errors import PluginError, VbusError
+from vbus.core.errors import PluginError, VbusError
 from vbus.network.session import check_endpoint
+from vbus.serve.nodes.nodes import read_traces
 
 LAST_SECONDS = 3
 """How long the host may take to say what is wrong when another part has ended."""

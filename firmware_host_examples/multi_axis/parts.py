@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
 
 STOP_SECONDS = 20
 

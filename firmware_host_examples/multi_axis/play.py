@@ -15,10 +15,10 @@ from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile
 from vbus.client.aio.bus import Bus, connect
 from vbus.client.message import Later
-from vbus.cluster.ordering import order
-from vbus.errors import NodeError, TransportError, VbusError
+from vbus.core.errors import NodeError, TransportError, VbusError
 from vbus.network import keys
 from vbus.network.session import close_session, open_session
+from vbus.serve.nodes.ordering import order
 
 PATIENCE = 60.0
 """Seconds to wait for nodes that are being started, or for a busy machine."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from vbus.errors import VbusError
-from vbus.tools.exec_avr import simulator
+from vbus.cli.run.exec_avr import simulator
+from vbus.core.errors import VbusError
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
 REQUIRED = os.environ.get("VBUS_REQUIRE_ALL") == "1"

@@ -14,10 +14,10 @@ from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
 from tests.e2e.command import start
 from tests.shims.conftest import compile_for
 from tests.waiting import until
-from vbus.errors import ConfigError, ProgramError
-from vbus.server.registry import running
-from vbus.tools import exec as exec_module
-from vbus.tools.exec_avr import parse, run_avr, simulator
+from vbus.cli.run import exec as exec_module
+from vbus.cli.run.exec_avr import parse, run_avr, simulator
+from vbus.core.errors import ConfigError, ProgramError
+from vbus.serve.registry import running
 
 BOARD = EXAMPLES / "lm629_avr_bitbang" / "board.toml"
 CLOCK = "f=16000000"

@@ -7,8 +7,8 @@ import pytest
 
 from tests.avr.conftest import Compile
 from tests.avr.test_firmware import CLOCK, Run, run, transcript
-from vbus.errors import ConfigError
-from vbus.tools.exec_avr import run_avr
+from vbus.cli.run.exec_avr import run_avr
+from vbus.core.errors import ConfigError
 
 __all__ = ["run", "transcript"]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import vbus
 
-PAGE = Path(next(iter(vbus.__path__))) / "scope" / "page"
+PAGE = Path(next(iter(vbus.__path__))) / "views" / "scope" / "page"
 DATA = (
     '<script type="application/json" id="description">{description}</script>\n'
     '<script type="application/octet-stream" id="recording">{recording}</script>\n'

@@ -12,7 +12,7 @@ from tests.browser.conftest import ADDRESS, Open, keeps_out, until_drawn
 from tests.browser.recordings import COMMAND, MS, Recording
 from tests.browser.test_live import Board
 from tests.browser.test_page import drawn, place, saved, state
-from vbus.scope.page_file import one_file
+from vbus.views.scope.page_file import one_file
 
 HERE = {"at": str(40 * MS), "text": "it <starts> here"}
 

@@ -16,7 +16,7 @@ import pytest
 
 from tests.browser.conftest import Open
 from tests.e2e.command import start, vbus
-from tests.unit.scope.decoded import of_page
+from tests.unit.views.scope.decoded import of_page
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow

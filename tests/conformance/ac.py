@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import pytest
 
 from vbus.chips.strobes import AcTable
-from vbus.kernel.clock import Clock
-from vbus.signals import Violation
+from vbus.core.kernel.clock import Clock
+from vbus.core.signals import Violation
 
 Play = Callable[[int], list[Violation]]
 """Runs one fresh bench with an interval (ps); returns what was reported."""

@@ -22,9 +22,9 @@ from vbus.chips.mc1241a.datasheet import COMMANDS as PMD_COMMANDS
 from vbus.chips.mcp1200.datasheet import REGISTERS
 from vbus.chips.tables import Command
 from vbus.compiled import core
-from vbus.kernel import MS, NS
+from vbus.core.kernel import MS, NS
 from vbus.protocols.port import PortError
-from vbus.trace.journal.journal import Journal
+from vbus.record.journal import Journal
 
 BOARD_OPERATIONS = 4000
 """Operations on one board, before the next is drawn."""

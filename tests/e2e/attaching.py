@@ -5,9 +5,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from vbus.attach.attachment import Attachment, AttachRequest
-from vbus.attach.far_board import look_at
-from vbus.server.loop import HostLoop
+from vbus.serve.attach.attachment import Attachment, AttachRequest
+from vbus.serve.attach.far_board import look_at
+from vbus.serve.loop import HostLoop
 
 
 class Attached:

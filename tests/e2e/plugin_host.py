@@ -8,11 +8,11 @@ from vbus.board.board import Board
 from vbus.board.build import load_board
 from vbus.board.host_bus import HostBus
 from vbus.circuit.stream import PacketReader
-from vbus.trace.coverage.coverage import Coverage, CoverageObserver
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.view import play
-from vbus.trace.wave.wave import Wave
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
+from vbus.record.view import play
+from vbus.views.coverage.coverage import Coverage, CoverageObserver
+from vbus.views.wave.wave import Wave
 
 
 class Seen(PacketReader):

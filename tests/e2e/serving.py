@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from vbus.board.board import Board
-from vbus.server.server import LinkSpec, Server
+from vbus.serve.server import LinkSpec, Server
 
 
 @contextmanager

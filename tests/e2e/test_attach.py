@@ -19,11 +19,11 @@ from tests.e2e.test_pty import open_raw, read_exactly, toy_board
 from tests.unit.native.conftest import compile_c
 from tests.waiting import until
 from vbus.client import connect
-from vbus.errors import NameInUseError, TransportError
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.runtime import lock_state
 from vbus.protocols.requests import REQUESTS
-from vbus.runtime import lock_state
-from vbus.server.registry import ask, status_path
-from vbus.server.server import LinkSpec, Server
+from vbus.serve.registry import ask, status_path
+from vbus.serve.server import LinkSpec, Server
 
 HERE = Path(__file__).parent
 FAR = {"tcp": LinkSpec("tcp:127.0.0.1:0"), "unix": LinkSpec("unix:$VBUS_RUNTIME/far.sock")}

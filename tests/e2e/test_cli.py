@@ -18,9 +18,9 @@ from click.testing import CliRunner
 import vbus as package
 from tests.e2e.command import BOARD, plug_in, running, start, vbus
 from tests.waiting import until
+from vbus.cli import exit_codes
+from vbus.cli.cli import _COMMANDS, cli
 from vbus.compiled import core
-from vbus.tools import exit_codes
-from vbus.tools.cli import _COMMANDS, cli
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,9 @@ runpy.run_module("vbus", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("module", ["click", "vbus.errors", "vbus.tools.schema", "vbus.boardfile"])
+@pytest.mark.parametrize(
+    "module", ["click", "vbus.core.errors", "vbus.cli.run.schema", "vbus.boardfile"]
+)
 def test_ctrl_c_while_something_is_imported_ends_it_quietly(module: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", IMPORTED.format(module=module)],
@@ -94,8 +96,8 @@ def test_help_names_every_command_and_exit_code_on_one_screen() -> None:
         ),
         (
             ["order", "board.toml", "-"],
-            'Error: there is no command "order"; vbus.cluster.ordering.order() of Python orders bus'
-            " cycles on the nodes of a board; there are " + ", ".join(_COMMANDS),
+            'Error: there is no command "order"; vbus.serve.nodes.ordering.order() of Python orders'
+            " bus cycles on the nodes of a board; there are " + ", ".join(_COMMANDS),
         ),
         (["check"], "Error: name a board file, or ask for --rules"),
         (["run"], "Error: Missing argument 'BOARD'."),

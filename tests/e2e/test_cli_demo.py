@@ -15,8 +15,8 @@ import pytest
 
 from tests.e2e.command import start, vbus
 from vbus.chips.lm628 import demo as lm629
-from vbus.tools import demo
-from vbus.tools.demos import NAMES
+from vbus.cli.run import demo
+from vbus.cli.run.demos import NAMES
 
 pytestmark = pytest.mark.slow
 

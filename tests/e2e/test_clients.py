@@ -15,9 +15,9 @@ from vbus.client import aio as client_aio
 from vbus.client.aio.lm628 import Lm628 as AioLm628
 from vbus.client.links import open_link
 from vbus.client.lm628 import Lm628
-from vbus.errors import ProtocolError
+from vbus.core.errors import ProtocolError
 from vbus.protocols.frames import FrameReader, frame
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 ROOT = Path(__file__).parents[2]
 BOARD = """\

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.command import vbus
-from tests.unit.trace.captures import Shot
+from tests.unit.views.captures import Shot
 
 CLOCK = ("--clock", "8 MHz")
 

@@ -8,8 +8,8 @@ import click
 import pytest
 
 from tests.e2e.command import vbus
-from vbus.tools import doctor
-from vbus.tools.cli import cli
+from vbus.cli.cli import cli
+from vbus.cli.run import doctor
 
 NO_DATA = {"demo", "exec", "logs", "plot", "router", "schema", "scope", "stop", "wait"}
 """Verbs that print what a program or a board says, one document, or have nothing to say."""

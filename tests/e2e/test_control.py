@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from vbus.board.build import load_board_text
-from vbus.errors import TransportError, VbusError
-from vbus.server.registry import control_path, order, running, status_path
-from vbus.server.server import Server
+from vbus.core.errors import TransportError, VbusError
+from vbus.serve.registry import control_path, order, running, status_path
+from vbus.serve.server import Server
 
 BOARD = """\
 [board]
@@ -152,8 +152,8 @@ def test_orders_of_another_user_are_refused_in_a_sentence() -> None:
 
 def test_the_user_who_runs_a_board_and_root_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with served(add=add):
-        monkeypatch.setattr("vbus.server.control.user_behind", lambda fd: 1001)
-        monkeypatch.setattr("vbus.server.control.os.geteuid", lambda: 1000)
+        monkeypatch.setattr("vbus.serve.orders.control.user_behind", lambda fd: 1001)
+        monkeypatch.setattr("vbus.serve.orders.control.os.geteuid", lambda: 1000)
         with pytest.raises(VbusError, match="from user 1000, who runs it, and from root; you are"):
             order("bench", "add", a=1, b=1)
 
@@ -190,9 +190,9 @@ def test_who_asks_for_the_status_and_does_not_read_it_stops_nobody(
 def test_a_socket_of_a_stranger_is_told_of_and_harms_nobody(
     answer: bytes | None, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.server.registry.ANSWER_SECONDS", 0.1)
+    monkeypatch.setattr("vbus.serve.registry.ANSWER_SECONDS", 0.1)
     if message.startswith("more than"):
-        monkeypatch.setattr("vbus.server.registry.LONGEST_ANSWER", 4096)
+        monkeypatch.setattr("vbus.serve.registry.LONGEST_ANSWER", 4096)
     ended = threading.Event()
 
     def talk() -> None:

@@ -38,9 +38,8 @@ def test_vbus_pure_chooses_the_interpreted_core() -> None:
     assert command("--version", pure="0").stdout.endswith("(compiled core)\n")
     assert command("--version", pure="1").stdout.endswith("(interpreted core)\n")
     assert "core: interpreted: VBUS_PURE asks for it" in command("doctor", pure="1").stdout
-    where = (
-        "import vbus.kernel.kernel as k, vbus.chips.lm628.pid as p; print(k.__file__, p.__file__)"
-    )
+    where = "import vbus.core.kernel.kernel as k, vbus.chips.lm628.pid as p"
+    where += "; print(k.__file__, p.__file__)"
     done = subprocess.run(
         [sys.executable, "-c", where],
         cwd=HOME, env={**os.environ, "PYTHONPATH": str(HOME), "VBUS_PURE": "1"},
@@ -140,7 +139,7 @@ def test_no_compiled_class_inherits_from_an_interpreted_one(hook: ModuleType) ->
 def test_all_pages_and_messages_have_one_figure_for_the_interpreted_core(hook: ModuleType) -> None:
     assert hook.SLOWER == SLOWER
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-    pages += [*sorted((ROOT / "docker").iterdir()), ROOT / "vbus" / "tools" / "doctor.py"]
+    pages += [*sorted((ROOT / "docker").iterdir()), ROOT / "vbus" / "cli" / "run" / "doctor.py"]
     figures = {
         figure
         for page in pages

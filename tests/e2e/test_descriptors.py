@@ -13,8 +13,8 @@ import pytest
 from tests.e2e.test_pty import open_raw, read_exactly
 from tests.waiting import until
 from vbus import client
-from vbus.errors import ProtocolError, TransportError
-from vbus.server.registry import ask, status_path
+from vbus.core.errors import ProtocolError, TransportError
+from vbus.serve.registry import ask, status_path
 
 ROOT = Path(__file__).parents[2]
 LIMIT = 64
@@ -22,7 +22,7 @@ SERVED = f"""
 import resource
 resource.setrlimit(resource.RLIMIT_NOFILE, ({LIMIT}, {LIMIT}))
 from tests.e2e.test_pty import toy_board
-from vbus.server.server import LinkSpec, run
+from vbus.serve.server import LinkSpec, run
 
 links = [
     LinkSpec("unix:$VBUS_RUNTIME/x", "byte"), LinkSpec("pty:$VBUS_RUNTIME/y", "byte"),

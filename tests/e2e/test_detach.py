@@ -21,7 +21,7 @@ from tests.waiting import until
 from vbus import connect
 from vbus.client import aio
 from vbus.client.link import starting
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.transports.runtime import NameLock
 from vbus.transports.sockets import handed_over
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.command import vbus
-from tests.unit.trace.conftest import LM629, record
-from tests.unit.trace.test_runs import mover
+from tests.unit.views.conftest import LM629, record
+from tests.unit.views.test_runs import mover
 
 
 @pytest.fixture

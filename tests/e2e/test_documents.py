@@ -74,7 +74,7 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
         assert reported[0].endswith("\n2 passed, 7 deselected in ")
         assert reported[1].endswith("\n2 failed, 7 deselected in ")
         hangs = "HostStuck: the host hangs: it polled 10000 times and was told nothing new"
-        assert reported[1].count(f"\nE   vbus.server.host_limits.{hangs}") == 2
+        assert reported[1].count(f"\nE   vbus.serve.host_limits.{hangs}") == 2
         assert reported[1].count('under:   x.reset_status = "C4"') == 2
     say_what_is_left_out(typist)
 
@@ -173,9 +173,11 @@ def test_what_a_machine_lacks_is_looked_for_on_it(monkeypatch: pytest.MonkeyPatc
     assert lacks("cat docker/compose.yaml\n") == ""
     assert lacks("docker ps\n") == "no docker on this machine"
     assert lacks("x | sigrok-cli -i x.vcd\n") == "no sigrok-cli on this machine"
-    assert lacks("release/release.py wheel dist\n").startswith("it compiles or installs for")
+    assert lacks("contrib/release/release.py wheel dist\n").startswith(
+        "it compiles or installs for"
+    )
     monkeypatch.setenv("VBUS_REQUIRE_ALL", "1")
-    assert lacks("release/release.py wheel dist\n") == ""
+    assert lacks("contrib/release/release.py wheel dist\n") == ""
 
 
 def test_a_port_of_a_page_that_another_program_has_leaves_the_page_out(tmp_path: Path) -> None:

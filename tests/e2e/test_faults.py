@@ -16,9 +16,9 @@ from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board
 from tests.waiting import until
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.errors import TransportError, VbusError
-from vbus.server.registry import order
-from vbus.server.server import LinkSpec, Server
+from vbus.core.errors import TransportError, VbusError
+from vbus.serve.registry import order
+from vbus.serve.server import LinkSpec, Server
 
 BOARD = """\
 [board]

@@ -13,7 +13,7 @@ import pytest
 from tests.e2e.command import running, start, vbus
 from vbus import connect
 from vbus.client.lm628 import Lm628
-from vbus.trace.journal.format import Entry, JournalReader
+from vbus.record.format import Entry, JournalReader
 
 BOARD = """\
 [board]

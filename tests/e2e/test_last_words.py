@@ -26,16 +26,16 @@ from vbus import connect
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
 from vbus.client.bus import Bus
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 from vbus.native import include_dir
 from vbus.protocols.frames import frame
-from vbus.server.server import LinkSpec, Server
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
+from vbus.serve.server import LinkSpec, Server
 from vbus.testing.in_process import InProcessLink
 from vbus.testing.limits import Limits
 from vbus.testing.programs import run_program
 from vbus.testing.serving import ServedBoard
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
 
 # pyserial starts its thread in a way that Python will drop.
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")

@@ -11,8 +11,8 @@ from tests.unit.native.conftest import compile_c
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.client.bus import Bus, connect
-from vbus.kernel import US
-from vbus.server.server import LinkSpec
+from vbus.core.kernel import US
+from vbus.serve.server import LinkSpec
 
 HERE = Path(__file__).parent
 

@@ -16,10 +16,10 @@ from tests.unit.board.toy import Toy
 from tests.unit.faults.bench import DC, LM, build
 from tests.waiting import until
 from vbus.board.board import Board
-from vbus.kernel import END, MS, SECOND
-from vbus.server.registry import ask, status_path
-from vbus.server.server import LinkSpec
-from vbus.signals import Observer
+from vbus.core.kernel import END, MS, SECOND
+from vbus.core.signals import Observer
+from vbus.serve.registry import ask, status_path
+from vbus.serve.server import LinkSpec
 
 ONE = LinkSpec("pty:$VBUS_RUNTIME/one", "byte")
 WEEK = 7 * 24 * 3600 * 10**12
@@ -48,7 +48,7 @@ RESTLESS = """
 import sys
 from tests.e2e.test_long_waits import Restless
 from vbus.board.board import Board
-from vbus.server.server import LinkSpec, run
+from vbus.serve.server import LinkSpec, run
 
 board = Board("bench", sys.argv[1])
 board.add_chip(Restless, "t", "TOY", 8_000_000)

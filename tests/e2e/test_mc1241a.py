@@ -9,7 +9,7 @@ from tests.e2e.serving import served
 from vbus.board.build import load_board_text
 from vbus.client import connect
 from vbus.client.mc1241a import Mc1241a
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 BOARD = """\
 [board]

@@ -10,8 +10,8 @@ from vbus.board.build import load_board_text
 from vbus.client import aio, connect
 from vbus.client.aio.mcp1200 import Mcp1200 as AioMcp1200
 from vbus.client.mcp1200 import Mcp1200
-from vbus.errors import NotReadyError
-from vbus.server.server import LinkSpec
+from vbus.core.errors import NotReadyError
+from vbus.serve.server import LinkSpec
 
 BOARD = """\
 [board]

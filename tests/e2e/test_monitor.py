@@ -11,8 +11,8 @@ from rich.console import Console
 
 from tests.e2e.command import running, start, vbus
 from vbus import connect
+from vbus.cli.look.monitor import View, screen
 from vbus.client.bus import Bus
-from vbus.tools.monitor import View, screen
 
 BOARD = """\
 [board]

@@ -15,9 +15,9 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, start, toy_board
 from vbus import client
-from vbus.errors import NameInUseError, TransportError
-from vbus.server.registry import boards_directory, running, status_path
-from vbus.server.server import LinkSpec, Server
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.serve.registry import boards_directory, running, status_path
+from vbus.serve.server import LinkSpec, Server
 from vbus.transports.runtime import NameLock
 from vbus.transports.sockets import UnixTransport
 
@@ -139,7 +139,7 @@ def test_a_hundred_hosts_may_wait_to_be_accepted(runtime: Path) -> None:
 SERVED = """
 import sys
 from tests.e2e.test_pty import toy_board
-from vbus.server.server import LinkSpec, run
+from vbus.serve.server import LinkSpec, run
 
 links = [LinkSpec("pty:$VBUS_RUNTIME/old", "byte"), LinkSpec("unix:$VBUS_RUNTIME/s", "byte")]
 run(toy_board("old"), links, on_ready=lambda server: print("ready", flush=True))

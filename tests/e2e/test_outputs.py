@@ -16,7 +16,7 @@ import pytest
 import vbus as package
 from tests.e2e.command import running, vbus
 from vbus import connect
-from vbus.tools.cli import cli
+from vbus.cli.cli import cli
 
 BOARD = """\
 [board]
@@ -288,13 +288,13 @@ def test_a_start_that_fails_writes_no_result(folder: Path) -> None:
 
 
 BY_HAND = {
-    "server/output_file.py": "the piece itself",
+    "serve/output_file.py": "the piece itself",
     "compiled/hook.py": "while vbus is installed",
-    "tools/detach.py": "the log of a run in the background",
-    "tools/doctor.py": "looks whether a folder can be written",
-    "tools/cli.py": "the null device",
+    "cli/run/detach.py": "the log of a run in the background",
+    "cli/run/doctor.py": "looks whether a folder can be written",
+    "cli/cli.py": "the null device",
     "testing/in_process.py": "the null device",
-    "testing/github.py": "GitHub's file, which every step of a job adds to",
+    "testing/plugins/github.py": "GitHub's file, which every step of a job adds to",
     "transports/runtime.py": "locks and marks",
     "client/links.py": "terminals",
 }

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.waiting import until
-from vbus.server.registry import running
+from vbus.serve.registry import running
 
 AXIS = """
 [chips.x{0}]

@@ -14,9 +14,9 @@ from tests.e2e.command import running
 from tests.unit.native.conftest import exercise as exercise
 from vbus import connect
 from vbus.client.aio import connect as connect_aio
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.protocols.requests import REQUESTS
-from vbus.server.registry import ask, order, status_path
+from vbus.serve.registry import ask, order, status_path
 
 BOARD = """\
 [board]

@@ -10,7 +10,7 @@ import matplotlib
 import pytest
 
 from vbus import plugins
-from vbus.tools.generate.layout import own_families
+from vbus.cli.generate.layout import own_families
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"

@@ -13,7 +13,7 @@ import pytest
 from tests.e2e.command import running, start
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "down_counter"
+EXAMPLE = ROOT / "docs" / "examples" / "down_counter"
 pytestmark = pytest.mark.slow
 
 
@@ -44,7 +44,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(EXAMPLE / "counter.toml", folder)
     pip = ("-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--upgrade",
            "--target", "site", "./source")  # fmt: skip
-    for command in (pip, ("-m", "vbus.tools.generate", "--family", "dc8")):
+    for command in (pip, ("-m", "vbus.cli.generate", "--family", "dc8")):
         done = typed(folder, *command)
         assert done.returncode == 0, done.stdout + done.stderr
     return folder
@@ -150,7 +150,7 @@ def test_its_files_are_made_and_up_to_date(place: Path) -> None:
     made = place / "site" / "dc8" / "generated"
     assert "| `COUNT` | 01H | 8 bits unsigned | read |" in (made / "dc8.md").read_text()
     assert "\n## DC-CNT-1\n" in (made / "dc8-clauses.md").read_text()
-    done = typed(place, "-m", "vbus.tools.generate", "--check", "--family", "dc8")
+    done = typed(place, "-m", "vbus.cli.generate", "--check", "--family", "dc8")
     assert (done.returncode, done.stdout) == (0, "")
 
 

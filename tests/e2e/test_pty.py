@@ -23,9 +23,9 @@ from vbus import connect
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.client.lm628 import Lm628
-from vbus.errors import TransportError
-from vbus.server.server import LinkSpec, Server
-from vbus.server.session import MOST_PENDING, READ_SIZE
+from vbus.core.errors import TransportError
+from vbus.serve.server import LinkSpec, Server
+from vbus.serve.session import MOST_PENDING, READ_SIZE
 from vbus.transports import linux
 
 TERMINAL: Final = 1 << 18
@@ -312,7 +312,7 @@ def test_names_left_by_a_killed_server_are_repaired_by_the_next_start(runtime: P
     script = (
         "import asyncio, os, signal\n"
         "from tests.e2e.test_pty import toy_board, PTY\n"
-        "from vbus.server.server import LinkSpec, Server\n"
+        "from vbus.serve.server import LinkSpec, Server\n"
         "links = [PTY, LinkSpec('unix:$VBUS_RUNTIME/y', 'byte')]\n"
         "async def main():\n"
         "    Server(toy_board(), links).start(asyncio.get_running_loop())\n"
@@ -343,7 +343,7 @@ def start(server: Server) -> None:
 
 def wait_for_sessions(server: Server, count: int) -> None:
     """Ask the running server until it has ``count`` sessions; it answers in its own thread."""
-    from vbus.server.registry import ask, status_path
+    from vbus.serve.registry import ask, status_path
 
     for _ in range(10_000):
         status = ask(status_path(server.board.name))

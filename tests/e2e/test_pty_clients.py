@@ -14,8 +14,8 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
-from vbus.server.registry import ask, status_path
-from vbus.server.server import Server
+from vbus.serve.registry import ask, status_path
+from vbus.serve.server import Server
 from vbus.transports.open_watch import OpenWatch
 from vbus.transports.pty import PtyTransport, _Terminal
 

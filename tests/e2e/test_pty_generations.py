@@ -13,7 +13,7 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board
 from tests.e2e.test_pty_clients import wait_until_served
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 PAIRS = 100
 ECHO = b"\x02"

@@ -29,7 +29,7 @@ MACHINE_READ = {
 
 def script(name: str) -> ModuleType:
     """Return a script of the release as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "release" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, ROOT / "contrib" / "release" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -85,7 +85,7 @@ def test_the_source_distribution_has_all_that_git_tracks(tmp_path: Path) -> None
         pytest.skip("needs a clone: git tells what belongs to it")
 
     done = subprocess.run(
-        [sys.executable, ROOT / "release" / "release.py", "sdist", tmp_path, "--here"],
+        [sys.executable, ROOT / "contrib" / "release" / "release.py", "sdist", tmp_path, "--here"],
         cwd=ROOT, capture_output=True, text=True,
     )  # fmt: skip
 
@@ -190,7 +190,7 @@ def test_the_second_command_of_the_readme_leaves_the_core_of_the_first_alone() -
 
 def test_each_way_to_install_is_tried_by_a_script_that_names_it() -> None:
     listed = subprocess.run(
-        [sys.executable, ROOT / "release" / "installed.py", "--list"],
+        [sys.executable, ROOT / "contrib" / "release" / "installed.py", "--list"],
         capture_output=True, text=True, check=True,
     ).stdout.split()  # fmt: skip
     wheels = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["cibuildwheel"]["build"]
@@ -198,7 +198,7 @@ def test_each_way_to_install_is_tried_by_a_script_that_names_it() -> None:
     pythons = {f"cp{name.removeprefix('python').replace('.', '')}-*" for name in listed[:4]}
     assert pythons == set(wheels.split())
     assert {"no-root", "pipx", "uv-tool", "uvx", "no-gcc", "umlauts", "read-only"} < set(listed)
-    assert "release/installed.py" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()
+    assert "contrib/release/installed.py" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root, who may run what others may not")

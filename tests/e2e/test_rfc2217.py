@@ -9,7 +9,7 @@ import serial
 
 from tests.e2e.serving import served
 from vbus.board.build import load_board_text
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 # pyserial starts its thread in a way that Python will drop.
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")

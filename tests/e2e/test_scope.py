@@ -17,13 +17,13 @@ import pytest
 from aiohttp import ClientSession, CookieJar
 
 from tests.e2e.command import running, start, vbus
-from tests.unit.scope.decoded import Seen, of_page
+from tests.unit.views.scope.decoded import Seen, of_page
 from tests.waiting import until
 from vbus import connect
+from vbus.cli.look.scope_bookmarks import of_journal
 from vbus.client.lm628 import Lm628
-from vbus.server.registry import watch_path
-from vbus.tools.scope_bookmarks import of_journal
-from vbus.trace.journal.format import Entry, JournalReader
+from vbus.record.format import Entry, JournalReader
+from vbus.serve.registry import watch_path
 from vbus.transports.runtime import socket_address
 
 BOARD = """\

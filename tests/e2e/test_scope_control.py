@@ -21,8 +21,8 @@ from tests.e2e.test_scope import MOVE, drive, entries, link_in
 from tests.e2e.test_scope import folder as folder
 from tests.unit.faults.bench import build
 from tests.waiting import until
-from vbus.server.registry import ask, status_path
-from vbus.tools.feed import Feed
+from vbus.cli.look.feed import Feed
+from vbus.serve.registry import ask, status_path
 
 
 @contextmanager
@@ -252,7 +252,7 @@ def test_a_program_is_paused_and_let_go_on_a_board_of_its_own(folder: Path) -> N
 def test_who_may_give_no_orders_gets_no_session(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.server.control.user_behind", lambda fd: os.geteuid() + 1)
+    monkeypatch.setattr("vbus.serve.orders.control.user_behind", lambda fd: os.geteuid() + 1)
     board = build()
     with served(board):
         for control, kind in ((True, "refused"), (False, "scope")):

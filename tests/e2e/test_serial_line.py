@@ -16,11 +16,11 @@ from vbus import connect
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.client.bus import Bus
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
 from vbus.protocols.serial_line import frame_ps
-from vbus.server.server import Server
-from vbus.server.serving import links_of
-from vbus.signals import Observer
+from vbus.serve.server import Server
+from vbus.serve.serving import links_of
 
 # pyserial starts its thread in a way that Python will drop.
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")

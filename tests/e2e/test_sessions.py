@@ -16,10 +16,10 @@ from tests.waiting import until
 from vbus import client
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.core.signals import Observer
 from vbus.protocols.byte import ByteProtocol
-from vbus.server.registry import ask, status_path
-from vbus.server.server import LinkSpec
-from vbus.signals import Observer
+from vbus.serve.registry import ask, status_path
+from vbus.serve.server import LinkSpec
 
 UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
 PTY = LinkSpec("pty:$VBUS_RUNTIME/y", "byte")
@@ -128,7 +128,7 @@ def broken_method(self: ByteProtocol, data: bytes = b"") -> None:
 def test_a_host_that_asks_for_events_and_does_not_read_them_is_hung_up_on(
     runtime: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("vbus.server.session.MOST_EVENTS", 2000)
+    monkeypatch.setattr("vbus.serve.session.MOST_EVENTS", 2000)
     edges = (b"\x20\x00\x50" + (2_000_000).to_bytes(8, "big")) * 100
     with served(toy_board(), UNIX) as server, connect(runtime / "x") as deaf:
         deaf.sendall(b"\x60\x00\x00\x00\x01\x02\x01")

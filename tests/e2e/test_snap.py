@@ -9,9 +9,9 @@ from tests.e2e.command import running, vbus
 from vbus import connect
 from vbus.board import snapshot
 from vbus.board.build import load_board_text
-from vbus.kernel import END, MS, SECOND
-from vbus.server.pacer import DAY
-from vbus.tools import exit_codes
+from vbus.cli import exit_codes
+from vbus.core.kernel import END, MS, SECOND
+from vbus.serve.time.pacer import DAY
 
 BOARD = """\
 [board]

@@ -15,10 +15,10 @@ from msgspec.structs import replace
 import vbus.transports.serial
 from tests.e2e.serving import served
 from tests.e2e.test_pty import read_exactly, start, toy_board, wait_for_sessions
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.protocols.frames import frame
-from vbus.server.registry import ask, running, status_path
-from vbus.server.server import LinkSpec, Server
+from vbus.serve.registry import ask, running, status_path
+from vbus.serve.server import LinkSpec, Server
 from vbus.transports.base import split_url
 from vbus.transports.runtime import socket_address
 from vbus.transports.sockets import UnixTransport

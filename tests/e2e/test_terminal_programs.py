@@ -19,7 +19,7 @@ import pytest
 from tests.e2e.serving import served
 from tests.waiting import PATIENCE, Starved
 from vbus.board.build import load_board_text
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 BOARD = """
 board.time = "lockstep"

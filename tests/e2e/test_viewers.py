@@ -11,8 +11,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from tests.e2e.command import running, start, vbus
 from tests.e2e.test_scope import drive, folder
-from tests.unit.scope.decoded import of_page
-from tests.unit.scope.foxglove_client import FoxgloveClient, connected
+from tests.unit.views.scope.decoded import of_page
+from tests.unit.views.scope.foxglove_client import FoxgloveClient, connected
 
 __all__ = ["folder"]
 

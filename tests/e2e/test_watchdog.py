@@ -27,7 +27,7 @@ class Stuck(Toy):
 STUCK = """
 from tests.e2e.test_watchdog import Stuck
 from vbus.board.board import Board
-from vbus.server.server import LinkSpec, run
+from vbus.serve.server import LinkSpec, run
 
 board = Board("bench", "lockstep")
 board.add_chip(Stuck, "t", "TOY", 8_000_000)
@@ -104,7 +104,7 @@ def test_a_server_that_hears_ends_in_order_and_nothing_is_said(
 
 ASLEEP = """
 import asyncio, signal, threading
-from vbus.server.loop import run_until_signal
+from vbus.serve.loop import run_until_signal
 
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])

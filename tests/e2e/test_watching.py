@@ -12,11 +12,11 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import toy_board
 from tests.e2e.test_sessions import UNIX, connect
 from tests.waiting import until
-from vbus.errors import VbusError
-from vbus.server.registry import watch_path
-from vbus.server.server import Server
-from vbus.server.watching import MOST_WAVE, RemoteWatcher, WaveView
-from vbus.tools.feed import Feed
+from vbus.cli.look.feed import Feed
+from vbus.core.errors import VbusError
+from vbus.serve.orders.watching import MOST_WAVE, RemoteWatcher, WaveView
+from vbus.serve.registry import watch_path
+from vbus.serve.server import Server
 
 
 def watch(**asked: Any) -> socket.socket:
@@ -41,7 +41,7 @@ def messages(link: socket.socket) -> Iterator[Any]:
 def test_events_beyond_the_limit_are_counted_as_lost(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.server.watching.MOST_EVENTS", 5)
+    monkeypatch.setattr("vbus.serve.orders.watching.MOST_EVENTS", 5)
     with served(toy_board(), UNIX), watch(events={}) as link:
         told = messages(link)
         assert next(told)["board"] == "bench"
@@ -65,11 +65,11 @@ def test_a_board_is_not_looked_at_for_who_does_not_read(
 ) -> None:
     """What is stored has an end, and behind it hosts are served as if nobody watched."""
     for limit in ("MOST_PENDING", "MOST_FRAMES"):
-        monkeypatch.setattr(f"vbus.server.watching.{limit}", 1000)
-    monkeypatch.setattr("vbus.server.watching.WatchView.most", 1000)
-    monkeypatch.setattr("vbus.server.watching.MOST_EVENTS", 100)
+        monkeypatch.setattr(f"vbus.serve.orders.watching.{limit}", 1000)
+    monkeypatch.setattr("vbus.serve.orders.watching.WatchView.most", 1000)
+    monkeypatch.setattr("vbus.serve.orders.watching.MOST_EVENTS", 100)
     for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS", "WatchView.pause"):
-        monkeypatch.setattr(f"vbus.server.watching.{pause}", 0.001)
+        monkeypatch.setattr(f"vbus.serve.orders.watching.{pause}", 0.001)
     board = toy_board()
     with served(board, UNIX) as server, watch(**asked) as link, connect(runtime / "x") as host:
         number = 0

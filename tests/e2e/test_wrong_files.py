@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from vbus.board.build import load_board_text
-from vbus.server.output_file import write_file
-from vbus.tools import cli, exit_codes
-from vbus.trace.journal.journal import Journal
+from vbus.cli import cli, exit_codes
+from vbus.record.journal import Journal
+from vbus.serve.output_file import write_file
 
 BOARD = """\
 [board]

@@ -22,13 +22,13 @@ from tests.examples.boards import EXAMPLES, expected
 from tests.namespaces import computers
 from tests.waiting import Starved, until
 from vbus.board.config import read_board_file
-from vbus.errors import TransportError, VbusError
-from vbus.kernel import MS, US
+from vbus.core.errors import TransportError, VbusError
+from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 from vbus.protocols.info import ChipInfo, PortInfo
-from vbus.server.registry import ask
+from vbus.serve.registry import ask
 
 BOUNDS = {
     # What is printed of the contour begins with this; largest distance (counts).

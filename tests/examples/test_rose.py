@@ -11,7 +11,7 @@ import pytest
 from tests.e2e.test_scope import seen_by_a_page
 from tests.examples.boards import expected
 from tests.examples.test_multi_axis import PATIENCE, demo_of, played, started
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 
 NAME = "rose_six_axes"
 

@@ -12,11 +12,12 @@ from tests.exec.test_programs import SERVO, execute
 from tests.waiting import until
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_file
-from vbus.server.host_limits import UNBOUNDED, HostWatch, Limits
+from vbus.cli import proc
+from vbus.cli.hosted import at_rest
+from vbus.cli.hosted.at_rest import AtRest
+from vbus.cli.proc import RUNS, call_of, offspring, tasks
+from vbus.serve.host_limits import UNBOUNDED, HostWatch, Limits
 from vbus.testing.programs import run_program
-from vbus.tools import at_rest, proc
-from vbus.tools.at_rest import AtRest
-from vbus.tools.proc import RUNS, call_of, offspring, tasks
 
 Programs = Callable[[str, int], Path]
 CARD = SERVO.format(time="lockstep", card="")

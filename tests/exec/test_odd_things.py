@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.exec.test_programs import PORTS, REGISTERS, execute
-from vbus.tools.preload import library
+from vbus.cli.hosted.preload import library
 
 # The lines, and the exit code if it is not 0. The register holds 41h before.
 ODD: dict[str, tuple[list[str], int]] = {

@@ -8,7 +8,7 @@ import pytest
 
 from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import SERVO, execute, said
-from vbus.trace.journal.format import Entry, JournalReader
+from vbus.record.format import Entry, JournalReader
 
 
 class Run(NamedTuple):

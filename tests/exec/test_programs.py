@@ -17,7 +17,7 @@ from tests.exec.conftest import ALL, PROGRAMS, compile_c, require
 from tests.exec.forms import processor
 from tests.unit.board.test_leases import Leasing, reset_and_move
 from vbus.board.build import load_board
-from vbus.tools.reach import warnings_for
+from vbus.cli.hosted.reach import warnings_for
 
 REGISTERS = """
 [board]

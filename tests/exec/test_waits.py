@@ -10,7 +10,7 @@ import pytest
 
 from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, running, said
-from vbus.tools.preload import library
+from vbus.cli.hosted.preload import library
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -3,7 +3,7 @@
 from tests.frozen.hosts import DC, IDEAL, STEPPER, Lm, Mcp, Pmd, freeze, head, lm, mcp, pmd
 from tests.frozen.mcp1200_runs import profile
 from vbus.board.board import Board
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 
 TWO_LM = f"""\
 {head("TIME")}[chips.x]

@@ -16,14 +16,14 @@ from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
-from vbus.kernel import US
+from vbus.core.kernel import US
+from vbus.core.signals import Observer, TraceHash, Violation
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.signals import Observer, TraceHash, Violation
-from vbus.trace.journal.format import Entry, Header, JournalReader
-from vbus.trace.journal.player import FINDINGS, Player
-from vbus.trace.journal.replay import Replay
+from vbus.record.format import Entry, Header, JournalReader
+from vbus.record.player import FINDINGS, Player
+from vbus.record.replay import Replay
 
 FOLDER = Path(__file__).parent
 RUNS = FOLDER / "runs"

@@ -42,9 +42,9 @@ from tests.nodes import four_chips
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.player import Player
-from vbus.trace.journal.replay import Replay
+from vbus.record.journal import Journal
+from vbus.record.player import Player
+from vbus.record.replay import Replay
 
 RANDOM = 700
 """Operations of a random host."""

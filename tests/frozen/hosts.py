@@ -13,7 +13,7 @@ from vbus.board.host_bus import HostBus
 from vbus.chips.lm628.datasheet import COMMANDS as LM_COMMANDS
 from vbus.chips.mc1241a.datasheet import COMMANDS as PMD_COMMANDS
 from vbus.chips.mcp1200.datasheet import REGISTERS
-from vbus.kernel import MS, NS, US
+from vbus.core.kernel import MS, NS, US
 
 Play = Callable[[Board], None]
 

@@ -2,7 +2,7 @@
 
 from tests.frozen.hosts import DC, FAST_DC, IDEAL, LOADED, Lm, StrobedLm, Strobes, freeze, lm
 from vbus.board.board import Board
-from vbus.kernel import MS, NS, US
+from vbus.core.kernel import MS, NS, US
 
 
 def move(host: Lm) -> None:

@@ -13,7 +13,7 @@ from tests.frozen.hosts import (
 )
 from vbus.board.board import Board
 from vbus.chips.mc1241a.datasheet import COMMANDS
-from vbus.kernel import MS, NS, US
+from vbus.core.kernel import MS, NS, US
 
 
 @freeze(

@@ -14,7 +14,7 @@ from tests.frozen.hosts import (
     mcp,
 )
 from vbus.board.board import Board
-from vbus.kernel import MS, NS, US
+from vbus.core.kernel import MS, NS, US
 
 
 def profile(host: Mcp, final: int, velocity: int = 12, acceleration: int = 0x80) -> None:

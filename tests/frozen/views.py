@@ -15,22 +15,22 @@ from typing import Final
 from zlib import crc32
 
 from tests.frozen.frozen import FOLDER, RUNS, board_of, read_journal
-from vbus.board.checks import all_rules
+from vbus.board.check.checks import all_rules
 from vbus.boardfile.sections import WaveSection
-from vbus.kernel import MS
-from vbus.scope.replayed import replayed
-from vbus.scope.rows import Rows
-from vbus.server.recording import wave_of
-from vbus.tools.journal_lines import decoded
-from vbus.trace.coverage.coverage import CoverageObserver
-from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text
-from vbus.trace.findings.formats import FORMATS
-from vbus.trace.findings.report import Report
-from vbus.trace.findings.suppress import suppressions_of
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.view import play
+from vbus.cli.journal_lines import decoded
+from vbus.core.kernel import MS
+from vbus.record.format import JournalReader
+from vbus.record.replay import Replay
+from vbus.record.view import play
+from vbus.serve.recording import wave_of
 from vbus.version import __version__
+from vbus.views.coverage.coverage import CoverageObserver
+from vbus.views.coverage.formats import COVERAGE_FORMATS, as_text
+from vbus.views.findings.formats import FORMATS
+from vbus.views.findings.report import Report
+from vbus.views.findings.suppress import suppressions_of
+from vbus.views.scope.replayed import replayed
+from vbus.views.scope.rows import Rows
 
 VIEWS: Final = FOLDER / "views.toml"
 DIGITS: Final = 16

@@ -15,16 +15,15 @@ from typing import Final
 from tests.unit.fake_port import FakePort
 from tests.unit.faults.bench import DC, LM, build
 from vbus.board.board import Board
-from vbus.board.checks import all_rules
+from vbus.board.check.checks import all_rules
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import MAGIC as SNAPSHOT
 from vbus.board.snapshot import read as read_snapshot
 from vbus.circuit.stream import PacketReader
-from vbus.cluster.ordering import read_request, take_order
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
+from vbus.core.kernel import US
 from vbus.events.watch import Watch
 from vbus.faults.trigger import read_when
-from vbus.kernel import US
 from vbus.network import envelope
 from vbus.nodes.machine_snapshot import MAGIC as MACHINE_SNAPSHOT
 from vbus.nodes.machine_snapshot import read as read_machine_snapshot
@@ -41,15 +40,16 @@ from vbus.protocols.port import HostPort
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine
 from vbus.protocols.terminal import TerminalProtocol
 from vbus.protocols.text import TextProtocol
-from vbus.trace.findings.suppress import read_suppressions
-from vbus.trace.journal.format import MAGIC as JOURNAL
-from vbus.trace.journal.format import Header, JournalReader, header_block
-from vbus.trace.journal.view import play
-from vbus.trace.silicon.capture import Capture
-from vbus.trace.silicon.capture_csv import read_csv
-from vbus.trace.silicon.capture_sr import read_sr
-from vbus.trace.silicon.capture_vcd import read_vcd
-from vbus.trace.wave.wave import Wave
+from vbus.record.format import MAGIC as JOURNAL
+from vbus.record.format import Header, JournalReader, header_block
+from vbus.record.view import play
+from vbus.serve.nodes.ordering import read_request, take_order
+from vbus.views.findings.suppress import read_suppressions
+from vbus.views.silicon.capture import Capture
+from vbus.views.silicon.capture_csv import read_csv
+from vbus.views.silicon.capture_sr import read_sr
+from vbus.views.silicon.capture_vcd import read_vcd
+from vbus.views.wave.wave import Wave
 
 LONGEST_SENTENCE: Final = 2000
 MOST_SAMPLES: Final = 2000

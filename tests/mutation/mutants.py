@@ -36,11 +36,11 @@ QUOTAS: Final = {
     "vbus/plant": 90,
     "vbus/protocols": 100,
     "vbus/board": 170,
-    "vbus/trace": 190,
+    "vbus/views": 190,
     "vbus/nodes": 90,
     "vbus/faults": 80,
-    "vbus/signals": 40,
-    "vbus/kernel": 40,
+    "vbus/core/signals": 40,
+    "vbus/core/kernel": 40,
 }
 SAMPLE: Final = sum(QUOTAS.values())
 
@@ -266,7 +266,7 @@ def difference(root: Path, mutant: Mutant) -> tuple[str, str]:
 
 
 ROLES: Final = {
-    "packets": "vbus/trace", "coverage": "vbus/trace", "upsets": "vbus/faults",
+    "packets": "vbus/views", "coverage": "vbus/views", "upsets": "vbus/faults",
     "access": "", "calls": "", "host": "", "demo": "", "generated": "",
 }  # fmt: skip
 """What files of a chip's folder count for that are not its behaviour; clients are not mutated."""

@@ -375,7 +375,7 @@ def test_a_sample_has_one_mutant_of_a_site_and_takes_no_notice_of_new_code(
 
 
 def test_a_sample_takes_its_share_of_each_folder(tmp_path: Path) -> None:
-    for name in ("vbus/chips/lm628", "vbus/chips", "vbus/kernel", "vbus/tools"):
+    for name in ("vbus/chips/lm628", "vbus/chips", "vbus/core/kernel", "vbus/cli"):
         (tmp_path / name).mkdir(parents=True, exist_ok=True)
         rows = "".join(f"V{i} = {i}\n" for i in range(50))
         (tmp_path / name / "one.py").write_text(rows)
@@ -383,7 +383,7 @@ def test_a_sample_takes_its_share_of_each_folder(tmp_path: Path) -> None:
     assert Counter(folder(mutant.file) for mutant in found) == {
         "vbus/chips/lm628": QUOTAS["vbus/chips/lm628"] // 10,
         "vbus/chips": QUOTAS["vbus/chips"] // 10,
-        "vbus/kernel": QUOTAS["vbus/kernel"] // 10,
+        "vbus/core/kernel": QUOTAS["vbus/core/kernel"] // 10,
     }
 
 

@@ -91,8 +91,8 @@ class Bench:
 
     def node(self, name: str) -> dict[str, Any]:
         """Return what ``vbus ls`` tells of a node; empty if it does not run."""
-        from vbus.errors import TransportError
-        from vbus.server.registry import ask
+        from vbus.core.errors import TransportError
+        from vbus.serve.registry import ask
 
         try:
             state: dict[str, Any] = ask(self.folder / "run" / "boards" / f"four.{name}.sock")

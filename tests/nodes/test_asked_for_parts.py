@@ -19,18 +19,18 @@ from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot, take
 from vbus.board.snapshot import read as read_board
 from vbus.board.snapshot import write as write_board
-from vbus.cluster import node_link, peers, timebase
-from vbus.cluster.node_link import PIECE, NodeLink, Receiver
-from vbus.cluster.ordering import Answer, NodeRequest, read_answer
-from vbus.cluster.peers import Group
-from vbus.cluster.timebase import Timebase
-from vbus.errors import SnapshotError, VbusError
+from vbus.cli.run.snap_machine import save_machine
+from vbus.core.errors import SnapshotError, VbusError
 from vbus.network.session import close_session, open_session
 from vbus.nodes.machine import conductor_of
 from vbus.nodes.machine_snapshot import SavedNode, read
 from vbus.nodes.plan import plan_of
-from vbus.server.registry import ORDER_SECONDS
-from vbus.tools.snap_machine import save_machine
+from vbus.serve.nodes import node_link, peers, timebase
+from vbus.serve.nodes.node_link import PIECE, NodeLink, Receiver
+from vbus.serve.nodes.ordering import Answer, NodeRequest, read_answer
+from vbus.serve.nodes.peers import Group
+from vbus.serve.nodes.timebase import Timebase
+from vbus.serve.registry import ORDER_SECONDS
 
 
 class Told(Receiver):
@@ -253,7 +253,7 @@ def test_nodes_elsewhere_that_were_asked_too_late_are_asked_for_a_later_round(
         data = write_board(take(Board(values["node"])))
         return {"round": values["round"] + late, "data": base64.b64encode(data).decode()}
 
-    monkeypatch.setattr("vbus.server.registry.order", order)
+    monkeypatch.setattr("vbus.serve.registry.order", order)
     file = tmp_path / "m.snap"
     save_machine("m", {"a": {"round": 10, "others": {"b": "runs"}}}, file, True)
     found = read(file.read_bytes())
@@ -273,6 +273,6 @@ def test_of_several_refusals_that_which_is_no_consequence_is_told(
             raise VbusError("node a waits for the others, so")
         return {"answers": True, "state": "runs"}
 
-    monkeypatch.setattr("vbus.server.registry.order", order)
+    monkeypatch.setattr("vbus.serve.registry.order", order)
     with pytest.raises(VbusError, match=r"^node b waits for its host$"):
         save_machine("m", {"a": {"others": {"b": "runs"}}}, tmp_path / "m.snap", True)

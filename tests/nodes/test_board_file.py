@@ -6,8 +6,8 @@ from tests.nodes.four_chips import BOARD
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
 from vbus.boardfile.source import BoardFileError
-from vbus.errors import ConfigError
-from vbus.kernel import END, US
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import END, US
 from vbus.nodes.machine import build_nodes
 from vbus.nodes.plan import part_of, pins_of, plan_of
 from vbus.nodes.scenario import read_scenario

@@ -13,12 +13,12 @@ from tests.nodes.test_hosts import BOARD, both
 from vbus.board.config import read_board_text
 from vbus.boardfile.source import BoardFileError
 from vbus.circuit.orders import PIN, Order, Orders
-from vbus.errors import VbusError
-from vbus.kernel import MS, US
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine, build_nodes
 from vbus.nodes.plan import part_of, pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
-from vbus.server.registry import order
+from vbus.serve.registry import order
 
 JAMMED = '[[faults]]\nfault = "jam"\ntarget = "x"\nwhen = "at 4 ms"\nuntil = "for 3 ms"\n'
 
@@ -154,7 +154,7 @@ def test_a_fault_armed_by_hand_and_the_numbers_of_each_process(
 
 
 def told(bench: Bench, node: str) -> dict[str, str]:
-    from vbus.server.registry import ask
+    from vbus.serve.registry import ask
 
     state: dict[str, str] = ask(bench.folder / "run" / "boards" / f"four.{node}.sock")
     return state

@@ -10,7 +10,7 @@ import pytest
 from tests.nodes.processes import Bench, ended
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 
 BOARD = """\
 [board]

@@ -10,13 +10,13 @@ from tests.nodes.processes import Bench, ended
 from tests.nodes.test_faults import JAMMED, run
 from tests.nodes.test_hosts import BOARD, both
 from vbus.board.board import Board
-from vbus.kernel import MS
+from vbus.cli.test.replay import machine_hash
+from vbus.core.kernel import MS
 from vbus.nodes.machine import board_of
 from vbus.nodes.node import Node
-from vbus.server.registry import order
-from vbus.tools.replay import machine_hash
-from vbus.trace.journal.format import Entry, JournalReader
-from vbus.trace.journal.replay import Outcome, Replay
+from vbus.record.format import Entry, JournalReader
+from vbus.record.replay import Outcome, Replay
+from vbus.serve.registry import order
 
 
 def entries(path: Path) -> list[Entry]:

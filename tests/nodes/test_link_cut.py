@@ -10,7 +10,7 @@ from tests.namespaces import Computers, computers
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from vbus.board.config import read_board_text
-from vbus.kernel import US
+from vbus.core.kernel import US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario

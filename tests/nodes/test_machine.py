@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.nodes.four_chips import BOARD, scenario
-from vbus import state
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot
-from vbus.errors import NodeMismatchError, SnapshotError
-from vbus.kernel import END, NEVER, US
+from vbus.core import state
+from vbus.core.errors import NodeMismatchError, SnapshotError
+from vbus.core.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, build_nodes, conductor_of, trace_hash
 from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
 from vbus.nodes.plan import pins_of, plan_of

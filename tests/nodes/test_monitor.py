@@ -15,8 +15,8 @@ import pytest
 from tests.nodes.processes import Bench
 from tests.nodes.test_realtime import REAL, order
 from tests.waiting import PATIENCE
-from vbus.kernel import MS
-from vbus.tools.feed import Together, boards_of
+from vbus.cli.look.feed import Together, boards_of
+from vbus.core.kernel import MS
 
 
 @pytest.fixture

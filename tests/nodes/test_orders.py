@@ -2,13 +2,13 @@
 
 import pytest
 
-from vbus import state
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.circuit.orders import PIN, READ, WRITE, Order, Orders
-from vbus.kernel import US
-from vbus.signals import Observer
-from vbus.state import save
+from vbus.core import state
+from vbus.core.kernel import US
+from vbus.core.signals import Observer
+from vbus.core.state import save
 
 BOARD = """\
 [board]

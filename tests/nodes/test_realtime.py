@@ -16,20 +16,20 @@ import pytest
 from tests.e2e.test_scope import link_in, seen_by_a_page
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
-from tests.unit.scope.decoded import Seen
+from tests.unit.views.scope.decoded import Seen
 from tests.waiting import Starved
 from vbus.board.config import read_board_file, read_board_text
-from vbus.cluster import ordering
-from vbus.cluster.node_link import NodeLink
-from vbus.cluster.peers import Group
-from vbus.cluster.realtime_nodes import ClockEstimate, RealTime
-from vbus.cluster.skew import BOUNDS_NS, Skew
-from vbus.errors import ConfigError, NodeError
-from vbus.kernel import MS, US
+from vbus.core.errors import ConfigError, NodeError
+from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
 from vbus.nodes.messages import WireEdges
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.nodes import ordering
+from vbus.serve.nodes.node_link import NodeLink
+from vbus.serve.nodes.peers import Group
+from vbus.serve.nodes.realtime_nodes import ClockEstimate, RealTime
+from vbus.serve.nodes.skew import BOUNDS_NS, Skew
 
 REAL = (
     BOARD.replace('"lockstep"', '"realtime"')

@@ -7,13 +7,13 @@ from msgspec.structs import replace
 
 from vbus.board.config import read_board_text
 from vbus.circuit.orders import READ, WRITE, Order
-from vbus.kernel import END, MS, US
+from vbus.core.kernel import END, MS, US
 from vbus.nodes.machine import board_of, node_of
 from vbus.nodes.node import Node
 from vbus.protocols.port import NotYet
-from vbus.trace.journal.format import Entry, JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Divergence, Replay
+from vbus.record.format import Entry, JournalReader
+from vbus.record.journal import Journal
+from vbus.record.replay import Divergence, Replay
 
 BOARD = """\
 [board]

@@ -8,14 +8,14 @@ import pytest
 
 from tests.nodes.four_chips import BOARD, scenario
 from vbus.board.config import read_board_text
-from vbus.cluster.node_link import NodeLink
-from vbus.cluster.peers import Group
-from vbus.cluster.timebase import Timebase
-from vbus.kernel import US
+from vbus.core.kernel import US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
 from vbus.nodes.messages import NodeReport, Reports, decode, encode
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.nodes.node_link import NodeLink
+from vbus.serve.nodes.peers import Group
+from vbus.serve.nodes.timebase import Timebase
 
 FILE, SOURCE = read_board_text(BOARD)
 PLAN = plan_of(FILE)

@@ -12,14 +12,14 @@ import pytest
 from tests.e2e.test_scope import link_in, seen_by_a_page
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
-from tests.unit.scope.decoded import Seen, of_page
+from tests.unit.views.scope.decoded import Seen, of_page
 from vbus.board.config import read_board_text
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.scope.merged import Merged
-from vbus.scope.recording import Recorder
+from vbus.views.scope.merged import Merged
+from vbus.views.scope.recording import Recorder
 
 END = 20 * MS
 PACKET = 3 * MS

@@ -24,17 +24,17 @@ from vbus.board.board import Board
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import seal, take
 from vbus.board.snapshot import write as write_board
+from vbus.cli.run.snap import save
+from vbus.cli.run.snap_machine import save_machine
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
-from vbus.errors import SnapshotError, VbusError
-from vbus.kernel import MS, US
+from vbus.core.errors import SnapshotError, VbusError
+from vbus.core.kernel import MS, US
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
 from vbus.nodes.machine_snapshot import MAGIC, MachineSnapshot, read, write
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.tools.snap import save
-from vbus.tools.snap_machine import save_machine
 
 HOSTS = BOARD_WITH_HOSTS.replace('chips = ["y"]\nawaited = true', 'chips = ["y"]')
 """Time waits for the host of x alone."""
@@ -348,7 +348,7 @@ def test_nodes_that_were_asked_too_late_for_one_round_are_asked_for_a_later_one(
         late = board == "m.b" and len({n for _, n in asked}) <= until_together
         return {"round": number + 7 * late, "data": base64.b64encode(SOME).decode()}
 
-    monkeypatch.setattr("vbus.server.registry.order", order)
+    monkeypatch.setattr("vbus.serve.registry.order", order)
     nodes = {name: {"round": 10, "others": {}} for name in "ab"}
     file = tmp_path / "m.snap"
     if until_together < 4:

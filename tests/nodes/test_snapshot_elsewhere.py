@@ -18,16 +18,16 @@ from tests.nodes.test_hosts import BOARD as BOARD_WITH_HOSTS
 from tests.nodes.test_security import Computers
 from tests.waiting import PATIENCE
 from vbus.board.config import read_board_text
+from vbus.cli.run.snap import save
 from vbus.client import connect
-from vbus.cluster.ordering import Answer, NodeRequest, read_answer
-from vbus.errors import TransportError
-from vbus.kernel import MS
+from vbus.core.errors import TransportError
+from vbus.core.kernel import MS
 from vbus.network.security import Security
 from vbus.network.session import close_session, open_session
 from vbus.nodes.machine_snapshot import read
 from vbus.nodes.plan import plan_of
-from vbus.server.registry import ask
-from vbus.tools.snap import save
+from vbus.serve.nodes.ordering import Answer, NodeRequest, read_answer
+from vbus.serve.registry import ask
 
 HOSTS = BOARD_WITH_HOSTS.replace('chips = ["y"]\nawaited = true', 'chips = ["y"]')
 """Time waits for the host of x alone."""

@@ -14,13 +14,13 @@ import pytest
 from tests.nodes.four_chips import BOARD, scenario
 from tests.waiting import PATIENCE, until
 from vbus.board.config import read_board_text
-from vbus.cluster.processes import Meeting, Process, meeting_of, processes_of
-from vbus.errors import ConfigError, TransportError
-from vbus.kernel import US
+from vbus.core.errors import ConfigError, TransportError
+from vbus.core.kernel import US
 from vbus.network.session import free_endpoint
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.nodes.processes import Meeting, Process, meeting_of, processes_of
 
 
 def sharing(board: str, **processes: str) -> str:

@@ -14,12 +14,12 @@ from tests.nodes.test_snapshot import snapshot_of
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
 from vbus.boardfile.source import BoardFileError
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
+from vbus.core.signals import HIGH, LOW, Z
 from vbus.nodes.machine import Machine, build_nodes
 from vbus.nodes.machine_snapshot import read, write
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.signals import HIGH, LOW, Z
 
 TWO = """\
 [board]

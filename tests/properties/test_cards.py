@@ -12,8 +12,8 @@ import pytest
 from tests.unit.glue.test_cards import Slot
 from tests.unit.glue.test_paths import TWO_CHIPS, path_of
 from vbus.board.snapshot import restore, take
-from vbus.kernel import NS, US
-from vbus.signals import Observer
+from vbus.core.kernel import NS, US
+from vbus.core.signals import Observer
 
 CYCLES = int(os.environ.get("VBUS_CARDS", "2500"))
 A_BOARD = 150

@@ -23,21 +23,14 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import Hosts
 from vbus.circuit.stream import PacketReader
-from vbus.errors import SnapshotError, VbusError
-from vbus.kernel import END, MS, NS, US
+from vbus.core.errors import SnapshotError, VbusError
+from vbus.core.kernel import END, MS, NS, US
 from vbus.protocols.byte import ByteProtocol
-from vbus.trace.journal.format import (
-    CODE,
-    MAGIC,
-    JournalError,
-    JournalReader,
-    block,
-    rows_block,
-)
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.rows import AGAIN, FULL, OTHER
-from vbus.trace.journal.view import play
+from vbus.record.format import CODE, MAGIC, JournalError, JournalReader, block, rows_block
+from vbus.record.journal import Journal
+from vbus.record.replay import Replay
+from vbus.record.rows import AGAIN, FULL, OTHER
+from vbus.record.view import play
 
 TRIED = int(os.environ.get("VBUS_DAMAGED", "60"))
 ALL = [(LM, DC, Lm), (MCP, DC, Mcp), (MC, STEPPER, Mc)]
@@ -263,7 +256,7 @@ def test_a_call_that_cannot_be_made_is_named(op: str, value: Any, text: str) -> 
 
 
 def test_a_block_unpacks_to_a_bounded_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vbus.trace.journal.format.LARGEST", 4000)
+    monkeypatch.setattr("vbus.record.format.LARGEST", 4000)
     data = entry("fault", [0, "a", "x", "y", "z" * 5000])
     with pytest.raises(JournalError, match="makes no sense: it holds more than 4000 bytes"):
         list(JournalReader(io.BytesIO(data)))

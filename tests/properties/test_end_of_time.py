@@ -12,7 +12,7 @@ import pytest
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.kernel import END, HELD, MS, NEVER, SECOND, US
+from vbus.core.kernel import END, HELD, MS, NEVER, SECOND, US
 from vbus.protocols import codes
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.port import HostPort, PortError

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.properties.test_rest import FAMILIES, Machine, reached
-from vbus.kernel import MS, NEVER, SECOND, US
+from vbus.core.kernel import MS, NEVER, SECOND, US
+from vbus.core.signals import Observer
 from vbus.protocols.port import PortError
-from vbus.signals import Observer
 
 LISTENED = {
     "lm628": ("HI",),

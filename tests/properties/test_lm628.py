@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from tests.conformance.lm628.bench import Bench, Follower, Log
 from tests.probe import probe
-from vbus import state
 from vbus.chips.base import OUTPUT
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
 from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Trajectory, approach
-from vbus.kernel import NS, US
-from vbus.state import keep, save
+from vbus.core import state
+from vbus.core.kernel import NS, US
+from vbus.core.state import keep, save
 
 Operation = tuple[str, int, int]
 ONE = 1 << 16

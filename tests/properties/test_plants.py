@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.chips.motion.quadrature import ALL_LOW, Quadrature
+from vbus.core.signals import Plant
+from vbus.core.state import load, save
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import Plant
-from vbus.state import load, save
 
 Period = Callable[[Plant], int]
 

@@ -8,7 +8,7 @@ from random import Random
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 
 ROOT = Path(__file__).parents[2]
 

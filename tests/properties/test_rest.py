@@ -16,10 +16,10 @@ from tests.differential.drive import MOTION, Host
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import COMMANDS as LM
 from vbus.chips.mc1241a.datasheet import COMMANDS as PMD
-from vbus.kernel import MS, SECOND, US
+from vbus.core.kernel import MS, SECOND, US
+from vbus.core.signals import Plant
+from vbus.core.state import save
 from vbus.protocols.port import PortError
-from vbus.signals import Plant
-from vbus.state import save
 
 FAMILIES = sorted(("mcp1200", *MOTION))
 

@@ -13,10 +13,10 @@ from vbus.chips.mc1241a.microstep import STEPS, Microstepper
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.generated.registers import NAMES
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
+from vbus.core.state import load, save
 from vbus.plant.angle import sine
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.windings import torque
-from vbus.state import load, save
 
 # -- mechanics ---------------------------------------------------------------------------------
 

@@ -14,9 +14,9 @@ from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.core.kernel import MS, NS
 from vbus.faults.row import AXIS, LASTS, LINK
 from vbus.faults.table import faults
-from vbus.kernel import MS, NS
 from vbus.protocols.port import PortError
 
 BOARDS = int(os.environ.get("VBUS_SNAPSHOTS", "100"))

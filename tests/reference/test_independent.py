@@ -44,7 +44,7 @@ def test_a_model_imports_nothing_of_the_project(path: Path) -> None:
     ("text", "found"),
     [
         ("import vbus", {"vbus"}),
-        ("def f():\n    from vbus.bits import signed", {"vbus"}),
+        ("def f():\n    from vbus.core.bits import signed", {"vbus"}),
         ("import math, tests.reference.lm628", {"tests"}),
         ("from . import lm628", {"."}),
         ("import importlib.util", {"importlib"}),

@@ -17,8 +17,8 @@ import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench
 from tests.reference import lm628 as reference
-from vbus.kernel import NEVER, NS, US
-from vbus.signals import HIGH, LOW, Plant
+from vbus.core.kernel import NEVER, NS, US
+from vbus.core.signals import HIGH, LOW, Plant
 
 SAMPLES = int(os.environ.get("VBUS_REFERENCE", "100_000"))
 BOARD_SAMPLES = 500

@@ -17,8 +17,8 @@ import pytest
 from tests.reference import mc1241a as reference
 from tests.reference.mc1241a import COMMANDS, SINE, SINE_120, dac_word, pwm, scaled
 from vbus.chips.mc1241a.chip import MC1241A
-from vbus.kernel import NS, Clock, Kernel
-from vbus.signals import OFF, Observer, Pin, Plant, Policy, Switch
+from vbus.core.kernel import NS, Clock, Kernel
+from vbus.core.signals import OFF, Observer, Pin, Plant, Policy, Switch
 
 CYCLES = int(os.environ.get("VBUS_REFERENCE", "100_000"))
 CYCLES_OF_A_SEED = 2000

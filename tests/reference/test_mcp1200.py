@@ -16,8 +16,8 @@ import pytest
 
 from tests.reference.mcp1200 import CONTROL, HALTED, IDLE, RESET, RESET_CLK, Reference
 from vbus.chips.mcp1200.chip import MCP1200
-from vbus.kernel import Clock, Kernel
-from vbus.signals import OFF, Plant, Policy
+from vbus.core.kernel import Clock, Kernel
+from vbus.core.signals import OFF, Plant, Policy
 
 SAMPLES = int(os.environ.get("VBUS_REFERENCE", "100000"))
 EACH = 500

@@ -17,8 +17,8 @@ import pytest
 from tests.e2e.serving import served
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.server.serving import links_of
-from vbus.tools.transcript import Transcript
+from vbus.cli.transcript import Transcript
+from vbus.serve.serving import links_of
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
 

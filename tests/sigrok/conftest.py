@@ -10,6 +10,6 @@ import pytest
 @pytest.fixture(scope="session")
 def sigrok_decoders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("decoders")
-    making = [sys.executable, "-m", "vbus.tools.generate", "--sigrok", str(folder)]
+    making = [sys.executable, "-m", "vbus.cli.generate", "--sigrok", str(folder)]
     subprocess.run(making, check=True, capture_output=True, timeout=120)
     return folder

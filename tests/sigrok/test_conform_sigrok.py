@@ -8,7 +8,7 @@ import pytest
 
 from tests.e2e.command import vbus
 from tests.sigrok.test_sigrok import sigrok  # noqa: F401 - a fixture
-from tests.unit.trace.captures import BOARDS, Shot, vcd
+from tests.unit.views.captures import BOARDS, Shot, vcd
 
 PARTS = {"lm628": ("LM629N-8", "8 MHz"), "mc1241a": ("MC1241A", "25 MHz"),
          "mcp1200": ("MCP-1200", "8 MHz")}  # fmt: skip

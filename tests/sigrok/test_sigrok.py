@@ -14,13 +14,13 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketTaker
-from vbus.kernel import MS, US
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.view import play
-from vbus.trace.names import plain
-from vbus.trace.silicon.start import watch_of
-from vbus.trace.wave.wave import Wave
+from vbus.core.kernel import MS, US
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
+from vbus.record.view import play
+from vbus.views.names import plain
+from vbus.views.silicon.start import watch_of
+from vbus.views.wave.wave import Wave
 
 ROOT = Path(__file__).parents[2]
 BOARD = """\

@@ -17,11 +17,11 @@ from tests.waiting import until
 from vbus import connect
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketTaker
+from vbus.cli import exit_codes
+from vbus.cli.look.sigrok_server import CHANNELS
 from vbus.client.lm628 import Lm628
-from vbus.tools import exit_codes
-from vbus.tools.sigrok_server import CHANNELS
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.view import play
+from vbus.record.format import JournalReader
+from vbus.record.view import play
 
 __all__ = ["folder", "sigrok"]
 

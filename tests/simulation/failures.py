@@ -19,8 +19,8 @@ from typing import Final
 
 from tests.simulation.run import Outcome, SimulatedFile, Simulation
 from tests.simulation.transcript import Wrong
-from vbus.errors import VbusError
-from vbus.runtime import private_runtime
+from vbus.core.errors import VbusError
+from vbus.core.runtime import private_runtime
 
 CODES: Final = {
     "accept": (EMFILE, ECONNABORTED), "bind": (EACCES,), "close": (EIO,), "epoll": (EMFILE,),

@@ -41,18 +41,18 @@ from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import RecordSection
-from vbus.kernel import END, MS, SECOND, US
+from vbus.core.kernel import END, MS, SECOND, US
+from vbus.core.runtime import private_runtime
 from vbus.network import session as network_session
 from vbus.protocols.byte import ByteProtocol
-from vbus.runtime import private_runtime
-from vbus.server import recording
-from vbus.server.host_entry import HostEntry
-from vbus.server.pacer import Pacer
-from vbus.server.recording import Recording
-from vbus.server.server import LinkSpec, Server
-from vbus.server.session import Serving
-from vbus.trace.journal.format import JournalError, JournalReader
-from vbus.trace.journal.replay import Replay
+from vbus.record.format import JournalError, JournalReader
+from vbus.record.replay import Replay
+from vbus.serve import recording
+from vbus.serve.host_entry import HostEntry
+from vbus.serve.recording import Recording
+from vbus.serve.server import LinkSpec, Server
+from vbus.serve.session import Serving
+from vbus.serve.time.pacer import Pacer
 from vbus.transports import zenoh as zenoh_transport
 from vbus.transports.base import Link
 from vbus.transports.states import DRAINING

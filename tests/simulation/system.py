@@ -21,7 +21,8 @@ from types import TracebackType
 from typing import Any, Final
 from unittest import mock
 
-from vbus.server import hang_ups, local_socket, loop, pacer, recording, turns
+from vbus.serve import hang_ups, local_socket, loop, recording
+from vbus.serve.time import pacer, turns
 from vbus.transports import base, open_watch, pty, runtime, sockets, zenoh_inbox
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
 

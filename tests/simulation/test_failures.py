@@ -9,9 +9,9 @@ import pytest
 
 from tests.simulation.failures import CODES, calls, failing, ways
 from tests.unit.faults.bench import build
-from vbus.errors import VbusError
-from vbus.server.output_file import write_file
-from vbus.trace.journal.journal import Journal
+from vbus.core.errors import VbusError
+from vbus.record.journal import Journal
+from vbus.serve.output_file import write_file
 
 SHORT = 5
 """Seed of a run with few calls."""

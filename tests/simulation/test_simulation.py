@@ -7,7 +7,7 @@ import pytest
 
 from tests.simulation.run import simulate
 from vbus.board.host_bus import HostBus
-from vbus.server.session import Session
+from vbus.serve.session import Session
 from vbus.transports.sockets import SocketLink
 from vbus.transports.states import SESSION, TERMINAL
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any, Final
 
-from vbus.kernel import END, MS, NS, US
+from vbus.core.kernel import END, MS, NS, US
 from vbus.protocols import codes
 from vbus.protocols.requests import FORESEEN, LEASED, REPLIES, REQUESTS, UNASKED
 

@@ -1,5 +1,5 @@
 """The journal of a move."""
 
-from tests.unit.trace.conftest import moved
+from tests.unit.views.conftest import moved
 
 __all__ = ["moved"]

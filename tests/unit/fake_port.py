@@ -1,6 +1,6 @@
 """A port without a board: keeps a log of what it was asked, and answers by simple rules."""
 
-from vbus.kernel import NEVER, US
+from vbus.core.kernel import NEVER, US
 from vbus.protocols import codes
 from vbus.protocols.port import CardAccess, ChipInfo, HostPort, PortError, PortInfo
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.bits import saturate, sign_extend, wrap, wrap_word
+from vbus.core.bits import saturate, sign_extend, wrap, wrap_word
 
 WORDS = st.one_of(st.integers(-(1 << 62), 1 << 62), st.sampled_from((-(1 << 62), 1 << 62)))
 

@@ -239,7 +239,7 @@ assert "vbus.chips.clauses" not in sys.modules
     "code",
     [
         "import vbus.client.lm628, vbus.client.mc1241a, vbus.client.mcp1200, vbus.client.aio",
-        "from vbus.tools.cli import cli; cli.main(['--version'], standalone_mode=False)",
+        "from vbus.cli.cli import cli; cli.main(['--version'], standalone_mode=False)",
         "from vbus import plugins; plugins.chip_classes()",
     ],
 )

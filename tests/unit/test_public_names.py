@@ -23,7 +23,7 @@ def test_another_name_is_not() -> None:
 
 def test_importing_vbus_and_its_command_line_imports_nothing_heavy() -> None:
     code = (
-        "import sys; import vbus.tools.cli;"
+        "import sys; import vbus.cli.cli;"
         "print(*{'asyncio', 'msgspec', 'msgpack', 'rich', 'serial', 'zenoh', 'vbus.board'}"
         " & set(sys.modules))"
     )

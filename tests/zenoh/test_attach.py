@@ -23,8 +23,8 @@ from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.protocols.requests import REQUESTS
-from vbus.server.registry import ask, order, status_path
-from vbus.server.server import LinkSpec
+from vbus.serve.registry import ask, order, status_path
+from vbus.serve.server import LinkSpec
 
 POLLING_HOST = Path(__file__).parents[1] / "e2e" / "polling_host.c"
 PTY = "pty:$VBUS_RUNTIME/near"

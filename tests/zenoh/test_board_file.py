@@ -8,7 +8,7 @@ from tests.e2e.command import vbus
 from vbus.board.config import read_board_text, read_zenoh_file
 from vbus.boardfile.source import BoardFileError
 from vbus.network.session import Network
-from vbus.server.serving import network_of
+from vbus.serve.serving import network_of
 
 CHIP = '[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
 FILES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'

@@ -17,11 +17,11 @@ from vbus.client import connect
 from vbus.client.aio import connect as connect_aio
 from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
-from vbus.errors import ProtocolError, TransportError
+from vbus.core.errors import ProtocolError, TransportError
+from vbus.core.signals import Observer
 from vbus.network import keys
-from vbus.server.registry import order
-from vbus.server.server import LinkSpec
-from vbus.signals import Observer
+from vbus.serve.registry import order
+from vbus.serve.server import LinkSpec
 
 
 def board(time: str = "lockstep") -> Board:

@@ -10,7 +10,7 @@ from vbus.board.config import read_board_text
 from vbus.client import connect
 from vbus.client.mc1241a import Mc1241a
 from vbus.client.mcp1200 import Mcp1200
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 BOARD = """
 [board]

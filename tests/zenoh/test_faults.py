@@ -14,10 +14,10 @@ from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import Cycles, board
 from vbus.client import connect
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.session import Network, close_session, open_session
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 BUS = keys.bus("bench", "x")
 
@@ -271,7 +271,7 @@ def test_an_error_inside_the_board_ends_that_session_and_the_host_is_told(
         connect("zenoh:bench/y") as other,
     ):
         with monkeypatch.context() as patched:
-            patched.setattr("vbus.server.pacer.Pacer.catch_up", broken)
+            patched.setattr("vbus.serve.time.pacer.Pacer.catch_up", broken)
             with pytest.raises(TransportError, match=r"the session is over: internal error"):
                 bus.read(0)
         assert other.read(0) == 0x84

@@ -13,8 +13,8 @@ from tests.namespaces import Computers, computers
 from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import BOARD, Process
 from vbus.client import connect
-from vbus.errors import TransportError
-from vbus.server.registry import ask
+from vbus.core.errors import TransportError
+from vbus.serve.registry import ask
 
 AWAY = 5.0
 """Seconds: longer than Zenoh's lease, a host's patience and a board's grace by default."""
@@ -24,7 +24,7 @@ HOST = """
 import os, sys
 from vbus.client import connect
 from vbus.client import connect
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 
 link, chip, stop = sys.argv[1:]
 done, said = 0, ""

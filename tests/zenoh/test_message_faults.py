@@ -18,11 +18,11 @@ from vbus.board.config import read_board_text
 from vbus.client import connect
 from vbus.client.bus import Bus
 from vbus.client.zenoh_link import open_zenoh
-from vbus.errors import TransportError, VbusError
+from vbus.core.errors import TransportError, VbusError
 from vbus.network import envelope, keys
 from vbus.network.session import Network, close_session, open_session
-from vbus.server.registry import order
-from vbus.server.server import LinkSpec, Server
+from vbus.serve.registry import order
+from vbus.serve.server import LinkSpec, Server
 
 WAYS = ("request", "reply", "both")
 WRITES = 12

@@ -20,11 +20,11 @@ from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
 from vbus import connect
 from vbus.client.zenoh_link import Sent, ZenohBoardLink, open_zenoh
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.network import envelope, keys, session
 from vbus.network.exchange import Exchange
 from vbus.network.session import close_session, open_session
-from vbus.server.server import LinkSpec, Server
+from vbus.serve.server import LinkSpec, Server
 from vbus.transports import zenoh_host
 from vbus.transports.zenoh_host import ZenohLink as BoardLink
 from vbus.transports.zenoh_host import send_reply

@@ -8,9 +8,9 @@ import pytest
 
 from tests.e2e.command import vbus
 from tests.ports import free_endpoint
-from vbus.errors import TransportError
+from vbus.cli import exit_codes
+from vbus.core.errors import TransportError
 from vbus.network.session import close_session, open_session
-from vbus.tools import exit_codes
 
 
 def sockets(kind: str) -> list[str]:

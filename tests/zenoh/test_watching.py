@@ -16,7 +16,7 @@ from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.network import places
 from vbus.network.session import Network, close_session, open_session
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 
 class Watcher:

@@ -12,10 +12,10 @@ from tests.zenoh.test_bus import board
 from tests.zenoh.test_security import Files, files, link, secured, short_patience
 from vbus.client import connect
 from vbus.client.zenoh_link import open_zenoh
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.session import FORKED, close_session, open_session
-from vbus.server.server import LinkSpec
+from vbus.serve.server import LinkSpec
 
 __all__ = ["files", "short_patience"]
 BUS = keys.bus("bench", "x")

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import msgpack
 from mypy_extensions import mypyc_attr
 
-from vbus.board.cards import Card
+from vbus.board.card.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
+from vbus.core.signals import Policy, TraceHash
+from vbus.core.state import Names, Saved, save
+from vbus.core.state.kinds import Load
 from vbus.protocols.quantities import picoseconds
-from vbus.signals import Policy, TraceHash
-from vbus.state import Names, Saved, save
-from vbus.state.kinds import Load
 
 if TYPE_CHECKING:
     from vbus.faults.armed import LinkActs

@@ -9,10 +9,10 @@ from typing import Final
 from msgspec.structs import replace
 
 from vbus import plugins
-from vbus.board import cards
 from vbus.board.board import Board
-from vbus.board.card_bus import CLOCK, CardBus
-from vbus.board.card_interrupt import ACK, INT, add_interrupt
+from vbus.board.card import cards
+from vbus.board.card.card_bus import CLOCK, CardBus
+from vbus.board.card.card_interrupt import ACK, INT, add_interrupt
 from vbus.board.config import read_board_file, read_board_text
 from vbus.boardfile.cards import SIGNALS
 from vbus.boardfile.lines import Path
@@ -27,11 +27,11 @@ from vbus.boardfile.sections import (
 from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
-from vbus.collection import collection_held
-from vbus.errors import ConfigError
+from vbus.core.collection import collection_held
+from vbus.core.errors import ConfigError
+from vbus.core.options import Option, Value
+from vbus.core.signals import HIGH, LOW, OFF, STRICT, WARN, Net, Plant, Policy, Switch, Z
 from vbus.glue.part import GluePart
-from vbus.options import Option, Value
-from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Net, Plant, Policy, Switch, Z
 
 _LEVELS: Final = {"off": OFF, "warn": WARN, "strict": STRICT}
 _RESTS: Final = dict(zip(RESTS, (LOW, HIGH, Z), strict=True))
@@ -123,7 +123,7 @@ def assemble(
 
 
 def _card_paths(board: Board) -> None:
-    from vbus.board.card_path import CardPath
+    from vbus.board.card.card_path import CardPath
 
     for part in board.chips:
         if isinstance(part, CardBus):

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from vbus.board import checks
-from vbus.board.network_checks import check_zenoh
+from vbus.board.check import checks
+from vbus.board.check.network_checks import check_zenoh
 from vbus.boardfile import sections
 from vbus.boardfile.source import Source
 from vbus.boardfile.walker import Walker
-from vbus.collection import collection_held
+from vbus.core.collection import collection_held
 
 
 def read_board_file(path: str | Path) -> tuple[sections.BoardFile, Source]:

@@ -18,16 +18,10 @@ from typing import Final
 
 from msgspec import Struct
 
+from vbus.core.values.lexer import END, NAME, Words, name_parts, words
 from vbus.glue import logic
 from vbus.glue.logic import Levels
 from vbus.glue.table import Block
-from vbus.values.lexer import (
-    END,
-    NAME,
-    Words,
-    name_parts,
-    words,
-)
 
 _WORDS: Final = words(r"[&|#^$!()*+]")
 _JOINED: Final = (

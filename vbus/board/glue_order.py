@@ -8,9 +8,9 @@ from msgspec import Struct
 
 from vbus.boardfile.lines import Path
 from vbus.chips.tables import PinRow
+from vbus.core.values.settings import listed
 from vbus.glue.part import bundled
 from vbus.glue.table import Block
-from vbus.values.settings import listed
 
 Fail = Callable[[Path, str], None]
 Place = tuple[str, int]

@@ -10,19 +10,19 @@ from functools import partial
 
 from msgspec import Struct, field
 
-from vbus.board.card_parts import CardPart, names_of, parts_of
+from vbus.board.card.card_parts import CardPart, names_of, parts_of
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, GlueSection, NetSection
 from vbus.chips.tables import PinRow
+from vbus.core.signals import HIGH, LOW
+from vbus.core.values.lexer import ConditionError
+from vbus.core.values.settings import among, listed, unknown
 from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.part import bundled
 from vbus.glue.table import PARTS, PLD, Block, GlueRow
-from vbus.signals import HIGH, LOW
-from vbus.values.lexer import ConditionError
-from vbus.values.settings import among, listed, unknown
 
 
 class GluePlan(Struct):

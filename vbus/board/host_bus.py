@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64, mypyc_attr
 
-from vbus.board.cards import Card, Places
+from vbus.board.card.cards import Card, Places
 from vbus.board.host_clock import HostClock
 from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
@@ -17,10 +17,10 @@ from vbus.chips.base import OUTPUT, Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.circuit.orders import READ, WRITE, Order, Orders
-from vbus.kernel import END, NEVER, Kernel
+from vbus.core.kernel import END, NEVER, Kernel
+from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.port import CardAccess, HostPort, PortError, PortInfo
-from vbus.state import Names
 
 
 class Hosts:

@@ -6,10 +6,10 @@ from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
-from vbus.kernel import END, FAR, US, Kernel
+from vbus.core.kernel import END, FAR, US, Kernel
+from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, NotYet, PortError
-from vbus.state import Names
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""

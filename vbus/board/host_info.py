@@ -1,6 +1,6 @@
 """What a host is told of its board in the answer to HELLO."""
 
-from vbus.board.cards import Card
+from vbus.board.card.cards import Card
 from vbus.board.host_selection import Selection
 from vbus.board.pin_maps import wiring
 from vbus.boardfile.sections import PinMapSection

@@ -6,8 +6,8 @@ from vbus.board.host_selection import Selection
 from vbus.chips.base import OUTPUT, POLL
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
-from vbus.kernel import END, US
-from vbus.state import Names
+from vbus.core.kernel import END, US
+from vbus.core.state import Names
 
 LONGEST_LEASE: Final = 100_000 * US
 """How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""

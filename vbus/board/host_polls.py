@@ -5,10 +5,10 @@ from typing import ClassVar
 from vbus.board.host_clock import HostClock
 from vbus.board.host_selection import Selection
 from vbus.circuit.circuit import Circuit
-from vbus.kernel import END, FAR
+from vbus.core.kernel import END, FAR
+from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
-from vbus.state import Names
 
 
 class HostPolls:

@@ -2,14 +2,14 @@
 
 from typing import ClassVar, Final
 
-from vbus.board.card_bus import CardBus, CyclePath
+from vbus.board.card.card_bus import CardBus, CyclePath
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
-from vbus.kernel import US
+from vbus.core.kernel import US
+from vbus.core.signals import Z
+from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
-from vbus.signals import Z
-from vbus.state import Names
 
 FLOATING: Final = 0xFF
 LOCKSTEP_CYCLE: Final = US

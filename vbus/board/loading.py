@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from vbus.errors import SnapshotError
-from vbus.state import plan
-from vbus.state.kinds import Load
+from vbus.core.errors import SnapshotError
+from vbus.core.state import plan
+from vbus.core.state.kinds import Load
 
 
 def prepare(board: Any, saved: Any) -> Callable[[], None]:

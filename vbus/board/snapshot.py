@@ -17,12 +17,12 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.loading import prepare
-from vbus.errors import SnapshotError
-from vbus.file_kinds import HEAD, is_none
-from vbus.kernel import END, MS, NEVER
+from vbus.core.errors import SnapshotError
+from vbus.core.file_kinds import HEAD, is_none
+from vbus.core.kernel import END, MS, NEVER
+from vbus.core.state import plan, save
+from vbus.core.state.kinds import Load
 from vbus.protocols.base import Protocol
-from vbus.state import plan, save
-from vbus.state.kinds import Load
 from vbus.version import __version__
 
 
@@ -161,7 +161,7 @@ def _culprit(board: Board, error: Exception) -> str:
             return (
                 f"chip {chip.name} ({type(chip).__name__}) or a plant of it has a field that no"
                 f" snapshot can hold: {found}; the kinds a field of STATE can have are those of"
-                " vbus.state"
+                " vbus.core.state"
             )
     return f"the board's state cannot be kept: {error}"
 

@@ -6,8 +6,8 @@ from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import BusLines, CycleTeller, Ended
-from vbus.signals import Observer
-from vbus.state import Names
+from vbus.core.signals import Observer
+from vbus.core.state import Names
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""

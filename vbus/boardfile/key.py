@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from vbus.options import Option, Value
+from vbus.core.options import Option, Value
 
 NAMES: Final = "names"
 """Kind of a key that has a list of names."""
@@ -35,7 +35,7 @@ def row(
 
     Args:
         title: what it does, for messages and documentation.
-        kind: as of :class:`~vbus.options.Option`; follows from the type of the field if empty.
+        kind: as of :class:`~vbus.core.options.Option`; follows from the type of the field if empty.
         choices: the texts it may be.
         low: least number.
         high: greatest number.

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from vbus.boardfile.key import NAMES, Below, Names, Section, below, rows
 from vbus.boardfile.sections import BoardFile
-from vbus.options import Option
-from vbus.values import units
-from vbus.values.settings import allowed
+from vbus.core.options import Option
+from vbus.core.values import units
+from vbus.core.values.settings import allowed
 
 Schema = dict[str, Any]
 

@@ -12,11 +12,11 @@ from vbus import plugins
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.key import NAME, Further, Kinds, Names, Section, Wires, row
 from vbus.chips.base import Chip
-from vbus.errors import ConfigError
-from vbus.options import Option, Value
+from vbus.core.errors import ConfigError
+from vbus.core.options import Option, Value
+from vbus.core.signals.axis import SWITCHES
+from vbus.core.values.settings import among, quoted
 from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
-from vbus.signals.axis import SWITCHES
-from vbus.values.settings import among, quoted
 
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")

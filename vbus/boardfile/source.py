@@ -10,9 +10,9 @@ from typing import Any, Self
 from msgspec import Struct
 
 from vbus.boardfile.lines import Path, TomlLines
-from vbus.errors import ConfigError
-from vbus.file_kinds import foreign, no_text, unreadable
-from vbus.values.settings import among
+from vbus.core.errors import ConfigError
+from vbus.core.file_kinds import foreign, no_text, unreadable
+from vbus.core.values.settings import among
 
 Mistakes = Iterator[tuple[Path, str]]
 """Where a mistake is, and what is wrong there."""

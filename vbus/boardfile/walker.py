@@ -7,9 +7,9 @@ from vbus import plugins
 from vbus.boardfile.key import NAMES, Below, Names, Section, below, rows
 from vbus.boardfile.lines import Path
 from vbus.boardfile.source import Source, absent, key_text
-from vbus.errors import VbusError
-from vbus.options import Option
-from vbus.values.settings import A_NAME, NAME_FORM, allowed, among, check_value, quoted
+from vbus.core.errors import VbusError
+from vbus.core.options import Option
+from vbus.core.values.settings import A_NAME, NAME_FORM, allowed, among, check_value, quoted
 
 _Section = TypeVar("_Section", bound=Section)
 

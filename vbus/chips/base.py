@@ -7,10 +7,21 @@ from mypy_extensions import i64, mypyc_attr
 
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.tables import CardRow, PinRow
-from vbus.kernel import NEVER, Clock, Kernel
-from vbus.options import Option, Settings, Value, with_defaults
-from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Reading, Rule, ValueTable, Violation
-from vbus.state import UNDECLARED, Names
+from vbus.core.kernel import NEVER, Clock, Kernel
+from vbus.core.options import Option, Settings, Value, with_defaults
+from vbus.core.signals import (
+    OFF,
+    STRICT,
+    Net,
+    Pin,
+    Plant,
+    Policy,
+    Reading,
+    Rule,
+    ValueTable,
+    Violation,
+)
+from vbus.core.state import UNDECLARED, Names
 
 OUTPUT: Final = 0
 """The next change of an output, for :meth:`Chip.due`."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from vbus.chips.packets import Cycle
-from vbus.signals import HIGH, LOW, Z
+from vbus.core.signals import HIGH, LOW, Z
 
 ADDRESS: Final = -2
 """In place of a level in a whole cycle: its address."""
@@ -174,7 +174,7 @@ class BusWatch:
     """
 
     STATE: tuple[str, ...] = ()
-    """What earlier edges leave that decides about cycles to come; see ``vbus.state``."""
+    """What earlier edges leave that decides about cycles to come; see ``vbus.core.state``."""
     WIRING: tuple[str, ...] = ("PINS", "table")
     DERIVED: tuple[str, ...] = ("_actions", "_before", "_data", "_phases")
 

@@ -11,8 +11,8 @@ from vbus.chips.base import Chip
 from vbus.chips.packets import packets_of
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import Command, Register
-from vbus.errors import PluginError
-from vbus.signals import Rule, ValueTable
+from vbus.core.errors import PluginError
+from vbus.core.signals import Rule, ValueTable
 
 _T = TypeVar("_T")
 

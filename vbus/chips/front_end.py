@@ -7,8 +7,8 @@ from mypy_extensions import i64, mypyc_attr
 
 from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusTable, Strobe
-from vbus.signals import Pin, Watcher
-from vbus.state import Names
+from vbus.core.signals import Pin, Watcher
+from vbus.core.state import Names
 
 
 @lru_cache(maxsize=64)

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from vbus.chips.tables import AcLimit
-from vbus.kernel.clock import Clock
-from vbus.signals.tables import Rule
-from vbus.state import Names
+from vbus.core.kernel.clock import Clock
+from vbus.core.signals.tables import Rule
+from vbus.core.state import Names
 
 
 class AcTable:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NamedTuple
 
-from vbus.signals import HIGH
+from vbus.core.signals import HIGH
 
 
 class PinRow(NamedTuple):

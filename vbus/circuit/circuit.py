@@ -12,13 +12,13 @@ from vbus.circuit.glue_cycles import GlueCycles
 from vbus.circuit.interrupt_check import check_interrupts
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.circuit.strobe_player import StrobePlayer
+from vbus.core.kernel import END, NEVER, Clock, Kernel
+from vbus.core.kernel.kernel import Task
+from vbus.core.options import Settings
+from vbus.core.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
+from vbus.core.state import Names
 from vbus.glue.part import Glue, GluePart, Input
 from vbus.glue.table import Block
-from vbus.kernel import END, NEVER, Clock, Kernel
-from vbus.kernel.kernel import Task
-from vbus.options import Settings
-from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
-from vbus.state import Names
 
 CONTENTION: Final = Rule(
     "board.contention", "decision 9", "Two outputs on one net must not drive different levels."

@@ -7,10 +7,10 @@ from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch, watch_by
+from vbus.core.kernel import Kernel
+from vbus.core.signals import Net, Watcher
+from vbus.core.state import Names
 from vbus.glue.part import Glue
-from vbus.kernel import Kernel
-from vbus.signals import Net, Watcher
-from vbus.state import Names
 
 Ended = tuple[str, bool, int, int]
 """A bus cycle that has ended: name of the chip, whether the host wrote, address, byte."""

@@ -7,12 +7,12 @@ from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
+from vbus.core.kernel import Kernel
+from vbus.core.signals import EdgeTaker, Net, Observer, Pin, Z
+from vbus.core.state import Names
 from vbus.glue.part import GluePart
-from vbus.kernel import Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
-from vbus.signals import EdgeTaker, Net, Observer, Pin, Z
-from vbus.state import Names
 
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
@@ -26,7 +26,7 @@ class CycleEdge:
     Args:
         offset: when, counted from the latching edge (ps).
         pin: which the host drives.
-        level: to which; :data:`~vbus.signals.Z` lets go.
+        level: to which; :data:`~vbus.core.signals.Z` lets go.
     """
 
     WIRING: ClassVar[Names] = ("*",)

@@ -11,9 +11,9 @@ from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.host_pins import HostPins
 from vbus.circuit.strobe_player import together
-from vbus.kernel import US, Timer
-from vbus.signals import Z
-from vbus.state import Names
+from vbus.core.kernel import US, Timer
+from vbus.core.signals import Z
+from vbus.core.state import Names
 
 READ: Final = 0
 WRITE: Final = 1

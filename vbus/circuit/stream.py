@@ -8,8 +8,8 @@ from typing import Any, Final, Self
 from vbus import plugins
 from vbus.chips.base import CONNECTOR_FAMILY, Chip
 from vbus.chips.packets import UNKNOWN, Cycle, Decoder, Packet
-from vbus.options import Value
-from vbus.signals import Observer, Violation
+from vbus.core.options import Value
+from vbus.core.signals import Observer, Violation
 
 Settings = Mapping[str, Value]
 NO_SETTINGS: Final[Mapping[str, Any]] = MappingProxyType({})

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 from vbus.chips.base import Chip
 from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
-from vbus.kernel import NEVER, Kernel
-from vbus.signals import Guard, Pin
-from vbus.state import Names
+from vbus.core.kernel import NEVER, Kernel
+from vbus.core.signals import Guard, Pin
+from vbus.core.state import Names
 
 
 class StrobePlayer:

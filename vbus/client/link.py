@@ -7,11 +7,11 @@ import socket
 from pathlib import Path
 from typing import Final
 
-from vbus.errors import TransportError
-from vbus.instants import SECOND
+from vbus.core.errors import TransportError
+from vbus.core.instants import SECOND
+from vbus.core.runtime import expanded, lock_state, pause_mark
+from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import parse_duration
-from vbus.runtime import expanded, lock_state, pause_mark
-from vbus.wall_clock import monotonic
 
 _READ: Final = 65536
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)

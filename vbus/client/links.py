@@ -10,8 +10,8 @@ from typing import Final
 from urllib.parse import parse_qs
 
 from vbus.client.link import BoardLink
-from vbus.errors import TransportError
-from vbus.runtime import expanded, lock_state
+from vbus.core.errors import TransportError
+from vbus.core.runtime import expanded, lock_state
 
 KINDS: Final = (
     "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE,"

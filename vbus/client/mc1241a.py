@@ -1,4 +1,4 @@
-# Made by vbus.tools.generate.
+# Made by vbus.cli.generate.
 """The client of the MC1241A and MC1141A."""
 
 from vbus.chips.mc1241a import access, host

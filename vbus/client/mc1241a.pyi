@@ -1,4 +1,4 @@
-# Made from vbus/chips/mc1241a (access, calls, host) by vbus.tools.generate; change that.
+# Made from vbus/chips/mc1241a (access, calls, host) by vbus.cli.generate; change that.
 """The client of the MC1241A and MC1141A."""
 
 from typing import Final

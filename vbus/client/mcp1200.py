@@ -1,4 +1,4 @@
-# Made by vbus.tools.generate.
+# Made by vbus.cli.generate.
 """The client of the MCP-1200."""
 
 from vbus.chips.mcp1200 import access, host

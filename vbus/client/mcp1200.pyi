@@ -1,4 +1,4 @@
-# Made from vbus/chips/mcp1200 (access, calls, host) by vbus.tools.generate; change that.
+# Made from vbus/chips/mcp1200 (access, calls, host) by vbus.cli.generate; change that.
 """The client of the MCP-1200."""
 
 from typing import Final

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, Generic, NamedTuple, TypeVar
 
-from vbus.errors import ProtocolError, VbusError
+from vbus.core.errors import ProtocolError, VbusError
 from vbus.protocols.quantities import picoseconds
 from vbus.protocols.requests import (
     LONGEST,

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Generator
 from typing import Final, TypeVar
 
 from vbus.client.aio.waits import Waits
-from vbus.wall_clock import monotonic
+from vbus.core.wall_clock import monotonic
 
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from vbus.client.lease import Lease
 from vbus.client.message import Event, Later, Message, Values
-from vbus.errors import ProtocolError, VbusError
+from vbus.core.errors import ProtocolError, VbusError
 from vbus.protocols.requests import (
     FATAL,
     FORESEEN,

@@ -21,11 +21,11 @@ import zenoh
 
 from vbus.client.link import BoardLink
 from vbus.client.zenoh_silence import reason_for_silence
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
+from vbus.core.wall_clock import monotonic
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security
 from vbus.network.session import FORKED, close_session, open_session
-from vbus.wall_clock import monotonic
 
 LONGEST_PATIENCE: Final = 86400.0
 

@@ -5,10 +5,10 @@ from typing import Any, Final
 
 import zenoh
 
+from vbus.core.wall_clock import monotonic
 from vbus.network import keys
 from vbus.network.access import ask_access
 from vbus.network.security import Security
-from vbus.wall_clock import monotonic
 
 MATCH_SECONDS: Final = 0.5
 """How long the network may take to tell who answers at a key."""

@@ -47,7 +47,7 @@ def interpret() -> None:
 
 def is_compiled() -> bool:
     """Whether the core that runs, or would be imported, is the compiled one."""
-    loaded = sys.modules.get("vbus.kernel.kernel")
+    loaded = sys.modules.get("vbus.core.kernel.kernel")
     if loaded is not None:
         return not str(loaded.__file__).endswith(tuple(SOURCE_SUFFIXES + BYTECODE_SUFFIXES))
     return not pure_wanted() and _extension_there()

@@ -36,27 +36,27 @@ SAMPLED: Final = (
 )  # fmt: skip
 """What works in each sample, or at each edge of a strobe, of any chip's folder."""
 
-SHARED: Final = ("bits.py", "kernel/*.py", "plant/*.py", "chips/motion/*.py")
+SHARED: Final = ("core/bits.py", "core/kernel/*.py", "plant/*.py", "chips/motion/*.py")
 """What works in each sample, whatever the chip."""
 
 CYCLES: Final = (
-    "board/card_bus.py", "board/card_path.py", "board/host_bus.py", "board/host_clock.py",
+    "board/card/card_bus.py", "board/card/card_path.py", "board/host_bus.py", "board/host_clock.py",
     "chips/base.py", "circuit/circuit.py", "circuit/host_pins.py", "protocols/base.py",
-    "protocols/byte.py", "protocols/port.py", "signals/net.py", "signals/wire.py",
-    "trace/journal/recorded_bus.py", "trace/journal/rows.py",
+    "protocols/byte.py", "protocols/port.py", "core/signals/net.py", "core/signals/wire.py",
+    "record/recorded_bus.py", "record/rows.py",
 )  # fmt: skip
 """What works in each bus cycle, with a journal too."""
 
 COMPILED: Final = (
     *SHARED, *CYCLES,
-    "signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
+    "core/signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
-    "board/card_cycle.py", "circuit/glue_cycles.py",
-    "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
-    "server/session.py", "server/statistics.py", "server/ticks.py", "server/turns.py",
-    "trace/journal/again.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
-    "scope/lane.py", "scope/look.py",
+    "board/card/card_cycle.py", "circuit/glue_cycles.py",
+    "serve/direct.py", "serve/time/pace.py", "serve/time/pacer.py", "serve/time/patience.py",
+    "serve/session.py", "serve/time/statistics.py", "serve/time/ticks.py", "serve/time/turns.py",
+    "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
+    "views/scope/lane.py", "views/scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
 ``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
@@ -64,10 +64,10 @@ COMPILED: Final = (
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
-    "compatible.py", "signals/values.py",
+    "compatible.py", "core/signals/values.py",
     "access.py", "calls.py", "host.py", "demo.py",
     "board/host_info.py", "clock_input.py",
-    "motion/input_limits.py", "signals/trace_hash.py", "signals/violation.py",
+    "motion/input_limits.py", "core/signals/trace_hash.py", "core/signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
 by being compiled; by the ends of paths."""
@@ -355,7 +355,7 @@ def _unit(sources: list[Path], files: tuple[str, ...], unit: Path) -> tuple[Path
     """Write a C file that stands for those of some modules; return it, and the others."""
     stems = {"___".join(("__native_vbus", *Path(f).with_suffix("").parts[1:])) for f in files}
     taken = [source for source in sources if source.stem in stems]
-    if "vbus/bits.py" in files:
+    if "vbus/core/bits.py" in files:
         # What mypyc brings: conversions and divisions of each sample are among it.
         taken += [source for source in sources if not source.stem.startswith("__native")]
     unit.write_text("".join(f'#include "{source.name}"\n' for source in taken))

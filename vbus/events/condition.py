@@ -7,6 +7,11 @@ from typing import Any, Final
 from msgspec import Struct, field
 
 from vbus.circuit.circuit import Circuit
+from vbus.core.kernel import NEVER
+from vbus.core.signals import Reading
+from vbus.core.values.lexer import ConditionError
+from vbus.core.values.settings import rule_names, suggestion
+from vbus.core.values.units import UnitError, parse
 from vbus.events.grammar import (
     Compare,
     EventForm,
@@ -22,11 +27,6 @@ from vbus.events.grammar import (
     read,
 )
 from vbus.events.names import COUNTS, PER_SAMPLE, PER_SECOND, Level, Names
-from vbus.kernel import NEVER
-from vbus.signals import Reading
-from vbus.values.lexer import ConditionError
-from vbus.values.settings import rule_names, suggestion
-from vbus.values.units import UnitError, parse
 
 COMMAND: Final = "command"
 VIOLATION: Final = "violation"

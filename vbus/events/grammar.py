@@ -23,7 +23,7 @@ from typing import Any, Final
 from msgspec import Struct
 from msgspec.structs import astuple
 
-from vbus.values.lexer import (
+from vbus.core.values.lexer import (
     END,
     NAME,
     NUMBER,
@@ -35,7 +35,7 @@ from vbus.values.lexer import (
     name_parts,
     words,
 )
-from vbus.values.units import UnitError, parse, show
+from vbus.core.values.units import UnitError, parse, show
 
 FUNCTIONS: Final = ("rising", "falling", "changed", "previous", "abs")
 SIGNS: Final = ("<=", ">=", "==", "!=", "<", ">", "=")

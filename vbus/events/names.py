@@ -10,10 +10,10 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import Bit
 from vbus.circuit import circuit
 from vbus.circuit.circuit import Circuit
+from vbus.core.signals import Net, Reading, Value
+from vbus.core.signals.values import reader
+from vbus.core.values.settings import listed, suggestion
 from vbus.glue.part import GluePart
-from vbus.signals import Net, Reading, Value
-from vbus.signals.values import reader
-from vbus.values.settings import listed, suggestion
 
 COUNTS: Final = "counts"
 PER_SAMPLE: Final = "counts/sample"

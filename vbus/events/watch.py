@@ -7,11 +7,11 @@ from vbus.chips.base import CHANGE
 from vbus.chips.packets import Packet
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.stream import PacketReader
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS, NEVER, Timer
+from vbus.core.signals import Violation
 from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
-from vbus.kernel import MS, NEVER, Timer
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Violation
 
 LOOK: Final = MS
 """How often at least a chip is looked into that somebody outside may wake at any time."""

@@ -5,6 +5,10 @@ from contextlib import suppress
 from typing import ClassVar, Final
 
 from vbus.circuit.circuit import Circuit
+from vbus.core.kernel.clock import Course
+from vbus.core.options import Value
+from vbus.core.signals.wire import WireEnd
+from vbus.core.state import Names
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
@@ -14,10 +18,6 @@ from vbus.faults.messages import MESSAGES, concerned
 from vbus.faults.row import AXIS, LASTS, LINK, WIRE
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
-from vbus.kernel.clock import Course
-from vbus.options import Value
-from vbus.signals.wire import WireEnd
-from vbus.state import Names
 
 AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
 """An axis; whether its plant is wrapped, the counts its pulses hold the encoder off by, and at

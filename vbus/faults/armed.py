@@ -4,11 +4,11 @@ from typing import ClassVar, Final, Protocol
 
 from msgspec import Struct
 
+from vbus.core.options import Value
+from vbus.core.state import Names
 from vbus.faults.row import COUNTED, ONCE, Fault
 from vbus.faults.trigger import RATE, Until, When
 from vbus.faults.watch import ConditionWatch
-from vbus.options import Value
-from vbus.state import Names
 
 WAITING: Final = "waiting"
 ACTING: Final = "acting"

@@ -4,12 +4,12 @@ from typing import ClassVar, Final
 
 from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.core.options import Value
+from vbus.core.signals import HIGH, Pin, Plant, Switch, Z
+from vbus.core.state import Names
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
 from vbus.faults.upsets import Upsets, upsets_of
-from vbus.options import Value
 from vbus.plant.shaft import Mechanics, Shaft
-from vbus.signals import HIGH, Pin, Plant, Switch, Z
-from vbus.state import Names
 
 NOWHERE: Final = 1 << 62
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from vbus.chips.base import Chip
-from vbus.options import Value
-from vbus.signals import HIGH, LOW, Net, Observer, Pin
+from vbus.core.options import Value
+from vbus.core.signals import HIGH, LOW, Net, Observer, Pin
 
 Later = Callable[[int, Callable[[], None]], None]
 """Calls back at an instant (ps)."""

@@ -3,11 +3,11 @@
 from typing import Final
 
 from vbus.chips.base import Chip
+from vbus.core.kernel import HELD, NEVER
+from vbus.core.kernel.clock import Course
+from vbus.core.options import Value
+from vbus.core.signals import Plant
 from vbus.faults.upsets import Upsets, upsets_of
-from vbus.kernel import HELD, NEVER
-from vbus.kernel.clock import Course
-from vbus.options import Value
-from vbus.signals import Plant
 
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})

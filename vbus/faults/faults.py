@@ -8,6 +8,12 @@ from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
+from vbus.core.kernel import US
+from vbus.core.options import Option, Value, with_defaults
+from vbus.core.signals import Observer
+from vbus.core.state import Names
+from vbus.core.values.settings import allowed, among, check_value, quoted
+from vbus.core.values.units import DIMENSIONS
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
@@ -28,12 +34,6 @@ from vbus.faults.trigger import (
     read_when,
 )
 from vbus.faults.watch import ConditionWatch, write_of
-from vbus.kernel import US
-from vbus.options import Option, Value, with_defaults
-from vbus.signals import Observer
-from vbus.state import Names
-from vbus.values.settings import allowed, among, check_value, quoted
-from vbus.values.units import DIMENSIONS
 
 
 def check_parameters(fault: Fault, given: Mapping[str, object]) -> dict[str, Value]:

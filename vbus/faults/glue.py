@@ -3,10 +3,10 @@
 from typing import Protocol
 
 from vbus.circuit.circuit import Circuit
-from vbus.kernel import Kernel
-from vbus.options import Value
+from vbus.core.kernel import Kernel
+from vbus.core.options import Value
+from vbus.core.signals import Net
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Net
 
 
 class Placed(Protocol):

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
+from vbus.core.options import Value
 from vbus.faults.row import Fault
-from vbus.options import Value
 
 MESSAGES: Final = "network"
 """The family of faults that need a link of messages."""

@@ -2,8 +2,8 @@
 
 from typing import ClassVar, Final
 
-from vbus.signals import Plant
-from vbus.state import Names
+from vbus.core.signals import Plant
+from vbus.core.state import Names
 
 SHARE: Final = 0
 """The encoder shows a part of the motion: all of it, none, or backwards."""

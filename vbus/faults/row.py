@@ -4,7 +4,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.options import Option
+from vbus.core.options import Option
 
 AXIS: Final = "axis"
 """Targets a chip's axis and its plant: ``"x"``, or ``"x.2"`` for the second axis."""

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from vbus.circuit.circuit import Circuit
-from vbus.errors import SnapshotError
+from vbus.core.errors import SnapshotError
+from vbus.core.state import Saved, plan
+from vbus.core.state.kinds import Load
 from vbus.faults.armed import Armed
 from vbus.faults.row import LINK, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import Until, When
-from vbus.state import Saved, plan
-from vbus.state.kinds import Load
 
 Record = tuple[Any, ...]
 """An armed fault as a row."""

@@ -5,9 +5,9 @@ from typing import Final
 from msgspec.structs import replace
 
 from vbus import plugins
+from vbus.core.options import Option
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault
 from vbus.faults.upsets import Upsets
-from vbus.options import Option
 
 _COUNTS: Final = float(1 << 30)
 _LEVEL: Final = Option("level", "count", 1, "electrical level it shows", low=0, high=1)

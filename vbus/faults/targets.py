@@ -2,12 +2,12 @@
 
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
+from vbus.core.signals.wire import WireEnd
+from vbus.core.values.settings import among, listed
 from vbus.faults.armed import LinkActs
 from vbus.faults.glue import net_of
 from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
-from vbus.signals.wire import WireEnd
-from vbus.values.settings import among, listed
 
 
 def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | None) -> str:

@@ -4,12 +4,12 @@ from typing import Final
 
 from msgspec import Struct
 
+from vbus.core.kernel import END, SECOND
+from vbus.core.values.lexer import ConditionError
+from vbus.core.values.settings import quoted, suggestion
+from vbus.core.values.units import UnitError, parse
 from vbus.events.grammar import is_word, read
 from vbus.faults.row import LASTS, ONCE, Fault
-from vbus.kernel import END, SECOND
-from vbus.values.lexer import ConditionError
-from vbus.values.settings import quoted, suggestion
-from vbus.values.units import UnitError, parse
 
 NOW: Final = "now"
 AT: Final = "at"

@@ -4,10 +4,10 @@ from typing import ClassVar
 
 from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.core.options import Value
+from vbus.core.signals import LOW, Plant
+from vbus.core.state import Names
 from vbus.faults.row import Fault
-from vbus.options import Value
-from vbus.signals import LOW, Plant
-from vbus.state import Names
 
 
 class Upsets:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
+from vbus.core.kernel import Timer
+from vbus.core.values.lexer import ConditionError
+from vbus.core.values.settings import among
 from vbus.events.condition import COMMAND
 from vbus.events.watch import Watch
-from vbus.kernel import Timer
-from vbus.values.lexer import ConditionError
-from vbus.values.settings import among
 
 
 class ConditionWatch(Watch):

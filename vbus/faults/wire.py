@@ -1,9 +1,9 @@
 """Faults of a wire between nodes: what they do to the edges that come to one of its ends."""
 
-from vbus.kernel import Kernel
-from vbus.options import Value
-from vbus.signals import Z
-from vbus.signals.wire import Later, WireEnd, Wrong
+from vbus.core.kernel import Kernel
+from vbus.core.options import Value
+from vbus.core.signals import Z
+from vbus.core.signals.wire import Later, WireEnd, Wrong
 
 
 class WireFault(Wrong):

@@ -5,8 +5,8 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.chips.tables import PinRow
-from vbus.kernel import NS
-from vbus.signals import LOW
+from vbus.core.kernel import NS
+from vbus.core.signals import LOW
 
 DATA: Final = "D0-D7"
 FLOATING: Final = 0xFF

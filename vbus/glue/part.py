@@ -7,12 +7,12 @@ from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
+from vbus.core.kernel import NEVER, Kernel
+from vbus.core.signals import Net, Pin, Z
+from vbus.core.signals.net import Watcher
+from vbus.core.state import Names
 from vbus.glue.logic import Levels
 from vbus.glue.table import Block
-from vbus.kernel import NEVER, Kernel
-from vbus.signals import Net, Pin, Z
-from vbus.signals.net import Watcher
-from vbus.state import Names
 
 Input = tuple[Pin, int]
 """Where an input is: a pin on its net, and the number of the wire if the net is a bundle."""

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
+from vbus.core.runtime import is_trusted, subdirectory
 from vbus.network.security import Security
-from vbus.runtime import is_trusted, subdirectory
 
 ROUTER: Final = "router"
 VARIABLE: Final = "VBUS_ZENOH"

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from msgspec import Struct
 
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.network.keys import ACCESS, ROOT
 
 DIAGNOSE_SECONDS: Final = 2.0

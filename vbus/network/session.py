@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from msgspec import Struct
 
-from vbus.addresses import refused_endpoint
-from vbus.errors import TransportError
+from vbus.core.addresses import refused_endpoint
+from vbus.core.errors import TransportError
 from vbus.network.security import Security
 
 if TYPE_CHECKING:

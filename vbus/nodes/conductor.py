@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from vbus.board.snapshot import Snapshot, restore, take
-from vbus.kernel import MS, NEVER
+from vbus.core.kernel import MS, NEVER
 from vbus.nodes.messages import NodeReport
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant

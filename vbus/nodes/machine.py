@@ -7,7 +7,7 @@ from vbus.board.build import assemble, build
 from vbus.board.config import read_board_file, read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.errors import ConfigError, VbusError
+from vbus.core.errors import ConfigError, VbusError
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore
 from vbus.nodes.messages import NodeReport
@@ -15,7 +15,7 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, plan_of
 from vbus.nodes.scenario import Scenario
 from vbus.nodes.trace import Line, hash_of, merged
-from vbus.trace.journal.format import Header
+from vbus.record.format import Header
 
 
 def node_of(

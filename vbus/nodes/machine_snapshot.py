@@ -12,8 +12,8 @@ import msgspec
 
 from vbus.board import snapshot as of_board
 from vbus.board.snapshot import Snapshot, seal, unseal
-from vbus.errors import SnapshotError
-from vbus.kernel import NEVER
+from vbus.core.errors import SnapshotError
+from vbus.core.kernel import NEVER
 from vbus.nodes.conductor import Conductor
 
 MAGIC: Final = b"vbus machine snapshot\n"

@@ -4,8 +4,8 @@ from typing import Final
 
 import msgspec
 
-from vbus.errors import NodeMismatchError
-from vbus.kernel import NEVER
+from vbus.core.errors import NodeMismatchError
+from vbus.core.kernel import NEVER
 
 Edge = tuple[int, int, int, int, int, bool]
 """What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's

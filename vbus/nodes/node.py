@@ -7,15 +7,15 @@ from typing import Any, ClassVar
 
 from vbus.board.board import Beyond, Board
 from vbus.circuit.orders import Order, Orders
-from vbus.errors import SnapshotError
-from vbus.kernel import Timer
+from vbus.core.errors import SnapshotError
+from vbus.core.kernel import Timer
+from vbus.core.signals.wire import Drive, WireEnd
+from vbus.core.state import Names, Saved, plan, save
+from vbus.core.state.kinds import Load
 from vbus.nodes.messages import Edge
 from vbus.nodes.plan import Plan, Wire
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import NodeTrace
-from vbus.signals.wire import Drive, WireEnd
-from vbus.state import Names, Saved, plan, save
-from vbus.state.kinds import Load
 
 
 class Node(Beyond):

@@ -9,11 +9,11 @@ import msgspec
 
 from vbus import plugins
 from vbus.board.build import rest_of
-from vbus.board.fault_checks import homes_of
+from vbus.board.check.fault_checks import homes_of
 from vbus.boardfile.sections import BoardFile, ChipSection, FaultSection
 from vbus.chips.base import Chip
-from vbus.errors import ConfigError
-from vbus.kernel import SECOND, Clock, Kernel
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import SECOND, Clock, Kernel
 from vbus.version import __version__
 
 LONGEST_QUANTUM: Final = SECOND

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 from vbus.circuit.orders import PIN, READ, WRITE, Order
-from vbus.errors import ConfigError
-from vbus.kernel import END
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import END
 from vbus.protocols.port import PIN_LEVELS
 from vbus.protocols.quantities import parse_duration
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
-from vbus.errors import NodeMismatchError, SnapshotError
-from vbus.kernel import END, NEVER
+from vbus.core.errors import NodeMismatchError, SnapshotError
+from vbus.core.kernel import END, NEVER
+from vbus.core.state import Names, Saved
 from vbus.nodes.messages import MOST_WIRES, Edge, NodeReport, decode, encode
-from vbus.state import Names, Saved
 
 KEPT: Final = 1 << 16
 """Reports of its own that a node keeps for nodes that rejoin."""

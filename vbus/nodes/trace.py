@@ -6,8 +6,8 @@ from heapq import merge
 from operator import itemgetter
 from typing import ClassVar
 
-from vbus.signals import TraceHash
-from vbus.state import Names
+from vbus.core.signals import TraceHash
+from vbus.core.state import Names
 
 Line = tuple[int, str]
 """Instant (ps), and what happened at it."""

@@ -4,13 +4,13 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.options import Option, Settings
+from vbus.core.options import Option, Settings
+from vbus.core.signals import Value, ValueTable
+from vbus.core.state import Names
 from vbus.plant.encoder import floor
 from vbus.plant.response import NONE, TICKS, Motor, Response, response_of
 from vbus.plant.shaft import LOAD_TORQUE, SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import NOWHERE, Travel
-from vbus.signals import Value, ValueTable
-from vbus.state import Names
 
 MOST_DRIVEN: Final = 10.0
 """Times what its voltages drive: no motor takes that; a current that was kept is checked."""

@@ -4,9 +4,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.options import Option, Settings
-from vbus.signals import Plant
-from vbus.state import Names
+from vbus.core.options import Option, Settings
+from vbus.core.signals import Plant
+from vbus.core.state import Names
 
 ENCODER_OPTIONS: Final = (
     Option("encoder_lines", "count", 500, "lines of the encoder; it gives four counts a line",

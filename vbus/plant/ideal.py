@@ -4,11 +4,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.options import Option, Settings
+from vbus.core.options import Option, Settings
+from vbus.core.state import Names
 from vbus.plant.angle import turns_of
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
 from vbus.plant.windings import STEP_OPTIONS, field
-from vbus.state import Names
 
 MICROSTEPS: Final = 256
 """Steps of an electrical cycle in which phase currents are followed."""

@@ -14,7 +14,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.state import Names
+from vbus.core.state import Names
 
 LEVELS: Final = 34
 """Halvings of a period: an instant is found to 2^-34 of it, where floats end too."""

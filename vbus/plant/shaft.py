@@ -4,10 +4,10 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.options import Option, Settings
+from vbus.core.options import Option, Settings
+from vbus.core.signals import Value, ValueTable
+from vbus.core.state import Names
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
-from vbus.signals import Value, ValueTable
-from vbus.state import Names
 
 SHAFT_OPTIONS: Final = (
     *ENCODER_OPTIONS,

@@ -4,13 +4,13 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.options import Option, Settings
+from vbus.core.options import Option, Settings
+from vbus.core.state import Names
 from vbus.plant.angle import sine
 from vbus.plant.response import TICKS
 from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import MOST_EVENTS, NOWHERE
 from vbus.plant.windings import STEP_OPTIONS, field, torque
-from vbus.state import Names
 
 MOST_PIECES: Final = 4096
 """Steps a period is cut into at most; pulses that come faster move the field in leaps."""

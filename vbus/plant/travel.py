@@ -18,8 +18,8 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.core.state import Names
 from vbus.plant.response import LEVELS, NONE, TICKS, Response
-from vbus.state import Names
 
 MOST_EVENTS: Final = 64
 """Events in a period; a shaft that stops and starts more often is held for what is left of it."""

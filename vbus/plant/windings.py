@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.options import Option
+from vbus.core.options import Option
 from vbus.plant.angle import ELEVENTH, FIFTH, FIRST, LAST, NINTH, SEVENTH, THIRD, part
 
 STEP_OPTIONS: Final = (

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 from mypy_extensions import mypyc_attr
 
+from vbus.core.state import Names
 from vbus.protocols.port import HostPort
-from vbus.state import Names
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -6,13 +6,13 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.instants import END, NEVER
+from vbus.core.instants import END, NEVER
+from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
-from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
 _WRITE4: Final = REQUESTS["WRITE4"].code

@@ -2,11 +2,11 @@
 
 from typing import ClassVar
 
+from vbus.core.state import Names
 from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.frames import EVENT, FrameReader, frames
 from vbus.protocols.port import HostPort
-from vbus.state import Names
 
 
 class FramedProtocol(Protocol):

@@ -7,7 +7,7 @@ A frame is ``A5``, a sequence byte, a length n (u8), n bytes, and the CRC (big-e
 from binascii import crc_hqx
 from typing import ClassVar, Final
 
-from vbus.state import Names
+from vbus.core.state import Names
 
 MARK: Final = 0xA5
 LONGEST: Final = 255

@@ -183,7 +183,7 @@ class HostPort:
 
         Returns:
             All output lines, and an instant not later than the next edge on any of them
-            (:data:`~vbus.kernel.NEVER` if there is none in sight).
+            (:data:`~vbus.core.kernel.NEVER` if there is none in sight).
         """
         raise NotImplementedError
 

@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from vbus.instants import END, MS, NS, SECOND, US
+from vbus.core.instants import END, MS, NS, SECOND, US
 
 _UNITS: Final = {"ps": 1, "ns": NS, "us": US, "ms": MS, "s": SECOND}
 _DURATION: Final = re.compile(r"(\d{1,18})(?:\.(\d{1,12}))?\s*(ps|ns|us|ms|s)")

@@ -4,10 +4,10 @@ from typing import ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.instants import SECOND
+from vbus.core.instants import SECOND
+from vbus.core.state import Names
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort, PortError
-from vbus.state import Names
 
 FRAMES: Final = {"8N1": 10, "8E1": 11, "8O1": 11, "8N2": 11, "8E2": 12, "8O2": 12}
 """Bits of a frame, by its usual name: a start bit, eight of data, parity or none, stop bits."""

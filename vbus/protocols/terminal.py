@@ -2,10 +2,10 @@
 
 from typing import ClassVar, Final
 
+from vbus.core.state import Names
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.protocols.text import LONGEST_LINE, VERBS, TextProtocol
-from vbus.state import Names
 
 PROMPT: Final = b"> "
 NEW_LINE: Final = b"\r\n"

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
-from vbus.instants import END, NEVER, NS
+from vbus.core.instants import END, NEVER, NS
+from vbus.core.state import Names
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import PIN_LEVELS, CardAccess, HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration
-from vbus.state import Names
 
 LONGEST_LINE: Final = 512
 """Most characters of a line; the rest of a longer one is skipped and the line refused."""

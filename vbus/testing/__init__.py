@@ -8,19 +8,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vbus.testing.chip_checks import check_chip as check_chip
-    from vbus.testing.finding import Nonconformance as Nonconformance
+    from vbus.testing.checks.chip_checks import check_chip as check_chip
+    from vbus.testing.checks.finding import Nonconformance as Nonconformance
+    from vbus.testing.checks.plant_checks import check_plant as check_plant
+    from vbus.testing.checks.wire_checks import check_protocol as check_protocol
+    from vbus.testing.checks.wire_checks import check_transport as check_transport
     from vbus.testing.in_process import connect_in_process as connect_in_process
-    from vbus.testing.plant_checks import check_plant as check_plant
-    from vbus.testing.wire_checks import check_protocol as check_protocol
-    from vbus.testing.wire_checks import check_transport as check_transport
 
 _HOMES = {
-    "Nonconformance": "vbus.testing.finding",
-    "check_chip": "vbus.testing.chip_checks",
-    "check_plant": "vbus.testing.plant_checks",
-    "check_protocol": "vbus.testing.wire_checks",
-    "check_transport": "vbus.testing.wire_checks",
+    "Nonconformance": "vbus.testing.checks.finding",
+    "check_chip": "vbus.testing.checks.chip_checks",
+    "check_plant": "vbus.testing.checks.plant_checks",
+    "check_protocol": "vbus.testing.checks.wire_checks",
+    "check_transport": "vbus.testing.checks.wire_checks",
     "connect_in_process": "vbus.testing.in_process",
 }
 

@@ -14,24 +14,24 @@ from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
-from vbus.errors import ConfigError, VbusError
+from vbus.core.errors import ConfigError, VbusError
+from vbus.core.runtime import private_runtime
 from vbus.protocols.quantities import format_instant
-from vbus.runtime import private_runtime
-from vbus.server.output_file import write_file
-from vbus.server.server import LinkSpec
+from vbus.serve.output_file import write_file
+from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
 from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
+from vbus.testing.plugins.tolerance import NEAR, tolerance_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
-from vbus.testing.tolerance import NEAR, tolerance_of
 from vbus.testing.variant import Variant
-from vbus.trace.runs.difference import Tolerance
+from vbus.views.runs.difference import Tolerance
 
 if TYPE_CHECKING:
     from vbus.testing.machine import TestedMachine
-    from vbus.trace.coverage.coverage import CoverageObserver
+    from vbus.views.coverage.coverage import CoverageObserver
 
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
@@ -403,7 +403,7 @@ class Bench:
             report.lines.append(f"scope:   no page: {type(error).__name__}: {error}")
             return
         report.lines.append(f"scope:   {page}")
-        report.properties.append(("vbus.scope", str(page)))
+        report.properties.append(("vbus.views.scope", str(page)))
 
     def _violations(self, tested: TestedBoard) -> Iterator[str]:
         judged = self.judged(tested)

@@ -9,9 +9,9 @@ from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.chips.family import Family
-from vbus.errors import ConfigError
-from vbus.kernel import Clock, Kernel
-from vbus.values.units import parse
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import Clock, Kernel
+from vbus.core.values.units import parse
 
 
 def default_part() -> str:

@@ -1,10 +1,10 @@
 """One chip, ready to use: its mechanics, its host and its clock."""
 
 from vbus import plugins
-from vbus.errors import VbusError
-from vbus.testing.around_chip import ChipBench
+from vbus.core.errors import VbusError
 from vbus.testing.bench import Bench
 from vbus.testing.boards import typical_part
+from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.in_process import connect_in_process
 
 

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
 from vbus.events.watch import wait_until
 from vbus.protocols.quantities import format_instant, picoseconds
 

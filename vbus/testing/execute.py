@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from vbus.errors import VbusError
-from vbus.kernel import SECOND
+from vbus.core.errors import VbusError
+from vbus.core.kernel import SECOND
 from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
@@ -132,7 +132,7 @@ def cflags(shim: str = "") -> list[str]:
     Raises:
         VbusError: there is no such shim.
     """
-    from vbus.tools.cflags import PLAIN, SHIMS
+    from vbus.cli.run.cflags import PLAIN, SHIMS
 
     if shim and shim not in SHIMS:
         raise VbusError(f"there is no shim {shim!r}; there are {', '.join(SHIMS)}")
@@ -140,7 +140,7 @@ def cflags(shim: str = "") -> list[str]:
 
 
 def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
-    from vbus.tools.exec_avr import parse, simulator
+    from vbus.cli.run.exec_avr import parse, simulator
 
     if tested.board.policy != "slaved":
         raise VbusError(

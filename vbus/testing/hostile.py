@@ -25,9 +25,9 @@ from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.client.bus import Bus
-from vbus.errors import ConfigError
-from vbus.kernel import US
-from vbus.options import Value
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import US
+from vbus.core.options import Value
 from vbus.plugins import chip_class
 from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import connect_in_process

@@ -4,12 +4,12 @@ import os
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.board.cards import Card
+from vbus.board.card.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.client.bus import Bus
 from vbus.client.link import BoardLink
-from vbus.errors import TransportError
-from vbus.kernel import NEVER
+from vbus.core.errors import TransportError
+from vbus.core.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing.limits import HostWatch
 

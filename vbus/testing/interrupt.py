@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from types import FrameType, TracebackType
 from typing import Any, Final, Self
 
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
 from vbus.testing.limits import HostStuck, HostWatch
 from vbus.testing.serving import THREAD
 

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from vbus.board.checks import all_rules
-from vbus.errors import ConfigError
+from vbus.board.check.checks import all_rules
+from vbus.core.errors import ConfigError
+from vbus.core.signals import Violation
+from vbus.core.values.settings import rule_hint, rule_names
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Violation
-from vbus.trace.findings.suppress import Suppression
-from vbus.values.settings import rule_hint, rule_names
+from vbus.views.findings.suppress import Suppression
 
 FAIL: Final = "fail"
 REPORT: Final = "report"

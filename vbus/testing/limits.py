@@ -2,16 +2,16 @@
 
 from typing import Any, Final
 
-from vbus.errors import ConfigError
-from vbus.kernel import SECOND
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import SECOND
+from vbus.core.values.settings import among
 from vbus.protocols.quantities import picoseconds
-from vbus.server.host_limits import IN_VAIN, PATIENCE
-from vbus.server.host_limits import POLLING as POLLING
-from vbus.server.host_limits import UNBOUNDED as UNBOUNDED
-from vbus.server.host_limits import HostStuck as HostStuck
-from vbus.server.host_limits import HostWatch as HostWatch
-from vbus.server.host_limits import Limits as Limits
-from vbus.values.settings import among
+from vbus.serve.host_limits import IN_VAIN, PATIENCE
+from vbus.serve.host_limits import POLLING as POLLING
+from vbus.serve.host_limits import UNBOUNDED as UNBOUNDED
+from vbus.serve.host_limits import HostStuck as HostStuck
+from vbus.serve.host_limits import HostWatch as HostWatch
+from vbus.serve.host_limits import Limits as Limits
 
 BUDGET: Final = Limits(300_000, 60 * SECOND, IN_VAIN, PATIENCE)
 """What a test may take that says nothing else, on a board whose time is virtual."""

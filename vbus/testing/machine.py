@@ -9,13 +9,13 @@ from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
-from vbus.errors import ConfigError, VbusError
-from vbus.kernel import END
+from vbus.core.errors import ConfigError, VbusError
+from vbus.core.kernel import END
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
-from vbus.testing.around_chip import ChipBench
+from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.clock import coming, span_of
 from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits

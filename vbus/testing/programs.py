@@ -14,15 +14,15 @@ from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.errors import VbusError
-from vbus.runtime import private_runtime
-from vbus.server.serving import links_of
-from vbus.signals import Violation
+from vbus.cli.hosted.at_rest import LOOK, AtRest
+from vbus.cli.hosted.beside import host_of, link_of_program
+from vbus.cli.proc import offspring, what_hangs
+from vbus.core.errors import VbusError
+from vbus.core.runtime import private_runtime
+from vbus.core.signals import Violation
+from vbus.serve.serving import links_of
 from vbus.testing.limits import UNBOUNDED, HostWatch, Limits
 from vbus.testing.serving import ServedBoard
-from vbus.tools.at_rest import LOOK, AtRest
-from vbus.tools.beside import host_of, link_of_program
-from vbus.tools.proc import offspring, what_hangs
 
 
 @dataclass(slots=True)

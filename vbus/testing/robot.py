@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from vbus.client.bus import Bus
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.testing.bench import Bench
 from vbus.testing.clock import WITHIN
@@ -13,7 +13,7 @@ from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.judge import FAIL, Judge, accepted
 from vbus.testing.tested_board import TestedBoard
-from vbus.trace.findings.suppress import Suppression
+from vbus.views.findings.suppress import Suppression
 
 
 class robot:

@@ -7,9 +7,9 @@ from concurrent.futures import Future, wait
 from typing import Final, TypeVar
 
 from vbus.board.board import Board
-from vbus.errors import VbusError
-from vbus.kernel import END
-from vbus.server.server import LinkSpec, Server
+from vbus.core.errors import VbusError
+from vbus.core.kernel import END
+from vbus.serve.server import LinkSpec, Server
 
 _T = TypeVar("_T")
 PATIENCE_SECONDS: Final = 60.0

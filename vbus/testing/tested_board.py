@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.record.format import JournalReader
+from vbus.record.journal import Journal
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import Judged
 from vbus.testing.limits import HostWatch, Limits
 from vbus.testing.serving import ServedBoard
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
 
 if TYPE_CHECKING:
-    from vbus.trace.coverage.coverage import CoverageObserver
+    from vbus.views.coverage.coverage import CoverageObserver
 
 _T = TypeVar("_T")
 MOST_PLAYED: Final = 100_000
@@ -56,7 +56,7 @@ class TestedBoard:
         self.watch = HostWatch(board, budget, times=True)
         self.coverage: CoverageObserver | None = None
         if covered:
-            from vbus.testing.suite_coverage import coverage_observer
+            from vbus.testing.plugins.suite_coverage import coverage_observer
 
             self.coverage = coverage_observer(board)
         self.judged: Judged = Judged([], [], [], [])
@@ -79,7 +79,7 @@ class TestedBoard:
 
     def record_wave(self) -> None:
         """Record a waveform from now on."""
-        from vbus.trace.wave.wave import Wave
+        from vbus.views.wave.wave import Wave
 
         self._wave = Wave(self.board, self._wave_text)
         self._wave.start()
@@ -94,9 +94,9 @@ class TestedBoard:
 
         It is ended. Of a run of more than :data:`MOST_PLAYED` cycles nothing is told.
         """
+        from vbus.cli.outcome import AxisOutcomes
         from vbus.nodes.machine import board_of
-        from vbus.tools.outcome import AxisOutcomes
-        from vbus.trace.journal.replay import Replay
+        from vbus.record.replay import Replay
 
         if self.watch.cycles > MOST_PLAYED:
             return []
@@ -111,8 +111,8 @@ class TestedBoard:
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""
         from vbus.nodes.machine import board_of
-        from vbus.scope.page_file import one_file
-        from vbus.scope.replayed import replayed
+        from vbus.views.scope.page_file import one_file
+        from vbus.views.scope.replayed import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
         board = board_of(reader.header, self.file.path)

@@ -8,16 +8,16 @@ from typing import Any, Final
 
 from vbus.chips.packets import Packet
 from vbus.circuit.stream import PacketTaker, decoder_of
-from vbus.errors import VbusError
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS
+from vbus.core.signals import EdgeTaker
+from vbus.core.values.settings import listed, suggestion
+from vbus.core.wall_clock import monotonic
 from vbus.events.names import Names
 from vbus.events.watch import Watch, not_met
-from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
-from vbus.signals import EdgeTaker
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
-from vbus.values.settings import listed, suggestion
-from vbus.wall_clock import monotonic
 
 STRIDE: Final = 10 * MS
 """Chip time that passes at most before other tasks have their turn."""

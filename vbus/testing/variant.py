@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
 from vbus.testing.boards import with_keys
 
 if TYPE_CHECKING:

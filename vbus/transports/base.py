@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from vbus.boardfile.sections import NO_HOST, HostSection
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.network.session import Network
 from vbus.transports.traffic import Traffic
 
@@ -205,7 +205,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
     """
     from urllib.parse import parse_qsl
 
-    from vbus.runtime import expanded
+    from vbus.core.runtime import expanded
 
     scheme, colon, rest = url.partition(":")
     if not colon or not scheme or "/" in scheme:

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.transports import states
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN

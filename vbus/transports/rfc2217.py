@@ -9,8 +9,8 @@ from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Final
 
+from vbus.core.signals import LOW, EdgeTaker, Net
 from vbus.protocols.serial_line import BREAK, DTR, RTS, mark, marked
-from vbus.signals import LOW, EdgeTaker, Net
 from vbus.transports.base import Link, Served
 from vbus.transports.sockets import SocketLink, TcpTransport
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from time import sleep
 from typing import Final
 
-from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import is_trusted, lock_of, locked_names, pause_mark, runtime_directory
-from vbus.wall_clock import monotonic
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.runtime import is_trusted, lock_of, locked_names, pause_mark, runtime_directory
+from vbus.core.wall_clock import monotonic
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01

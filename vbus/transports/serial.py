@@ -7,7 +7,7 @@ import termios
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from vbus.errors import TransportError
+from vbus.core.errors import TransportError
 from vbus.transports.base import Link, Transport
 
 if TYPE_CHECKING:

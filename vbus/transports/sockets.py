@@ -10,8 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from vbus.addresses import refused_link
-from vbus.errors import NameInUseError, TransportError
+from vbus.core.addresses import refused_link
+from vbus.core.errors import NameInUseError, TransportError
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.runtime import NameLock, socket_address, sweep
 

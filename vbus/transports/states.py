@@ -131,7 +131,7 @@ SESSION: Final = States(
     (DEPARTED, DONE, CLOSED),
     (DEPARTED, GIVE_UP, CLOSED),
 )  # fmt: skip
-"""One connected host: see :class:`vbus.server.session.Session`."""
+"""One connected host: see :class:`vbus.serve.session.Session`."""
 
 TERMINAL: Final = States(
     "terminal",

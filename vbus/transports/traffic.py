@@ -5,7 +5,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.options import Value
+from vbus.core.options import Value
 
 REQUEST: Final = "request"
 """From a host to the board."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 import zenoh
 from msgspec.structs import replace
 
-from vbus.errors import NameInUseError, TransportError
+from vbus.core.errors import NameInUseError, TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.access import answer_access
 from vbus.network.session import Network, close_session, free_endpoint, open_network

@@ -12,8 +12,8 @@ import msgpack
 import zenoh
 
 from vbus.chips.base import Chip
+from vbus.core.signals import Net, Observer
 from vbus.network import keys
-from vbus.signals import Net, Observer
 from vbus.transports.base import Served
 from vbus.transports.zenoh_host import send_reply
 from vbus.transports.zenoh_inbox import Inbox

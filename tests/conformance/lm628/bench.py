@@ -3,8 +3,8 @@
 from tests.probe import Probe, probe
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import AC, COMMANDS
-from vbus.kernel import NS, US, Clock, Kernel
-from vbus.signals import HIGH, LOW, Observer, Plant, Policy, Violation, Z
+from vbus.core.kernel import NS, US, Clock, Kernel
+from vbus.core.signals import HIGH, LOW, Observer, Plant, Policy, Violation, Z
 
 SETUP = 30 * NS
 LOW_TIME = 180 * NS

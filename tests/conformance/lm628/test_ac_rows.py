@@ -8,8 +8,8 @@ from tests.conformance.ac import Case, check, check_complete, parameters
 from tests.conformance.lm628.bench import Bench
 from tests.conformance.lm628.test_timing import at_the_pins, play, read, ready_to_report, write
 from vbus.chips.lm628.datasheet import AC
-from vbus.kernel import NS, SECOND, US
-from vbus.signals import HIGH, LOW, Violation, Z
+from vbus.core.kernel import NS, SECOND, US
+from vbus.core.signals import HIGH, LOW, Violation, Z
 
 SIP, LPES = 0x03, 0x1A
 

@@ -7,8 +7,8 @@ import pytest
 from tests.conformance.lm628.bench import BUSY, Bench
 from tests.probe import probe
 from vbus.chips.lm628.datasheet import COMMANDS
-from vbus.kernel import NS, US
-from vbus.signals import HIGH, LOW, Z
+from vbus.core.kernel import NS, US
+from vbus.core.signals import HIGH, LOW, Z
 
 RDRP, RDSIGS, LPES = 0x0A, 0x0C, 0x1A
 

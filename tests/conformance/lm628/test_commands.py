@@ -4,9 +4,9 @@ import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower, Log
 from vbus.chips.lm628.datasheet import COMMANDS
-from vbus.kernel import NS
-from vbus.signals import HIGH, LOW
-from vbus.state import load, save
+from vbus.core.kernel import NS
+from vbus.core.signals import HIGH, LOW
+from vbus.core.state import load, save
 
 ONE = 1 << 16
 """One count per sample, or per sample squared."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 
 REST = ("RDSUM", "RDSIGS")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 
 ONE = 1 << 16
 
@@ -216,6 +216,6 @@ def test_an_interrupt_that_stands_at_the_end_is_noted_where_hi_is_wired(bench):
 
 
 def _watcher(bench, seen):
-    from vbus.signals import Watcher
+    from vbus.core.signals import Watcher
 
     return Watcher(bench.kernel, lambda: seen.append(bench.now))

@@ -5,9 +5,9 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.chips.lm628.chip import LM628
-from vbus.kernel import MS, NS, US
+from vbus.core.kernel import MS, NS, US
+from vbus.core.signals import Observer
 from vbus.plant.dc_motor import DcMotor
-from vbus.signals import Observer
 
 
 def board_with(*names: str, time: str = "lockstep") -> tuple[Board, HostBus]:

@@ -3,9 +3,9 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Log
-from vbus import state
 from vbus.chips.lm628.output import STEADY, ServoOutput
-from vbus.kernel import NS
+from vbus.core import state
+from vbus.core.kernel import NS
 
 CLK = 125 * NS
 

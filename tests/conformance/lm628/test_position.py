@@ -4,8 +4,8 @@ import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course
 from vbus.chips.lm628.profile import Trajectory
-from vbus.kernel import NS, US
-from vbus.signals import HIGH, LOW
+from vbus.core.kernel import NS, US
+from vbus.core.signals import HIGH, LOW
 
 ONE = 1 << 16
 CLK = 125 * NS

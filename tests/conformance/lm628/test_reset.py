@@ -3,8 +3,8 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower, Log
-from vbus.kernel import MS, NEVER, NS, US
-from vbus.signals import HIGH, LOW
+from vbus.core.kernel import MS, NEVER, NS, US
+from vbus.core.signals import HIGH, LOW
 
 
 def pulse(bench: Bench, low: int = 2 * US) -> int:

@@ -5,8 +5,8 @@ import pytest
 from tests.conformance.lm628.bench import BUSY, Bench, Log
 from tests.probe import probe
 from vbus.chips.lm628.datasheet import AC, RULES
-from vbus.kernel import MS, NEVER, NS, US
-from vbus.signals import HIGH, LOW, OFF, STRICT, Policy, Z
+from vbus.core.kernel import MS, NEVER, NS, US
+from vbus.core.signals import HIGH, LOW, OFF, STRICT, Policy, Z
 
 MSKI, SIP, LPES, RDRP = 0x1C, 0x03, 0x1A, 0x0A
 

@@ -5,9 +5,9 @@ import pytest
 from tests.probe import Probe, probe
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
-from vbus.kernel import NS, US, Clock, Kernel
-from vbus.options import Value
-from vbus.signals import Pin, Policy, Violation
+from vbus.core.kernel import NS, US, Clock, Kernel
+from vbus.core.options import Value
+from vbus.core.signals import Pin, Policy, Violation
 
 CYCLE = 542_720 * NS
 SLOT = 67_840 * NS

@@ -9,8 +9,8 @@ from tests.conformance.mc1241a.conftest import Bench
 from tests.conformance.mc1241a.test_timing import READ, WRITE, Step, changed, judged
 from vbus.chips.mc1241a.datasheet import AC
 from vbus.chips.mc1241a.family import FAMILY
-from vbus.kernel import MS, NS, SECOND, US
-from vbus.signals import Violation, Z
+from vbus.core.kernel import MS, NS, SECOND, US
+from vbus.core.signals import Violation, Z
 
 EDGE = 20 * US
 """Where the trailing edge of the strobe lies (ps)."""

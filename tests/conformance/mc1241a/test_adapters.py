@@ -4,9 +4,9 @@ import pytest
 
 from vbus.board.build import build, card_of
 from vbus.board.config import read_board_text
-from vbus.kernel import MS
+from vbus.core.kernel import MS
+from vbus.core.signals import Observer
 from vbus.protocols.text import TextProtocol
-from vbus.signals import Observer
 
 spec = pytest.mark.spec
 

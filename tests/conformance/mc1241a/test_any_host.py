@@ -10,8 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from tests.conformance.mc1241a.conftest import BUSY, COMMAND, CYCLE, DATA, Bench
 from tests.probe import probe
 from vbus.chips.mc1241a.datasheet import COMMANDS, ILLEGAL_CODES
-from vbus.kernel import MS, US
-from vbus.state import save
+from vbus.core.kernel import MS, US
+from vbus.core.state import save
 
 ROWS = {row.code: row for row in COMMANDS}
 LEGAL = {*ROWS, 0x49}

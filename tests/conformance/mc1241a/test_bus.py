@@ -4,8 +4,8 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, COMMAND, CYCLE, DATA, SLOT, Bench
 from vbus.chips.base import POLL
-from vbus.kernel import NS, US
-from vbus.signals import STRICT, Policy, Z
+from vbus.core.kernel import NS, US
+from vbus.core.signals import STRICT, Policy, Z
 
 spec = pytest.mark.spec
 

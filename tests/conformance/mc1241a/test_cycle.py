@@ -4,7 +4,7 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, SLOT, Bench
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, FRAME_CLK
-from vbus.kernel import NS
+from vbus.core.kernel import NS
 
 spec = pytest.mark.spec
 

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import Bench
-from vbus.kernel import MS
-from vbus.signals import Watcher
+from vbus.core.kernel import MS
+from vbus.core.signals import Watcher
 
 spec = pytest.mark.spec
 

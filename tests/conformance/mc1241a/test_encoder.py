@@ -3,10 +3,10 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, SLOT, Bench
-from vbus.kernel import NS, US
+from vbus.core.kernel import NS, US
+from vbus.core.signals import Switch
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import Switch
 
 spec = pytest.mark.spec
 

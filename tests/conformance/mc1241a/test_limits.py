@@ -3,8 +3,8 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, Bench
+from vbus.core.signals import Switch, Z
 from vbus.plant.ideal import IdealPlant
-from vbus.signals import Switch, Z
 
 spec = pytest.mark.spec
 

@@ -13,8 +13,8 @@ from vbus.chips.mc1241a.microstep import (
     pwm_magnitude,
     scaled,
 )
-from vbus.kernel import MS, NEVER, NS, US
-from vbus.signals import Observer, Plant
+from vbus.core.kernel import MS, NEVER, NS, US
+from vbus.core.signals import Observer, Plant
 
 spec = pytest.mark.spec
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, DATA, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS, FAMILY_CODES
-from vbus.state import save
+from vbus.core.state import save
 
 spec = pytest.mark.spec
 

@@ -5,9 +5,9 @@ import pytest
 from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, SLOT, Bench
 from tests.probe import probe
 from vbus.chips.mc1241a.datasheet import COMMANDS
-from vbus.kernel import MS, NEVER, NS, US
+from vbus.core.kernel import MS, NEVER, NS, US
+from vbus.core.signals import STRICT, Observer, Plant, Policy, Z
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import STRICT, Observer, Plant, Policy, Z
 
 spec = pytest.mark.spec
 

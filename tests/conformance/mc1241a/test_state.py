@@ -14,12 +14,12 @@ from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.kernel import MS, SECOND, US
+from vbus.core.kernel import MS, SECOND, US
+from vbus.core.signals import Observer, Plant, Switch
+from vbus.core.state import load, save
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
 from vbus.protocols.port import HostPort
-from vbus.signals import Observer, Plant, Switch
-from vbus.state import load, save
 
 
 class Rig:

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, Bench
-from vbus.kernel import US
-from vbus.signals import Observer
+from vbus.core.kernel import US
+from vbus.core.signals import Observer
 
 spec = pytest.mark.spec
 

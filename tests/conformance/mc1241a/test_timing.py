@@ -6,8 +6,8 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, DATA, Bench
 from vbus.chips.mc1241a.datasheet import AC
-from vbus.kernel import NS
-from vbus.signals import STRICT, Policy, Z
+from vbus.core.kernel import NS
+from vbus.core.signals import STRICT, Policy, Z
 
 spec = pytest.mark.spec
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, Bench
-from vbus.state import save
+from vbus.core.state import save
 
 spec = pytest.mark.spec
 

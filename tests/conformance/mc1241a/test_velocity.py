@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.conformance.mc1241a.conftest import Bench
 from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.mc1241a.profile import Profile
-from vbus.kernel import US
+from vbus.core.kernel import US
 
 spec = pytest.mark.spec
 

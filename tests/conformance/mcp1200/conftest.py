@@ -5,9 +5,9 @@ import pytest
 from tests.probe import Probe, probe
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.chips.mcp1200.datasheet import DATA, REGISTERS
-from vbus.kernel import SECOND, Clock, Kernel
-from vbus.options import Value
-from vbus.signals import LOW, Observer, Pin, Plant, Policy, Violation
+from vbus.core.kernel import SECOND, Clock, Kernel
+from vbus.core.options import Value
+from vbus.core.signals import LOW, Observer, Pin, Plant, Policy, Violation
 
 RESET_CLK = 320
 

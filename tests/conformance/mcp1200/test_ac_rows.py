@@ -23,8 +23,8 @@ from tests.conformance.mcp1200.test_timing import (
     separate,
 )
 from vbus.chips.mcp1200.datasheet import AC, DATA
-from vbus.kernel import NS, SECOND, US
-from vbus.signals import Violation, Z
+from vbus.core.kernel import NS, SECOND, US
+from vbus.core.signals import Violation, Z
 
 CLK = 100 * NS
 Make = Callable[[int], list[Edge]]

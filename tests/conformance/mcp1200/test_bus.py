@@ -4,8 +4,8 @@ import pytest
 
 from tests.conformance.mcp1200.conftest import Bench
 from vbus.chips.mcp1200.datasheet import DATA
-from vbus.kernel import NS, US
-from vbus.signals import STRICT, Policy, Z
+from vbus.core.kernel import NS, US
+from vbus.core.signals import STRICT, Policy, Z
 
 PLAIN = 0x20
 """A register without side effects: R20, the lead filter's zero."""

@@ -5,8 +5,8 @@ import itertools
 import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Rail, low_pulse
-from vbus.kernel import US
-from vbus.signals import HIGH, LOW, Switch, Z
+from vbus.core.kernel import US
+from vbus.core.signals import HIGH, LOW, Switch, Z
 
 # 1 000 000 counts a second at 8 MHz: a count every 8 clocks.
 SPEED = 1_000_000.0

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Rail, low_pulse
-from vbus.kernel import US
-from vbus.signals import HIGH, LOW
+from vbus.core.kernel import US
+from vbus.core.signals import HIGH, LOW
 
 REPORT, GO_IDLE, DECEL, ABRUPT = range(4)
 

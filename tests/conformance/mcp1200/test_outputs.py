@@ -9,7 +9,7 @@ from vbus.chips.base import EDGE
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.kernel import NEVER
+from vbus.core.kernel import NEVER
 
 # Gains with which an error of n gives a motor command of 16 * n.
 UNIT = {"LEAD_ZERO": 0, "LEAD_POLE": 0, "LEAD_GAIN": 4}

@@ -7,7 +7,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.datasheet import REGISTERS
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.tables import SAMPLED
-from vbus.signals import HIGH, LOW
+from vbus.core.signals import HIGH, LOW
 
 PLAIN = {
     "FEATURE": "MCP-REG-2", "CONFIG": "MCP-REG-3", "EXCEPTION": "MCP-REG-5",

@@ -4,8 +4,8 @@ import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.chips.mcp1200.datasheet import REGISTERS
-from vbus.signals import HIGH, LOW
-from vbus.state import save
+from vbus.core.signals import HIGH, LOW
+from vbus.core.state import save
 
 SOFT = {
     "EXCEPTION": 0x09, "PHASE": 0, "MOTOR_COMMAND": 0x80, "PWM_COMMAND": 0,

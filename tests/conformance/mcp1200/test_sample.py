@@ -6,8 +6,8 @@ from tests.conformance.mcp1200.conftest import Bench, Edges, Rail
 from vbus.board.board import Board
 from vbus.chips.base import OUTPUT
 from vbus.chips.mcp1200.chip import MCP1200
-from vbus.kernel import NEVER, NS, US, Kernel
-from vbus.signals import HIGH, LOW
+from vbus.core.kernel import NEVER, NS, US, Kernel
+from vbus.core.signals import HIGH, LOW
 
 MS = 1_000 * US
 

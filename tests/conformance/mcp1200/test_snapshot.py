@@ -9,11 +9,11 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.chips.base import OUTPUT
 from vbus.chips.mcp1200.chip import MCP1200
+from vbus.core.signals import Observer, Plant
+from vbus.core.state import save
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import Observer, Plant
-from vbus.state import save
 
 Op = tuple[str, int, int]
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
+from vbus.core.signals import Plant
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import Plant
 
 PERIOD = 4160
 WORK = 1200

@@ -7,8 +7,8 @@ import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, low_pulse
 from vbus.chips.mcp1200.datasheet import DATA
-from vbus.kernel import NS, US
-from vbus.signals import HIGH, LOW, STRICT, Policy, Z
+from vbus.core.kernel import NS, US
+from vbus.core.signals import HIGH, LOW, STRICT, Policy, Z
 
 HZ = 10_000_000
 SUPPLIES = ("5 V", "3.3 V")

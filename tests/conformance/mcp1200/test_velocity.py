@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mcp1200.conftest import Bench
-from vbus.signals import HIGH
+from vbus.core.signals import HIGH
 
 
 def velocity_mode(bench: Bench, accel: int = 0x80, goal: int = 0) -> None:

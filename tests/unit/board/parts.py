@@ -3,9 +3,9 @@
 from tests.unit.board.toy import Toy
 from vbus.chips.family import Family
 from vbus.chips.tables import CardRow, PinRow
-from vbus.entry_points import EntryPoint
-from vbus.options import Option
-from vbus.signals import Plant, Rule
+from vbus.core.entry_points import EntryPoint
+from vbus.core.options import Option
+from vbus.core.signals import Plant, Rule
 
 HERE = "tests.unit.board.parts"
 

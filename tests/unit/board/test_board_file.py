@@ -8,12 +8,12 @@ from tests.unit.board.parts import Acme, Motor
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
-from vbus.board.cards import Card, card_of_rows
+from vbus.board.card.cards import Card, card_of_rows
 from vbus.board.config import read_board_text
 from vbus.boardfile.source import BoardFileError
 from vbus.chips.tables import CardRow
-from vbus.errors import ConfigError
-from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Z
+from vbus.core.errors import ConfigError
+from vbus.core.signals import HIGH, LOW, OFF, STRICT, WARN, Z
 
 pytestmark = pytest.mark.usefixtures("acme")
 

@@ -4,7 +4,7 @@ import pytest
 
 from vbus.board.build import card_of, load_board_text
 from vbus.board.config import read_board_text
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
 from vbus.protocols.port import PortInfo
 
 BOARD = """\

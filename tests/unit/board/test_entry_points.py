@@ -8,7 +8,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from vbus.entry_points import EntryPoint, installed
+from vbus.core.entry_points import EntryPoint, installed
 
 Row = tuple[str, str, str]
 

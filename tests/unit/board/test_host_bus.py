@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.cards import Card
+from vbus.board.card.cards import Card
 from vbus.board.host_bus import HostBus
-from vbus.kernel import MS, NEVER, US
+from vbus.core.kernel import MS, NEVER, US
+from vbus.core.signals import HIGH, LOW, STRICT, Observer, Policy
 from vbus.protocols import codes
 from vbus.protocols.port import CardAccess, HostPort, PortError
-from vbus.signals import HIGH, LOW, STRICT, Observer, Policy
 
 
 def bench(policy: str = "lockstep", chips: int = 1, **settings: object) -> tuple[Board, HostBus]:

@@ -10,9 +10,9 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.host_leases import LONGEST_LEASE
 from vbus.chips.lm628.datasheet import COMMANDS
-from vbus.kernel import END, MS, NEVER, US
+from vbus.core.kernel import END, MS, NEVER, US
+from vbus.core.signals import Observer
 from vbus.protocols.port import PortError
-from vbus.signals import Observer
 
 PLANT = '[plants.m]\nmodel = "ideal"\n'
 PARTS = {

@@ -10,7 +10,7 @@ from vbus.chips.base import Chip
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mcp1200.chip import MCP1200
-from vbus.kernel import Clock, Kernel
+from vbus.core.kernel import Clock, Kernel
 
 BOARD = """\
 [chips.x]

@@ -8,8 +8,8 @@ from tests.unit.board import parts
 from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
-from vbus.entry_points import EntryPoint
-from vbus.errors import PluginError
+from vbus.core.entry_points import EntryPoint
+from vbus.core.errors import PluginError
 
 
 @pytest.fixture

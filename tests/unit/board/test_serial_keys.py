@@ -4,10 +4,10 @@ import pytest
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins
-from vbus.server.server import on_line
+from vbus.serve.server import on_line
 
 BOARD = """\
 [board]

@@ -15,13 +15,13 @@ from vbus.board import snapshot as snapshots
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.base import Chip
-from vbus.errors import SnapshotError
-from vbus.kernel import MS, US
+from vbus.core.errors import SnapshotError
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.text import TextProtocol
-from vbus.signals import Observer
-from vbus.trace.journal.journal import Journal
+from vbus.record.journal import Journal
 
 BENCH = """\
 [board]

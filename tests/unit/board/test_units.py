@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.kernel import END
-from vbus.values.units import DIMENSIONS, UnitError, parse, show
+from vbus.core.kernel import END
+from vbus.core.values.units import DIMENSIONS, UnitError, parse, show
 
 
 @pytest.mark.parametrize(

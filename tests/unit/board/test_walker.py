@@ -11,8 +11,8 @@ from vbus.boardfile.schema import schema
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import BoardFileError, Source
 from vbus.boardfile.walker import Walker
-from vbus.options import Option
-from vbus.values.units import DIMENSIONS
+from vbus.core.options import Option
+from vbus.core.values.units import DIMENSIONS
 
 
 class Wheel(Section, frozen=True, kw_only=True):

@@ -8,7 +8,7 @@ from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.circuit.circuit import STRETCH
-from vbus.kernel import END, MS, NS
+from vbus.core.kernel import END, MS, NS
 
 TWO = """
 [board]

@@ -4,8 +4,8 @@ from vbus.chips.base import POLL, Chip
 from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, PinRow
-from vbus.kernel import NEVER, US
-from vbus.signals import LOW, Watcher, Z
+from vbus.core.kernel import NEVER, US
+from vbus.core.signals import LOW, Watcher, Z
 
 AC = AcTable("toy", AcLimit("T1", "TOY-1", "/WR low for at least 100 ns", min_ps=100_000))
 

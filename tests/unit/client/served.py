@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Self
 
 from tests.unit.fake_port import FakePort
-from vbus.kernel import NEVER
+from vbus.core.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from tests.unit.client.served import Served
 from vbus.client.aio import Event, connect
-from vbus.errors import TransportError
-from vbus.kernel import US
+from vbus.core.errors import TransportError
+from vbus.core.kernel import US
 
 
 @pytest.mark.asyncio

@@ -9,8 +9,8 @@ import pytest
 from tests.unit.client.served import Served
 from tests.waiting import until
 from vbus.client import Bus, Event, Ready, Sample, connect
-from vbus.errors import ProtocolError, TransportError
-from vbus.kernel import US
+from vbus.core.errors import ProtocolError, TransportError
+from vbus.core.kernel import US
 
 
 def test_a_session_over_every_kind_of_link(served: Served) -> None:

@@ -16,7 +16,7 @@ from vbus.client.aio import access
 from vbus.client.aio.access import calls_of
 from vbus.client.blocking import blocking
 from vbus.client.lm628 import Lm628, Lm628Calls
-from vbus.errors import NotReadyError
+from vbus.core.errors import NotReadyError
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from tests.unit.fake_port import FakePort
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.client import Bus, connect
 from vbus.client.mc1241a import Mc1241a, Mc1241aCalls
-from vbus.errors import ChecksumError, NotReadyError
+from vbus.core.errors import ChecksumError, NotReadyError
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from vbus.client.aio import access
 from vbus.client.aio.access import calls_of
 from vbus.client.blocking import blocking
 from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200, Mcp1200Calls
-from vbus.errors import NotReadyError
+from vbus.core.errors import NotReadyError
 
 
 @pytest.fixture

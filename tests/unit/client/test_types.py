@@ -11,11 +11,11 @@ import pytest
 
 from tests.unit.client.served import Served
 from vbus.chips.lm628.calls import Lm628Calls as AioCalls
+from vbus.cli.generate.targets import own_clients, stale
 from vbus.client import Bus, aio, blocking, connect
 from vbus.client.aio.lm628 import Lm628 as AioLm628
 from vbus.client.lm628 import Lm628, Lm628Calls
 from vbus.client.mcp1200 import Mcp1200
-from vbus.tools.generate.targets import own_clients, stale
 
 PROGRAM = """\
 from typing import assert_type

@@ -8,8 +8,8 @@ from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
 from vbus.client.message import Event, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
-from vbus.errors import ProtocolError
-from vbus.kernel import US
+from vbus.core.errors import ProtocolError
+from vbus.core.kernel import US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import PortInfo

@@ -3,7 +3,7 @@
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 
 LM = '[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "m"\n'
 MCP = '[chips.x]\npart = "MCP-1200"\nclock = "20 MHz"\nplant = "m"\nhome_switch = "/STOP"\n'

@@ -4,7 +4,7 @@ import pytest
 
 from tests.unit.faults.bench import DC, LM, Lm, build, settle
 from vbus.boardfile.source import BoardFileError
-from vbus.kernel import MS
+from vbus.core.kernel import MS
 
 
 def test_a_fault_of_the_file_is_armed_before_power_comes() -> None:

@@ -4,8 +4,8 @@ import pytest
 
 from tests.probe import probe
 from tests.unit.faults.bench import DC, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle, telemetry
-from vbus.kernel import MS, US
-from vbus.signals import Observer
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
 
 
 class Edges(Observer):

@@ -18,8 +18,8 @@ from tests.unit.faults.bench import (
 )  # fmt: skip
 from vbus.board import snapshot
 from vbus.board.board import Board
-from vbus.kernel import MS, NS, US
-from vbus.signals import Observer
+from vbus.core.kernel import MS, NS, US
+from vbus.core.signals import Observer
 
 ALL = [(LM, DC), (MCP, DC), (MC, STEPPER)]
 

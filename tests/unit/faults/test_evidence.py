@@ -4,15 +4,15 @@ import io
 
 from tests.unit.faults.bench import DC, LM, Lm, settle
 from vbus.board.build import load_board_text
-from vbus.kernel import MS
-from vbus.options import Value
-from vbus.tools.journal_lines import line
-from vbus.trace.findings.formats import text
-from vbus.trace.findings.report import Report
-from vbus.trace.journal.format import Entry, JournalReader
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.view import Sessions, shown
+from vbus.cli.journal_lines import line
+from vbus.core.kernel import MS
+from vbus.core.options import Value
+from vbus.record.format import Entry, JournalReader
+from vbus.record.journal import Journal
+from vbus.record.replay import Replay
+from vbus.record.view import Sessions, shown
+from vbus.views.findings.formats import text
+from vbus.views.findings.report import Report
 
 BOARD = (
     f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n{LM}{DC}'

@@ -7,13 +7,13 @@ import pytest
 
 from tests.unit.glue.test_cards import LATCH, WIRED, Slot
 from tests.unit.glue.test_cycles import DECODED
-from tests.unit.trace.conftest import read
-from tests.unit.trace.test_replay import played
+from tests.unit.views.conftest import read
+from tests.unit.views.test_replay import played
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import fork, restore, take
-from vbus.errors import ConfigError
-from vbus.kernel import MS, NS, US
-from vbus.trace.journal.journal import Journal
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS, NS, US
+from vbus.record.journal import Journal
 
 
 def running() -> Slot:

@@ -19,7 +19,7 @@ from tests.unit.faults.bench import (
     telemetry,
 )
 from vbus.board.board import Board
-from vbus.kernel import MS, US
+from vbus.core.kernel import MS, US
 
 POSITION_ERROR = 0x20
 MOTOR_OFF = 0x80

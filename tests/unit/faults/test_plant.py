@@ -3,8 +3,8 @@
 import pytest
 
 from tests.unit.faults.bench import DC, MCP, SAMPLE, Lm, Mcp, build, settle
+from vbus.core.kernel import MS
 from vbus.faults.plant import STUCK_A, STUCK_B, FaultyPlant
-from vbus.kernel import MS
 from vbus.plant.ideal import IdealPlant
 
 

@@ -11,7 +11,9 @@ from tests.probe import probe
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
 from vbus.board.snapshot import fork
-from vbus.errors import SnapshotError
+from vbus.core.errors import SnapshotError
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
 from vbus.faults.row import LINK
 from vbus.faults.table import faults
 from vbus.faults.trigger import (
@@ -26,8 +28,6 @@ from vbus.faults.trigger import (
     When,
     read_when,
 )
-from vbus.kernel import MS, US
-from vbus.signals import Observer
 
 FAULTS = faults()
 

@@ -5,10 +5,10 @@ import pytest
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import fork, restore, take
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS, NS, US
+from vbus.core.signals import Observer
 from vbus.glue.part import MOST_TURNS
-from vbus.kernel import MS, NS, US
-from vbus.signals import Observer
 
 BOARD = """
 [board]

@@ -10,12 +10,12 @@ from tests.unit.glue.test_cards import FOLDER, Slot, mapped, move
 from tests.unit.glue.test_paths import TWO, steady
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.card_bus import CLOCK, CardBus
+from vbus.board.card.card_bus import CLOCK, CardBus
 from vbus.board.snapshot import restore, take
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
 from vbus.glue.card_buses import BUSES
-from vbus.kernel import MS, US
-from vbus.signals import Observer
 
 INDEXED = (FOLDER / "indexed_card.toml").read_text()
 INDEX, DATA, CONTROL, ID, ENABLE, REQUEST, SWITCHES = (

@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.trace.conftest import record
-from tests.unit.trace.test_replay import played
+from tests.unit.views.conftest import record
+from tests.unit.views.test_replay import played
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, load_board_text
-from vbus.board.card_map import address_map, lines, remarks
+from vbus.board.card.card_map import address_map, lines, remarks
 from vbus.board.config import read_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import fork, restore, take
-from vbus.errors import ConfigError
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS, NS, US
+from vbus.core.signals import Observer
 from vbus.glue.card_buses import BUSES
-from vbus.kernel import MS, NS, US
 from vbus.protocols.port import CardAccess
-from vbus.signals import Observer
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "firmware_host_examples" / "lm629_two_axes"

@@ -7,18 +7,18 @@ import pytest
 from tests.unit.glue.test_cards import LATCH, WIRED, Slot, move
 from tests.unit.glue.test_edges import INDEXED, register
 from tests.unit.glue.test_paths import TWO
-from tests.unit.trace.conftest import read
-from tests.unit.trace.test_replay import played
+from tests.unit.views.conftest import read
+from tests.unit.views.test_replay import played
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
 from vbus.chips.packets import Packet
 from vbus.circuit.stream import PacketTaker
-from vbus.kernel import MS, US
-from vbus.signals import Observer
-from vbus.state import save
-from vbus.tools.transcript import Transcript
-from vbus.trace.coverage.coverage import CoverageObserver
-from vbus.trace.journal.journal import Journal
+from vbus.cli.transcript import Transcript
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer
+from vbus.core.state import save
+from vbus.record.journal import Journal
+from vbus.views.coverage.coverage import CoverageObserver
 
 DECODED = (
     TWO

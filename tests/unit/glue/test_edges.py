@@ -6,8 +6,8 @@ from tests.probe import probe
 from tests.unit.glue.test_cards import Slot
 from tests.unit.glue.test_paths import TWO_CHIPS, path_of, steady
 from vbus.chips.mc1241a.datasheet import NOT_READY
-from vbus.kernel import US
-from vbus.signals import HIGH, Observer
+from vbus.core.kernel import US
+from vbus.core.signals import HIGH, Observer
 
 HEAD = (
     TWO_CHIPS

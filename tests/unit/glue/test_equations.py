@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.board.equations import read
-from vbus.errors import VbusError
-from vbus.values.lexer import ConditionError
+from vbus.core.errors import VbusError
+from vbus.core.values.lexer import ConditionError
 
 NAMES = ("A", "B", "/IORQ", "x.HI")
 texts = st.recursive(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from vbus.board.build import load_board_text
-from vbus.values.settings import MOST_LISTED, listed
+from vbus.core.values.settings import MOST_LISTED, listed
 
 CHIP = '[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
 

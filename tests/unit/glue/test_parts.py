@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.chips.tables import PinRow
+from vbus.core.kernel import NS, Kernel
+from vbus.core.signals import Net, Pin, Z
 from vbus.glue.part import Glue, GluePart, bundled
 from vbus.glue.table import PARTS, ROWS
-from vbus.kernel import NS, Kernel
-from vbus.signals import Net, Pin, Z
 
 
 class Bench:

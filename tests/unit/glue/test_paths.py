@@ -6,11 +6,11 @@ from functools import partial
 import pytest
 
 from tests.unit.glue.test_cards import LATCH, WIRED, Slot
-from vbus.board.card_bus import CardBus
-from vbus.board.card_path import CardPath
+from vbus.board.card.card_bus import CardBus
+from vbus.board.card.card_path import CardPath
 from vbus.board.snapshot import restore, take
-from vbus.kernel import MS, NS, US
-from vbus.signals import HIGH, Observer
+from vbus.core.kernel import MS, NS, US
+from vbus.core.signals import HIGH, Observer
 
 TWO_CHIPS = """\
 [chips.x]

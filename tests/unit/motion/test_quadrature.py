@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus import state
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
@@ -17,7 +16,8 @@ from vbus.chips.motion.quadrature import (
     InputFilter,
     Quadrature,
 )
-from vbus.kernel import NEVER
+from vbus.core import state
+from vbus.core.kernel import NEVER
 
 CLK = 125
 """Clock period at 8 MHz."""

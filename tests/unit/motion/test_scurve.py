@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from vbus import state
 from vbus.chips.motion.scurve import SCurve
+from vbus.core import state
 
 
 def planned(distance: int, top: int, accel: int, jerk: int) -> SCurve:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from vbus.bits import saturate
+from vbus.core.bits import saturate
+from vbus.core.state import save
 from vbus.plant.dc_motor import DcMotor
-from vbus.state import save
 
 PERIOD = 256e-6
 """Sample period of an LM629 at 8 MHz."""

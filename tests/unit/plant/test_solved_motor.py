@@ -7,9 +7,9 @@ from random import Random
 
 import pytest
 
+from vbus.core.state import load, save
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.response import TICKS
-from vbus.state import load, save
 
 PERIOD = 256e-6
 TOLERANCE = 1e-9

@@ -4,8 +4,8 @@ from math import cos, pi, sin
 
 import pytest
 
+from vbus.core.state import save
 from vbus.plant.stepper import MOST_PIECES, StepperMotor
-from vbus.state import save
 
 SAMPLE = 520e-6
 """Default sample period of an MCP-1200 at 8 MHz."""

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from vbus.kernel import US
+from vbus.core.kernel import US
 from vbus.protocols.requests import REQUESTS, Request
 from vbus.protocols.text import VERBS
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
-from vbus.kernel import END, US
+from vbus.core.kernel import END, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.codes import NO_SUCH
 from vbus.protocols.hello import decode_hello

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces, streams
-from vbus.kernel import NEVER, US
+from vbus.core.kernel import NEVER, US
 from vbus.protocols.byte import ByteProtocol
 
 Outcome = tuple[bytes, list[tuple[object, ...]], int]

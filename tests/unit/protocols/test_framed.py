@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces, requests
-from vbus.kernel import US
+from vbus.core.kernel import US
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.frames import MARK, FrameReader, frame, frames
 

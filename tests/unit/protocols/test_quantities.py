@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.kernel import END, MS, SECOND, US
+from vbus.core.kernel import END, MS, SECOND, US
 from vbus.protocols.quantities import format_instant, parse_duration, picoseconds
 
 

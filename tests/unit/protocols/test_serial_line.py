@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
-from vbus.kernel import NEVER, US
+from vbus.core.kernel import NEVER, US
+from vbus.core.state import load, save
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.codes import BAD_AT
 from vbus.protocols.port import PortError, PortInfo
@@ -23,7 +24,6 @@ from vbus.protocols.serial_line import (
     marked,
 )
 from vbus.protocols.terminal import TerminalProtocol
-from vbus.state import load, save
 
 FRAME = frame_ps(9600, "8N1")
 CHANGE = 1000 * US

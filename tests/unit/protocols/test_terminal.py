@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
-from vbus.kernel import NEVER
+from vbus.core.kernel import NEVER
+from vbus.core.state import load, save
 from vbus.protocols.terminal import TerminalProtocol
 from vbus.protocols.text import LONGEST_LINE, VERBS
-from vbus.state import load, save
 
 keys = st.lists(
     st.sampled_from(

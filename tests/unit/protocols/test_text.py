@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, ends, lines, pieces
-from vbus.kernel import MS, NEVER, US
+from vbus.core.kernel import MS, NEVER, US
 from vbus.protocols.port import NotYet, PortInfo
 from vbus.protocols.text import VERBS, TextProtocol
 

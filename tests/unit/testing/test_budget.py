@@ -10,10 +10,10 @@ from vbus.board.build import build
 from vbus.chips.packets import STATUS, Cycle, Packet
 from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
-from vbus.errors import ConfigError
-from vbus.kernel import MS, SECOND
-from vbus.server.host_limits import GRACE, LOOK
-from vbus.server.polls import Polls
+from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS, SECOND
+from vbus.serve.host_limits import GRACE, LOOK
+from vbus.serve.time.polls import Polls
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, HostWatch, Limits, budget_of

@@ -3,8 +3,8 @@
 import pytest
 
 from vbus.board.build import build
-from vbus.kernel import MS
-from vbus.server.host_limits import KEPT
+from vbus.core.kernel import MS
+from vbus.serve.host_limits import KEPT
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import HostWatch, Limits

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from vbus.errors import ConfigError, VbusError
+from vbus.core.errors import ConfigError, VbusError
 from vbus.plant.dc_motor import DcMotor
-from vbus.testing.golden import complaints, read_golden, text_of
-from vbus.testing.tolerance import NEAR, tolerance_of
-from vbus.trace.runs.difference import Tolerance
-from vbus.trace.runs.motion import AxisCourse, Move
-from vbus.trace.runs.run import Run, Said
+from vbus.testing.plugins.golden import complaints, read_golden, text_of
+from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.views.runs.difference import Tolerance
+from vbus.views.runs.motion import AxisCourse, Move
+from vbus.views.runs.run import Run, Said
 
 pytest_plugins = "pytester"
 

@@ -9,7 +9,7 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.chips.lm628.chip import LM628
-from vbus.kernel import US
+from vbus.core.kernel import US
 from vbus.plant.ideal import IdealPlant
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing import Nonconformance, check_chip, check_plant, check_protocol, check_transport

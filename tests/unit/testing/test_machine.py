@@ -8,8 +8,8 @@ import pytest
 
 from tests.nodes.four_chips import BOARD
 from vbus.board.config import read_board_text
-from vbus.errors import ConfigError, VbusError
-from vbus.kernel import MS, US
+from vbus.core.errors import ConfigError, VbusError
+from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.unit.scope.decoded import of_page
+from tests.unit.views.scope.decoded import of_page
 
 pytest_plugins = "pytester"
 
@@ -186,7 +186,7 @@ def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
     assert "RSTI" in str(told["vbus.transcript"])
     assert "lm628.busy-write" in str(told["vbus.violations"])
     assert Path(str(told["vbus.journal"])).stat().st_size > 0
-    page = Path(str(told["vbus.scope"]))
+    page = Path(str(told["vbus.views.scope"]))
     assert page.suffix == ".html"
     assert of_page(page.read_bytes()).packets("x bus")[-1][2] == "RDSTAT 80H MOTOR_OFF  [LM-CMD-23]"
     assert "$enddefinitions" in Path(str(told["vbus.wave"])).read_text()
@@ -383,9 +383,9 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
 
         def test_nothing():
             loaded = {name for name in sys.modules if name.startswith("vbus.")}
-            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugin", "vbus.version",
-                    "vbus.testing.acceptance_plugin",
-                    "vbus.testing.golden_plugin", "vbus.testing.matrix_plugin"}
+            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugins.plugin", "vbus.version",
+                    "vbus.testing.plugins.acceptance_plugin",
+                    "vbus.testing.plugins.golden_plugin", "vbus.testing.plugins.matrix_plugin"}
             assert loaded <= mine
         """
     )

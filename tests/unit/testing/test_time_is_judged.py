@@ -11,12 +11,12 @@ from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.client import Bus
-from vbus.errors import VbusError
-from vbus.kernel import MS, NS
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS, NS
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.server.pacer import Pacer
+from vbus.serve.time.pacer import Pacer
 from vbus.testing.bench import Bench
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.clock import BoardClock

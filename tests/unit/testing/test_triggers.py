@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from vbus.client.lm628 import Lm628
-from vbus.errors import VbusError
-from vbus.kernel import MS, US
-from vbus.testing.around_chip import ChipBench
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS, US
 from vbus.testing.bench import Bench
+from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.chips import chip_bench
 from vbus.testing.limits import Limits
 from vbus.testing.triggers import Triggers

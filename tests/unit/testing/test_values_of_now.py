@@ -15,10 +15,10 @@ from tests.unit.testing.test_machine import TWO, made
 from vbus.board.board import Board
 from vbus.client import Bus
 from vbus.client.mcp1200 import PROFILE
-from vbus.errors import VbusError
-from vbus.kernel import MS
-from vbus.testing.around_chip import ChipBench
+from vbus.core.errors import VbusError
+from vbus.core.kernel import MS
 from vbus.testing.bench import Bench
+from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.chips import chip_bench
 from vbus.testing.clock import BoardClock
 from vbus.testing.execute import Execute

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vbus.runtime import lock_of
+from vbus.core.runtime import lock_of
 from vbus.transports import runtime
 from vbus.transports.runtime import NameLock, sweep
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from vbus.errors import NameInUseError, TransportError
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.runtime import lock_of, lock_state, runtime_directory, subdirectory
 from vbus.network.places import endpoints_at, register, router_place, unregister
-from vbus.runtime import lock_of, lock_state, runtime_directory, subdirectory
 from vbus.transports.runtime import NameLock
 
 

@@ -4,13 +4,13 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus import state
-from vbus.bits import clamp, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Trajectory
-from vbus.options import Settings
-from vbus.state import Names
+from vbus.core import state
+from vbus.core.bits import clamp, wrap, wrap_word
+from vbus.core.options import Settings
+from vbus.core.state import Names
 
 START_NONE: Final = 0
 START_STOP: Final = 1

@@ -1,4 +1,4 @@
-# Made from the chip's tables by vbus.tools.generate; change that.
+# Made from the chip's tables by vbus.cli.generate; change that.
 """Calls for the LM628 and LM629, one for each command, for asyncio."""
 
 from vbus.chips.lm628.access import Lm628Packets

@@ -17,10 +17,10 @@ from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
-from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
-from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, ValueTable, Violation, Watcher
-from vbus.state import Names
+from vbus.core.kernel import HELD, MS, NEVER, Clock, Kernel
+from vbus.core.options import Option, Settings
+from vbus.core.signals import HIGH, LOW, Pin, Plant, Policy, Rule, ValueTable, Violation, Watcher
+from vbus.core.state import Names
 
 _RUNNING: Final = 0
 _RESET_BY_PIN: Final = 1

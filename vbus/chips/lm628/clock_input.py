@@ -2,7 +2,7 @@
 
 from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
-from vbus.kernel.clock import PS_PER_SECOND
+from vbus.core.kernel.clock import PS_PER_SECOND
 
 
 def check_clock(part: str, hz: int) -> None:

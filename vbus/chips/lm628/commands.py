@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.host_port import NO_COMMAND, PortState
 from vbus.chips.tables import Command
-from vbus.signals import Rule
-from vbus.state import Names
+from vbus.core.bits import sign_extend
+from vbus.core.signals import Rule
+from vbus.core.state import Names
 
 UNKNOWN: Final = -1
 

@@ -6,7 +6,7 @@ from typing import Final
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.packets import STATUS, Packet
 from vbus.chips.tables import Bit
-from vbus.trace.coverage.tables import (
+from vbus.views.coverage.tables import (
     BITS,
     COMMANDS,
     FLAGS,

@@ -10,9 +10,9 @@ from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
-from vbus.kernel import MS, NS, US
-from vbus.options import Option
-from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
+from vbus.core.kernel import MS, NS, US
+from vbus.core.options import Option
+from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "lm628"
 PARTS: Final = ("LM628N-6", "LM628N-8", "LM629N-6", "LM629N-8", "LM629M-6", "LM629M-8")

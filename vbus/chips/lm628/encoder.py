@@ -6,9 +6,9 @@ from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.quadrature import Quadrature
-from vbus.kernel import NEVER, Clock
-from vbus.signals import Plant
-from vbus.state import Names
+from vbus.core.kernel import NEVER, Clock
+from vbus.core.signals import Plant
+from vbus.core.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""

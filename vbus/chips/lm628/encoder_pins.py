@@ -7,8 +7,8 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.motion import quadrature as q
 from vbus.chips.motion.input_limits import judge_inputs
-from vbus.signals import LOW, Watcher
-from vbus.state import Names
+from vbus.core.signals import LOW, Watcher
+from vbus.core.state import Names
 
 
 class FrontEndHost(Chip):

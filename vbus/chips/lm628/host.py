@@ -18,7 +18,7 @@ from vbus.chips.lm628.datasheet import (
 )
 from vbus.client.aio.access import READY_POLLS, words_of
 from vbus.client.aio.bus import Bus, Chip
-from vbus.errors import NotReadyError
+from vbus.core.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 _STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}

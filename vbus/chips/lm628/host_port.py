@@ -6,10 +6,10 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.kernel import HELD, NEVER, Clock
-from vbus.options import Value
-from vbus.signals import Rule
-from vbus.state import Names
+from vbus.core.kernel import HELD, NEVER, Clock
+from vbus.core.options import Value
+from vbus.core.signals import Rule
+from vbus.core.state import Names
 
 Report = Callable[[Rule, str, int], None]
 """Files a violation: rule, detail, instant (ps)."""

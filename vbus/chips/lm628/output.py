@@ -5,9 +5,9 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.kernel import NEVER, Clock
-from vbus.signals import Pin
-from vbus.state import Names
+from vbus.core.kernel import NEVER, Clock
+from vbus.core.signals import Pin
+from vbus.core.state import Names
 
 DAC8: Final = 0
 DAC12: Final = 1

@@ -4,9 +4,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
-from vbus.state import Names
+from vbus.core.bits import wrap_word
+from vbus.core.state import Names
 
 _SUM_MAX: Final = 0x7FFFFF
 _HALF: Final = 0x8000

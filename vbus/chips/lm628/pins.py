@@ -10,9 +10,9 @@ from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder_pins import FrontEndHost
 from vbus.chips.lm628.host_port import PortState
-from vbus.kernel import NEVER, Clock
-from vbus.signals import STRICT
-from vbus.state import Names, Saved, keep, take_back
+from vbus.core.kernel import NEVER, Clock
+from vbus.core.signals import STRICT
+from vbus.core.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
 # Bits of the control lines' levels.

@@ -4,11 +4,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, stopping_distance
-from vbus.state import Names
+from vbus.core.bits import clamp, sign_extend, wrap, wrap_word
+from vbus.core.state import Names
 
 ACCELERATION: Final = 0
 VELOCITY: Final = 1

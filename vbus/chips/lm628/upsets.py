@@ -1,9 +1,9 @@
 """LM628/LM629: what can be upset inside the chip."""
 
 from vbus.chips.lm628.chip import LM628
+from vbus.core.options import Option, Value
 from vbus.faults.row import CHIP, LASTS, ONCE, Fault
 from vbus.faults.upsets import Upsets
-from vbus.options import Option, Value
 
 
 class Lm628Upsets(Upsets):

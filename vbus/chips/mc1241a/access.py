@@ -5,7 +5,7 @@ from typing import Final
 from vbus.chips.mc1241a.datasheet import COMMAND_PORT, COMMANDS, DATA_PORT, STATUS_READY
 from vbus.client.aio.access import Packets
 from vbus.client.aio.bus import ChipCycles
-from vbus.errors import ChecksumError
+from vbus.core.errors import ChecksumError
 
 READY_POLLS: Final = 10_000
 """Status reads after which a chip set is given up: a reset takes 2 ms."""

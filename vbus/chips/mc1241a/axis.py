@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from vbus.bits import sign_extend
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.profile import Profile
-from vbus.signals import Rule
-from vbus.state import Names
+from vbus.core.bits import sign_extend
+from vbus.core.signals import Rule
+from vbus.core.state import Names
 
 ERROR_LIMIT: Final = 32_767
 """Largest position error the axis tolerates after reset."""

@@ -1,4 +1,4 @@
-# Made from the chip's tables by vbus.tools.generate; change that.
+# Made from the chip's tables by vbus.cli.generate; change that.
 """Calls for the MC1241A and MC1141A, one for each command, for asyncio."""
 
 from vbus.chips.mc1241a.access import Mc1241aPackets

@@ -42,10 +42,10 @@ from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import PacketPort
 from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
-from vbus.kernel import HELD, NEVER, Clock, Kernel
-from vbus.options import Option, Settings
-from vbus.signals import Plant, Policy, Rule, ValueTable, Violation
-from vbus.state import Names
+from vbus.core.kernel import HELD, NEVER, Clock, Kernel
+from vbus.core.options import Option, Settings
+from vbus.core.signals import Plant, Policy, Rule, ValueTable, Violation
+from vbus.core.state import Names
 
 
 class MC1241A(ChipSet):

@@ -6,8 +6,8 @@ from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a.datasheet import OUTPUT_PWM
-from vbus.signals import Pin, Rule
-from vbus.state import Names
+from vbus.core.signals import Pin, Rule
+from vbus.core.state import Names
 
 
 class ChipSet(Chip):

@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar, Final
 
-from vbus.bits import sign_extend, wrap
 from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
@@ -18,7 +17,8 @@ from vbus.chips.mc1241a.datasheet import (
 )
 from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.tables import Command
-from vbus.state import Names
+from vbus.core.bits import sign_extend, wrap
+from vbus.core.state import Names
 
 
 class Commands:

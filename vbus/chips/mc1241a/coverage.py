@@ -5,7 +5,7 @@ from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.packets import Packet
-from vbus.trace.coverage.tables import (
+from vbus.views.coverage.tables import (
     ANSWERS,
     BITS,
     FLAGS,

@@ -9,9 +9,9 @@ from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParamete
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.kernel import NEVER
-from vbus.signals import Plant
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.signals import Plant
+from vbus.core.state import Names
 
 _SCALE: Final = 32_767.0
 """FULL_SCALE as a float."""

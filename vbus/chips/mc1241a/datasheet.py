@@ -6,8 +6,8 @@ from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
-from vbus.options import Option
-from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
+from vbus.core.options import Option
+from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mc1241a"
 

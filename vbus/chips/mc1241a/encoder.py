@@ -4,7 +4,6 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap, wrap_word
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.motion.input_limits import judge_inputs
@@ -16,9 +15,10 @@ from vbus.chips.motion.quadrature import (
     InputFilter,
     Quadrature,
 )
-from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
-from vbus.state import Names
+from vbus.core.bits import wrap, wrap_word
+from vbus.core.kernel import NEVER
+from vbus.core.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
+from vbus.core.state import Names
 
 FAR: Final = (1 << 62) - 1
 """Beyond every count."""

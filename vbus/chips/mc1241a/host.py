@@ -6,7 +6,7 @@ from vbus.chips.mc1241a.access import READY_POLLS
 from vbus.chips.mc1241a.calls import Mc1241aCalls
 from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
 from vbus.client.aio.bus import Bus, Chip
-from vbus.errors import NotReadyError
+from vbus.core.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")

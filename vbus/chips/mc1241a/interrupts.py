@@ -6,9 +6,9 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, Pin
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.signals import HIGH, LOW, Pin
+from vbus.core.state import Names
 
 NOBODY: Final = -1
 

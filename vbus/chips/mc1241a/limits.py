@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from vbus.chips.mc1241a.datasheet import NEGATIVE_LIMIT, POSITIVE_LIMIT
-from vbus.state import Names
+from vbus.core.state import Names
 
 
 class LimitDetector:

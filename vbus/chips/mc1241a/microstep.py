@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mc1241a.datasheet import FULL_SCALE, SLOTS, TWO_PHASE
-from vbus.state import Names
+from vbus.core.state import Names
 
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""

@@ -10,9 +10,9 @@ from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
-from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, Pin
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.signals import HIGH, LOW, Pin
+from vbus.core.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""

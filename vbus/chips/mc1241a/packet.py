@@ -9,9 +9,9 @@ from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.tables import Command
-from vbus.kernel import HELD, NEVER
-from vbus.signals import HIGH, LOW, Pin
-from vbus.state import Names
+from vbus.core.kernel import HELD, NEVER
+from vbus.core.signals import HIGH, LOW, Pin
+from vbus.core.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""

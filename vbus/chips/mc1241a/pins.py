@@ -15,8 +15,8 @@ from vbus.chips.mc1241a.datasheet import (
     READ_COMMAND,
 )
 from vbus.chips.mc1241a.packet import PacketPort
-from vbus.signals import LOW, Watcher
-from vbus.state import Names
+from vbus.core.signals import LOW, Watcher
+from vbus.core.state import Names
 
 # Bits of the control lines' levels.
 _SELECT: Final = 8

@@ -2,13 +2,13 @@
 
 from typing import ClassVar, Final
 
-from vbus.bits import wrap, wrap_word
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity
-from vbus.state import Names
+from vbus.core.bits import wrap, wrap_word
+from vbus.core.state import Names
 
 DONE: Final = 0
 """Nothing to do: before the first move, or after one has ended by itself."""

@@ -3,11 +3,11 @@
 from typing import Final
 
 from vbus.chips.mc1241a.chip import MC1241A
+from vbus.core.kernel import NEVER
+from vbus.core.options import Option, Value
+from vbus.core.signals import HIGH
 from vbus.faults.row import CHIP, LASTS, Fault
 from vbus.faults.upsets import Upsets
-from vbus.kernel import NEVER
-from vbus.options import Option, Value
-from vbus.signals import HIGH
 
 STUCK: Final = 10**15
 """Longer than any host waits (ps)."""

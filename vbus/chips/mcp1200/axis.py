@@ -19,9 +19,9 @@ from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
 from vbus.chips.mcp1200.timer import FAR
-from vbus.kernel import Clock
-from vbus.options import Value
-from vbus.state import Names
+from vbus.core.kernel import Clock
+from vbus.core.options import Value
+from vbus.core.state import Names
 
 
 class ClockedAxis(Blocks):

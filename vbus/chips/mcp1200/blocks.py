@@ -14,10 +14,10 @@ from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
-from vbus.kernel import Clock
-from vbus.options import Value
-from vbus.signals import Rule
-from vbus.state import Names, save
+from vbus.core.kernel import Clock
+from vbus.core.options import Value
+from vbus.core.signals import Rule
+from vbus.core.state import Names, save
 
 
 class SteadyState:

@@ -1,4 +1,4 @@
-# Made from the chip's tables by vbus.tools.generate; change that.
+# Made from the chip's tables by vbus.cli.generate; change that.
 """Calls for the MCP-1200, two for each register, for asyncio."""
 
 from vbus.chips.mcp1200.access import Mcp1200Access

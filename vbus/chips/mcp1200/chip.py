@@ -15,10 +15,10 @@ from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, StrobePins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
-from vbus.kernel import MS, NEVER, Clock, Kernel
-from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher
-from vbus.state import Names
+from vbus.core.kernel import MS, NEVER, Clock, Kernel
+from vbus.core.options import Option, Settings
+from vbus.core.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher
+from vbus.core.state import Names
 
 NO_READ: Final = -1
 """In place of an address: no read is under way."""

@@ -5,11 +5,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
-from vbus.state import Names
+from vbus.core.bits import wrap_word
+from vbus.core.state import Names
 
 WIDEST: Final = 127
 WIDEST_HIGH: Final = 32767

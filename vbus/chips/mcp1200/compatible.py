@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import ClassVar, Final
 
-from vbus.signals import Rule
-from vbus.trace.findings.compatibility import Uses
+from vbus.core.signals import Rule
+from vbus.views.findings.compatibility import Uses
 
 
 def _rule(name: str, clause: str, title: str, severity: str = "warning") -> Rule:

@@ -4,7 +4,6 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.command import (
     CommandedMotion,
@@ -20,7 +19,8 @@ from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
-from vbus.state import Names
+from vbus.core.bits import wrap_word
+from vbus.core.state import Names
 
 IDLE: Final = -1
 """Answer of :meth:`ControlLoop.begin`: the sample ends in idle mode."""

@@ -5,14 +5,14 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.chips.mcp1200.faults import ExceptionSources
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR
-from vbus.state import Names
+from vbus.core.bits import wrap
+from vbus.core.state import Names
 
 
 class Breakpoint:

@@ -5,16 +5,7 @@ from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.packets import Packet
-from vbus.trace.coverage.tables import (
-    BITS,
-    FLAGS,
-    MODES,
-    Exercises,
-    Item,
-    Key,
-    bit_items,
-    bit_keys,
-)
+from vbus.views.coverage.tables import BITS, FLAGS, MODES, Exercises, Item, Key, bit_items, bit_keys
 
 _CONTROL: Final = {
     "CONFIG": ds.CONFIG_BITS,

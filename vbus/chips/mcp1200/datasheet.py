@@ -10,8 +10,8 @@ from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
-from vbus.options import Option
-from vbus.signals import HIGH, LOW, Rule, Value, ValueTable, Z
+from vbus.core.options import Option
+from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")

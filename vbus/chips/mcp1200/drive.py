@@ -9,8 +9,8 @@ from vbus.chips.mcp1200.encoder import EncoderCourse
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
-from vbus.options import Value
-from vbus.state import Names
+from vbus.core.options import Value
+from vbus.core.state import Names
 
 FULL: Final = 1600.0
 """:data:`~vbus.chips.mcp1200.datasheet.PWM_FULL` as a float."""

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.registers import SampledRegisters
-from vbus.state import Names
+from vbus.core.state import Names
 
 MC_MIN: Final = -2048
 MC_MAX: Final = 2047

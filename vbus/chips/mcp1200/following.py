@@ -4,10 +4,10 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.mcp1200.generated.registers import Registers
 from vbus.chips.mcp1200.registers import SampledRegisters
-from vbus.state import Names
+from vbus.core.bits import wrap_word
+from vbus.core.state import Names
 
 
 class Following:

@@ -19,7 +19,7 @@ from vbus.chips.mcp1200.datasheet import (
     SOFT_RESET_CODE,
 )
 from vbus.client.aio.bus import Bus, Chip
-from vbus.errors import NotReadyError
+from vbus.core.errors import NotReadyError
 from vbus.protocols.quantities import parse_duration
 
 PROFILE: Final = 0

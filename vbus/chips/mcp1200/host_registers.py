@@ -4,12 +4,12 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import Blocks
 from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.state import Names
+from vbus.core.bits import sign_extend
+from vbus.core.state import Names
 
 _STORED_CAPTURE_BITS: Final = (
     ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE

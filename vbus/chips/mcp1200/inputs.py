@@ -10,9 +10,9 @@ from vbus.chips.mcp1200.counter import index_edge, trigger_edge
 from vbus.chips.mcp1200.pins import HostInterface
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
-from vbus.kernel import NEVER
-from vbus.signals import Pin, Watcher
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.signals import Pin, Watcher
+from vbus.core.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
 

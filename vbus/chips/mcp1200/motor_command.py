@@ -8,7 +8,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN, limited
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
-from vbus.state import Names
+from vbus.core.state import Names
 
 
 def pwm_command(sampled: SampledRegisters, command: i64, error: i64) -> i64:

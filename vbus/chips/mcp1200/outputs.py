@@ -7,8 +7,8 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.blocks import CONTROL, HELD, NOT_RELEASED, STANDING
 from vbus.chips.mcp1200.timer import FAR
-from vbus.signals import HIGH, LOW, Pin
-from vbus.state import Names
+from vbus.core.signals import HIGH, LOW, Pin
+from vbus.core.state import Names
 
 NOTHING: Final = -1
 """In place of the registers that the pins show: other than any."""

@@ -8,9 +8,9 @@ from vbus.chips.base import Chip
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.strobes import AcTable
-from vbus.kernel import NEVER
-from vbus.signals import LOW, Net, Z
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.signals import LOW, Net, Z
+from vbus.core.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
 _OE: Final = 2

@@ -4,13 +4,13 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap, wrap_word
 from vbus.chips.mcp1200.command import CommandedMotion
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
-from vbus.state import Names
+from vbus.core.bits import wrap, wrap_word
+from vbus.core.state import Names
 
 ACCELERATING: Final = 2
 SLEWING: Final = 4

@@ -4,11 +4,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
-from vbus.state import Names
+from vbus.core.bits import wrap_word
+from vbus.core.state import Names
 
 LEAST_SAMPLES: Final = 4
 """Samples in a window of the stall check, at least (MCP-STP-4)."""

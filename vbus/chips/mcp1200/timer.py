@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.state import Names
+from vbus.core.state import Names
 
 FAR: Final = (1 << 62) - 1
 """A clock cycle that does not come."""

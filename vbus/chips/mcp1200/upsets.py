@@ -2,8 +2,8 @@
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200.chip import MCP1200
+from vbus.core.signals import Plant
 from vbus.faults.upsets import Upsets
-from vbus.signals import Plant
 
 
 class Mcp1200Upsets(Upsets):

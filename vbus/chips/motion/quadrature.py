@@ -12,8 +12,8 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.kernel import NEVER
-from vbus.state import Names
+from vbus.core.kernel import NEVER
+from vbus.core.state import Names
 
 COUNTED: Final = 1
 """The count went up or down by one; :attr:`Quadrature.direction` says which."""

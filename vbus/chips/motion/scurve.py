@@ -21,7 +21,7 @@ each sample.
 from math import isqrt
 from typing import ClassVar
 
-from vbus.state import Names
+from vbus.core.state import Names
 
 
 def _ceil_div(a: int, b: int) -> int:

@@ -4,11 +4,11 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Any, Final
 
-from vbus.bits import sign_extend
 from vbus.chips.tables import Command, Register
 from vbus.client.aio.bus import ChipCycles
 from vbus.client.aio.waits import Core
-from vbus.errors import NotReadyError
+from vbus.core.bits import sign_extend
+from vbus.core.errors import NotReadyError
 
 READY_POLLS: Final = 1000
 """Status reads after which a chip that is still busy is given up."""

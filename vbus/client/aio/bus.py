@@ -12,9 +12,9 @@ from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
-from vbus.errors import TransportError, VbusError
+from vbus.core.errors import TransportError, VbusError
+from vbus.core.wall_clock import monotonic
 from vbus.protocols.requests import FORESEEING
-from vbus.wall_clock import monotonic
 
 if TYPE_CHECKING:
     from vbus.protocols.info import PortInfo

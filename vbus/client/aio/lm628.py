@@ -1,4 +1,4 @@
-# Made by vbus.tools.generate.
+# Made by vbus.cli.generate.
 """The client of the LM628 and LM629."""
 
 from vbus.chips.lm628.host import *  # noqa: F403

@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
-from vbus.wall_clock import monotonic
+from vbus.core.wall_clock import monotonic
 
 T = TypeVar("T")
 

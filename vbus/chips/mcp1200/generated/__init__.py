@@ -1,1 +1,1 @@
-"""Made from the tables of the chip by vbus.tools.generate."""
+"""Made from the tables of the chip by vbus.cli.generate."""

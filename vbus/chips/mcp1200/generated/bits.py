@@ -1,4 +1,4 @@
-# Made from the datasheet's tables by vbus.tools.generate; change these or the generator.
+# Made from the datasheet's tables by vbus.cli.generate; change these or the generator.
 """The bits of the words and registers of the MCP-1200."""
 
 from typing import Final

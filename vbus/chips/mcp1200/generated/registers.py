@@ -1,11 +1,11 @@
-# Made from the register table by vbus.tools.generate; change the table or the generator.
+# Made from the register table by vbus.cli.generate; change the table or the generator.
 """The registers of the MCP-1200 as numbers."""
 
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.state import Names
+from vbus.core.state import Names
 
 NAMES: Final = (
     "accel_delta",

@@ -1,0 +1,1 @@
+"""Cards: buses of addresses before chips, played once and then remembered."""

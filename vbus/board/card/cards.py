@@ -1,0 +1,164 @@
+"""Card adapters: how addresses on a plug-in card select a chip and its ports."""
+
+from collections.abc import Iterable, Mapping
+
+from msgspec import Struct, field
+
+from vbus.board.card.card_interrupt import active_low
+from vbus.chips.base import Chip
+from vbus.chips.tables import CardRow
+from vbus.protocols.port import CardAccess
+
+Places = list[dict[int, CardAccess]]
+"""What accesses reach, by address: reads, and writes."""
+
+DIRECT = "direct"
+"""The decode circuit every chip has: the address lines go straight to it."""
+
+
+def decodes(chip: Chip | type[Chip]) -> dict[str, tuple[CardRow, ...]]:
+    """Return the decode circuits known for a chip, by name: ``direct``, and the manual's own."""
+    direct = tuple(CardRow(address, address, address) for address in range(1 << chip.ADDRESS_BITS))
+    return {DIRECT: direct, **chip.CARD_DECODES}
+
+
+def addresses(chip: Chip | type[Chip]) -> set[int]:
+    """Return every address at which a card can reach a chip, ports of its adapter included."""
+    found: set[int] = set()
+    for rows in decodes(chip).values():
+        for row in rows:
+            found |= {address for address in (row.read, row.write) if address is not None}
+    return found
+
+
+class Card(Struct):
+    """Address decoding of a card, as data.
+
+    Attributes:
+        name: for messages.
+        base: address of the card's first port.
+        reads: offset from ``base`` to (number of the chip in its session, address at that chip).
+        writes: the same for writes: a port need not do the same in both directions.
+        unconnected: data bits that nobody drives when an offset is read; they are read as 1.
+        memory: whether programs find it among memory addresses, not I/O ports.
+        fixed: where a program expects the memory page of the first port without mapping it, or 0.
+        big_endian: whether the byte at the lowest address of a wide access is the most
+            significant one.
+        interrupt: the output, ``"chip.pin"``, that interrupts a program; low if its name has a /
+            or ~.
+        signal: number of the signal an interrupt sends to a program, or 0.
+        edge: whether an interrupt that stands is none any more once the program has been told.
+        acknowledge: the pin, ``"card./ACK"``, that an access pulses low, or "".
+        acknowledge_read: the offset at which a read does so, or -1.
+        acknowledge_write: the same for a write.
+    """
+
+    name: str
+    base: int
+    reads: Mapping[int, tuple[int, int]]
+    writes: Mapping[int, tuple[int, int]]
+    unconnected: Mapping[int, int] = field(default_factory=dict)
+    memory: bool = False
+    fixed: int = 0
+    big_endian: bool = False
+    interrupt: str = ""
+    signal: int = 0
+    edge: bool = False
+    acknowledge: str = ""
+    acknowledge_read: int = -1
+    acknowledge_write: int = -1
+
+    def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
+        """Return (chip number, chip address) behind ``address``; None if nobody answers."""
+        rows = self.writes if write else self.reads
+        return rows.get(address - self.base)
+
+    def floating(self, address: int) -> int:
+        """Return the data bits that nobody drives when ``address`` is read."""
+        return self.unconnected.get(address - self.base, 0)
+
+    def places(self, sides: list[str]) -> Places:
+        """Return what reads and what writes reach, in a session with these side pins."""
+        return [self._places(False, sides), self._places(True, sides)]
+
+    def _places(self, write: bool, sides: list[str]) -> dict[int, CardAccess]:
+        rows = self.writes if write else self.reads
+        at = self.acknowledge_write if write else self.acknowledge_read
+        found = {}
+        for offset, place in rows.items():
+            address = self.base + offset
+            found[address] = CardAccess(*place, self.floating(address), -1)
+        if at >= 0 and self.acknowledge in sides:
+            pin, place = sides.index(self.acknowledge), rows.get(at, (-1, 0))
+            floating = self.floating(self.base + at) if at in rows else 0xFF
+            found[self.base + at] = CardAccess(*place, floating, pin)
+        return found
+
+    def text(self, sides: list[str]) -> str:
+        """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
+
+        Direction and address at the card, number and address of the chip; ``/7F`` behind a read
+        are the data bits nobody drives, ``!5`` the side pin, of ``sides``, that the access pulses
+        low after it. Where no chip answers there is that alone: ``r344!5``.
+        """
+        entries = []
+        for letter, rows, at in (
+            ("r", self.reads, self.acknowledge_read), ("w", self.writes, self.acknowledge_write),
+        ):  # fmt: skip
+            for offset in sorted({*rows, *([at] if at >= 0 else [])}):
+                entry = f"{letter}{self.base + offset:X}"
+                if offset in rows:
+                    chip, address = rows[offset]
+                    bits = self.unconnected.get(offset, 0) if letter == "r" else 0
+                    entry += f"={chip:X}.{address:X}" + (f"/{bits:02X}" if bits else "")
+                if offset == at:
+                    entry += f"!{sides.index(self.acknowledge):X}"
+                entries.append(entry)
+        return " ".join(entries)
+
+    def program_text(self, outputs: list[str]) -> str:
+        """Return what HELLO tells ``vbus exec``: how a program finds the card.
+
+        ``lines`` has a bit for each interrupting output among ``outputs``, ``low`` for those that
+        do so when they are low.
+        """
+        parts = [f"memory={int(self.memory)}", f"fixed={self.fixed}", f"big={int(self.big_endian)}"]
+        lines = low = 0
+        for output in self.interrupt.split():
+            if output in outputs:
+                bit = 1 << outputs.index(output)
+                lines |= bit
+                low |= bit if active_low(output.partition(".")[2]) else 0
+        if lines:
+            parts += [f"lines={lines}", f"low={low}", f"signal={self.signal}"]
+            parts += ["edge=1"] if self.edge else []
+        return ";".join(parts)
+
+    def offsets(self) -> list[int]:
+        """Return every decoded offset, in rising order."""
+        return sorted({*self.reads, *self.writes})
+
+
+def card_of_rows(
+    name: str, base: int, stride: int, blocks: Iterable[tuple[int, Iterable[CardRow]]]
+) -> Card:
+    """Make a card from the decode rows of its chips.
+
+    Args:
+        name: for messages.
+        base: address of the card's first port.
+        stride: distance between ports that are neighbours in the rows.
+        blocks: number of a chip in its session, and its rows, offsets counted from ``base``.
+    """
+    reads: dict[int, tuple[int, int]] = {}
+    writes: dict[int, tuple[int, int]] = {}
+    floating: dict[int, int] = {}
+    for chip, rows in blocks:
+        for row in rows:
+            offset = row.offset * stride
+            if row.read is not None:
+                reads[offset] = (chip, row.read)
+                floating[offset] = 0xFF & ~row.bits
+            if row.write is not None:
+                writes[offset] = (chip, row.write)
+    return Card(name, base, reads, writes, floating)

@@ -1,0 +1,184 @@
+"""The ``vbus`` command. Subcommands are imported when they are called: start-up stays short."""
+
+import errno
+import importlib
+import os
+import sys
+from itertools import zip_longest
+from typing import Any, Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.version_line import version_line
+from vbus.core.errors import (
+    CaptureError,
+    ConfigError,
+    PluginError,
+    ProgramError,
+    TimeEndedError,
+    TransportError,
+    VbusError,
+)
+from vbus.version import __version__
+
+_GROUPS: Final = {
+    "Run": {
+        "run": "Run a board until Ctrl-C.",
+        "exec": "Run a program on a board.",
+        "demo": "Watch a chip move a motor.",
+        "snap": "Take and load snapshots.",
+        "check": "Check board files.",
+        "schema": "JSON Schema of board files.",
+        "ls": "List boards that run.",
+        "wait": "Wait until they are ready.",
+        "logs": "Show what a board has said.",
+        "stop": "End running boards.",
+        "doctor": "Find what is missing here.",
+        "cflags": "Options of the C client.",
+    },
+    "Look": {
+        "monitor": "Buses in the manual's words.",
+        "scope": "A board or run in a browser.",
+        "explain": "Explain bytes, rules, runs.",
+        "wave": "Write a waveform.",
+        "plot": "Draw the motion of a run.",
+        "report": "Show violations of a run.",
+    },
+    "Test": {
+        "replay": "Play a recorded run again.",
+        "diff": "Compare two recorded runs.",
+        "coverage": "Show what a driver has used.",
+        "conform": "Compare a capture of a chip.",
+        "fault": "Break a board on schedule.",
+    },
+    "Network": {
+        "attach": "A board elsewhere as a PTY.",
+        "router": "Let computers meet (Zenoh).",
+        "up": "Start a machine of nodes.",
+        "trace": "Merge the traces of nodes.",
+    },
+}
+_GONE: Final = {
+    "order": "vbus.serve.nodes.ordering.order() of Python orders bus cycles on the nodes of a board"
+}
+"""What to use in place of a command that there was."""
+
+_FOLDERS: Final = {name: title.lower() for title, group in _GROUPS.items() for name in group}
+_COMMANDS: Final = sorted(_FOLDERS)
+_USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
+
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What a full or broken disk behind standard output says."""
+
+_LONGEST: Final = 100
+"""Characters of a name that a message shows."""
+
+_COMPLETING: Final = "_VBUS_COMPLETE"
+"""Is set in the environment while a shell asks what could follow."""
+
+_EXITS: Final = (
+    "Exit codes: 0 it worked, 1 it did not; wrong: 2 command line, 3 board file,",
+    "4 link, 5 plug-in, 6 capture; 7 chip time is over; 126, 127 of exec; 130 Ctrl-C.",
+)
+_CODES: Final = {
+    ConfigError: exit_codes.BAD_BOARD,
+    TransportError: exit_codes.NO_LINK,
+    PluginError: exit_codes.NO_PLUGIN,
+    CaptureError: exit_codes.BAD_CAPTURE,
+    TimeEndedError: exit_codes.TIME_ENDED,
+}
+
+
+class _Lazy(click.Group):
+    """A group whose commands live in ``vbus.cli.GROUP.NAME`` as ``command``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return _COMMANDS
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"vbus.cli.{_FOLDERS[cmd_name]}.{cmd_name}")
+        command: click.Command = module.command
+        if _COMPLETING in os.environ:
+            from vbus.cli.completing import prepared
+
+            return prepared(command, cmd_name)
+        return command
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a page that fits a terminal of 24 lines and 80 columns."""
+        lines = [f"Usage: {_USAGE}", self.help or ""]
+        for title, commands in _GROUPS.items():
+            cells = [f"  {name:<9}{text}" for name, text in commands.items()]
+            half = (len(cells) + 1) // 2
+            rows = zip_longest(cells[:half], cells[half:], fillvalue="")
+            lines += [f"{title}:", *(f"{left:<40}{right}".rstrip() for left, right in rows)]
+        formatter.write("\n".join([*lines, *_EXITS, ""]))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in _COMMANDS and not name.startswith("-"):
+            from vbus.core.values.settings import suggestion
+
+            known = ", ".join(_COMMANDS)
+            hint = f"{_GONE[name]}; " if name in _GONE else suggestion(name, _COMMANDS)
+            raise click.UsageError(f'there is no command "{name}"; {hint}there are {known}', ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(
+    cls=_Lazy,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="A virtual bus of motion-control chips, bit for bit, for real drivers.",
+)
+@click.version_option(__version__, "-V", "--version", message=version_line())
+def cli() -> None:
+    """Hold the subcommands."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run ``vbus`` and exit with one of :data:`~vbus.cli.exit_codes.MEANINGS`."""
+    sys.exit(_run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    try:
+        result: Any = cli.main(arguments, prog_name="vbus", standalone_mode=False)
+        sys.stdout.flush()
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.exceptions.Exit as error:
+        return error.exit_code
+    except VbusError as error:
+        # Mistakes of board files begin with their place.
+        click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
+        if isinstance(error, ProgramError):
+            return exit_codes.NO_PROGRAM if error.missing else exit_codes.NOT_RUNNABLE
+        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+        return next(codes, exit_codes.FAILURE)
+    except (KeyboardInterrupt, click.Abort):
+        return exit_codes.INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; do not complain at exit either.
+        _write_no_more()
+        return exit_codes.FAILURE
+    except OSError as error:
+        if error.filename is not None:  # a name no file can have, such as one too long
+            click.echo(f"vbus: {str(error.filename)[:_LONGEST]}: {error.strerror}", err=True)
+            return exit_codes.FAILURE
+        if error.errno not in _FULL:
+            raise
+        click.echo(f"vbus: standard output: cannot be written: {error.strerror}", err=True)
+        _write_no_more()
+        return exit_codes.FAILURE
+    return result if isinstance(result, int) else exit_codes.OK
+
+
+def _write_no_more() -> None:
+    """Let what is left for standard output be lost in silence."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,106 @@
+"""What a shell completes after ``vbus``; loaded only while one asks."""
+
+from collections.abc import Callable, Iterable
+from copy import copy
+from pathlib import Path
+from typing import Final
+
+import click
+from click.shell_completion import CompletionItem
+
+
+def _boards() -> Iterable[str]:
+    from vbus.serve.registry import boards_directory
+
+    return sorted(path.stem for path in boards_directory().glob("*.sock"))
+
+
+def _parts() -> Iterable[str]:
+    from vbus import plugins
+
+    return [part for chip in plugins.chip_classes() for part in chip.PARTS]
+
+
+def _faults() -> Iterable[str]:
+    from vbus.faults.table import faults
+
+    return faults()
+
+
+def _demos() -> Iterable[str]:
+    from vbus.cli.run.demos import NAMES
+
+    return NAMES
+
+
+class NameChoice(click.ParamType):  # type: ignore[type-arg]
+    """One of several names, which are looked up when asked for."""
+
+    name = "name"
+
+    def __init__(self, known: Callable[[], Iterable[str]]) -> None:
+        self._known = known
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that begin so."""
+        return [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
+
+
+class Files(click.ParamType):  # type: ignore[type-arg]
+    """A file, by what its name ends with; any file where there is none of them."""
+
+    name = "file"
+
+    def __init__(self, suffix: str) -> None:
+        self._suffix = suffix
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the files that begin so."""
+        folder, slash, begun = incomplete.rpartition("/")
+        here = Path(folder or ("/" if slash else "."))
+        names = sorted(path.name for path in here.glob(f"*{self._suffix}"))
+        found = [f"{folder}{slash}{name}" for name in names if name.startswith(begun)]
+        items = [CompletionItem(path) for path in found]
+        return items or [CompletionItem(incomplete, type="file")]
+
+
+_BOARD: Final = NameChoice(_boards)
+_BOARD_FILE: Final = Files(".toml")
+_JOURNAL: Final = Files(".vbj")
+_FILE: Final = click.Path()
+
+_TYPES: Final[dict[str, NameChoice | Files | click.Path]] = {
+    "board": _BOARD, "names": _BOARD, "boards": _BOARD_FILE, "machine": _BOARD_FILE,
+    "journal": _JOURNAL, "journals": _JOURNAL, "first": _JOURNAL, "second": _JOURNAL,
+    "sources": _JOURNAL, "what": _JOURNAL, "program": _FILE, "name": NameChoice(_demos),
+    "chip": NameChoice(_parts), "fault": NameChoice(_faults),
+    "conform board": _BOARD_FILE, "exec board": _BOARD_FILE, "router file": _BOARD_FILE,
+    "run board": _BOARD_FILE,
+}  # fmt: skip
+"""By argument, or by command and parameter; what is not here click completes by its type."""
+
+
+def prepared(command: click.Command, path: str) -> click.Command:
+    """Return a command, with those below it, whose parameters know what they complete to."""
+    command = copy(command)
+    if isinstance(command, click.Group):
+        below = command.commands.items()
+        command.commands = {name: prepared(one, f"{path} {name}") for name, one in below}
+    command.params = [_prepared(parameter, path) for parameter in command.params]
+    return command
+
+
+def _prepared(parameter: click.Parameter, path: str) -> click.Parameter:
+    known = _TYPES.get(f"{path} {parameter.name}")
+    if known is None and isinstance(parameter, click.Argument):
+        known = _TYPES.get(parameter.name or "")
+    if known is None and parameter.metavar == "FILE":
+        known = _FILE
+    if known is not None:
+        parameter = copy(parameter)
+        parameter.type = known
+    return parameter

@@ -1,0 +1,167 @@
+"""Fills the tables of the board-file pages: every section, every registered chip and plant."""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import Final
+
+from vbus import plugins
+from vbus.board.card.cards import decodes
+from vbus.boardfile.key import NAMES, Below, Section, below, rows
+from vbus.boardfile.sections import BoardFile
+from vbus.cli.generate.layout import ROOT, filled, table
+from vbus.core.options import Option
+from vbus.core.values import units
+from vbus.core.values.settings import allowed, quoted
+from vbus.glue.card_buses import BUSES, DATA
+from vbus.glue.table import PARTS
+
+_PAGES: Final = (
+    "board", "chips", "plants", "nets", "hosts", "violations", "buses", "glue", "cards", "pinmaps",
+    "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
+)  # fmt: skip
+"""Sections in the order of the overview; each has a page."""
+
+
+def _tables(field: Below) -> Iterator[tuple[str, list[str]]]:
+    """Give a table of the keys of a section, and of each section below it."""
+    if isinstance(field.of, type) and issubclass(field.of, Section):
+        yield field.name, option_table(rows(field.of))
+        for inner in below(field.of):
+            yield from _tables(inner)
+
+
+def targets() -> list[tuple[str, Callable[[], str]]]:
+    """Return every page and what makes it; the overview takes titles from the pages."""
+    pages = [(f"docs/board-file/{name}.md", partial(_page, name)) for name in _PAGES]
+    return [("docs/board-file.md", _overview), *pages]
+
+
+def _overview() -> str:
+    """Return the page of the board file with its tables up to date."""
+    return filled("board-file", {"sections": _sections(), "units": _units()})
+
+
+def _page(name: str) -> str:
+    """Return the page of a kind of section with its tables up to date."""
+    tables = dict(_tables(next(one for one in below(BoardFile) if one.name == name)))
+    for title, make in _FURTHER.get(name, {}).items():
+        tables[title] = make()
+    return filled(f"board-file/{name}", tables)
+
+
+def _sections() -> list[str]:
+    """Return a heading for each kind of section, which leads to its page, and what it is about."""
+    lines = []
+    for name in _PAGES:
+        page = (ROOT / "docs" / "board-file" / f"{name}.md").read_text()
+        title, _, text = page.removeprefix("# ").partition("\n")
+        sentence, _, _ = text.strip().partition(".\n\n")[0].replace("\n", " ").partition(". ")
+        lines += [f"### [{title}](board-file/{name}.md)", "", f"{sentence}.", ""]
+    return lines[:-1]
+
+
+def _glue_parts() -> list[str]:
+    """Return a table of the parts of glue."""
+    listed = (
+        (
+            f"`{row.part}`",
+            row.title,
+            " ".join(f"`{pin}`" for pin in row.inputs if pin not in row.outputs) or "–",
+            " ".join(f"`{pin}`" for pin in row.outputs),
+        )
+        for row in PARTS.values()
+    )
+    return table(("part", "what it is", "inputs", "outputs"), listed)
+
+
+def _card_buses() -> list[str]:
+    """Return a table of the buses of cards, with their usual times."""
+    listed = (
+        (
+            f"`{row.bus}`",
+            row.title,
+            " ".join(f"`{name}`" for name in (f"A0-A{row.lines - 1}", *row.strobes, DATA)),
+            " ".join(f"`{pin.name}`" for pin in row.others) or "–",
+            *(units.show(time, "s") for time in (row.setup, row.strobe, row.hold, row.wait)),
+        )
+        for row in BUSES.values()
+    )
+    heads = ("bus", "what it is", "lines", "further lines", "setup", "strobe", "hold", "wait state")
+    return table(heads, listed)
+
+
+def option_table(options: Iterable[Option]) -> list[str]:
+    """Return a table of settings: key, value, default and meaning."""
+    rows = (
+        (
+            f"`{option.name}`",
+            _value(option),
+            _default(option),
+            f"{option.title} ({option.clause})" if option.clause else option.title,
+        )
+        for option in options
+    )
+    return table(("key", "value", "default", "meaning"), rows) or ["No keys of its own."]
+
+
+def _value(option: Option) -> str:
+    if option.kind == NAMES:
+        return "a list of names"
+    text = allowed(option).removeprefix("write ")
+    if option.kind == "choice":
+        return " or ".join(f"`{quoted(choice)}`" for choice in option.choices)
+    if option.kind in units.DIMENSIONS:
+        title = units.DIMENSIONS[option.kind].title
+        _, _, limits = text.partition("), ")
+        return f"{title}, {limits}" if limits else title
+    return text.replace(" without unit", "")
+
+
+def _default(option: Option) -> str:
+    if option.default is None:
+        return "required"
+    if option.default == "":
+        return "–"
+    if isinstance(option.default, str | bool):
+        return f"`{quoted(option.default)}`"
+    shown = units.show(option.default, option.kind)
+    return f'`"{shown}"`' if option.kind in units.DIMENSIONS else f"`{shown}`"
+
+
+def _units() -> list[str]:
+    rows = ((row.title, f'`"{row.example}"`', row.names()) for row in units.DIMENSIONS.values())
+    return table(("quantity", "example", "units"), rows)
+
+
+def _part(title: str, sentence: str, options: Iterable[Option]) -> list[str]:
+    return [f"### {title}", "", sentence, "", *option_table(options), ""]
+
+
+def _parts() -> list[str]:
+    lines: list[str] = []
+    for chip in dict.fromkeys(plugins.chip_class(name) for name in plugins.names(plugins.CHIPS)):
+        axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"{chip.AXES} axes")
+        circuits = ", ".join(f"`{circuit}`" for circuit in decodes(chip))
+        sentence = f"Family `{chip.FAMILY}`, {axes}. Decode circuits of cards: {circuits}."
+        lines += _part(", ".join(chip.PARTS), sentence, chip.OPTIONS)
+    return lines[:-1]
+
+
+def _models() -> list[str]:
+    takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
+    lines: list[str] = []
+    for name in plugins.names(plugins.PLANTS):
+        plant = plugins.plant_class(name)
+        summary = (plant.__doc__ or "").strip().partition("\n")[0]
+        kinds = ", ".join(takes[kind] for kind in plant.TAKES)
+        lines += _part(name, f"{summary} Takes: {kinds}.", plant.OPTIONS)
+    return lines[:-1]
+
+
+_FURTHER: Final[dict[str, dict[str, Callable[[], list[str]]]]] = {
+    "chips": {"parts": _parts},
+    "plants": {"models": _models},
+    "glue": {"glue-parts": _glue_parts},
+    "cards": {"card-buses": _card_buses},
+}
+"""Tables of other things than keys of a section, by page."""

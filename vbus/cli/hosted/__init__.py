@@ -1,0 +1,1 @@
+"""Programs that run beside a board: started, watched and ended."""

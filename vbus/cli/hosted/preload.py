@@ -1,0 +1,139 @@
+"""The library that ``vbus exec`` loads into programs: building it, and what it is told."""
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.core.errors import ConfigError, VbusError
+from vbus.native import include_dir
+from vbus.protocols.port import PortInfo
+
+NAME: Final = "libvbus-exec.so"
+_SOURCES: Final = (
+    "x86.c", "x86_two.c", "x86_wide.c", "x86_follow.c", "client.c", "card.c", "trap.c", "follow.c",
+    "files.c", "descriptors.c", "programs.c", "turns.c", "signals.c", "spin.c", "clock.c",
+    "threads.c", "queues.c", "timers.c", "listen.c", "calls.c", "time64.c",
+)  # fmt: skip
+_FLAGS: Final = (
+    "-shared", "-fPIC", "-std=gnu11", "-O2", "-flto", "-msse2", "-mno-red-zone",
+    "-fvisibility=hidden", "-U_FORTIFY_SOURCE", "-w",
+)  # fmt: skip
+
+# What the dynamic loader puts in place of $LIB differs between distributions.
+_FOLDERS: Final = {
+    64: ("lib/x86_64-linux-gnu", "lib64", "lib"),
+    32: ("lib/i386-linux-gnu", "lib32"),
+}
+
+SSE_ONLY: Final = "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-AVX512VL,-AVX_Fast_Unaligned_Load"
+"""Keeps the C library's string functions to moves that a trapped window understands."""
+
+
+def library() -> str:
+    """Return the path for LD_PRELOAD, with the loader's ``$LIB``; built on first use.
+
+    Raises:
+        VbusError: there is no gcc, or it cannot build the library.
+    """
+    folder = _cache() / f"exec-{_digest()}"
+    if not (folder / "built").exists():
+        _build(folder)
+    return str(folder / "$LIB" / NAME)
+
+
+def has_32_bits() -> bool:
+    """Return whether the library that has been built serves 32-bit programs too."""
+    return (_cache() / f"exec-{_digest()}" / _FOLDERS[32][0] / NAME).exists()
+
+
+def warn_of(program: str, policy: str) -> None:
+    """Say on stderr what cannot be bent in ``program``; call after :func:`environment`.
+
+    Args:
+        program: as on the command line.
+        policy: who is the board's master of time.
+    """
+    from vbus.cli.hosted.reach import warnings_for
+
+    for text in warnings_for(program, has_32_bits(), policy != "realtime"):
+        click.echo(f"vbus exec: warning: {text}", err=True)
+
+
+def _cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vbus"
+
+
+def _files() -> list[Path]:
+    native = Path(include_dir())
+    return [*sorted((native / "exec").glob("*.[ch]")), native / "vbus.c", native / "vbus.h"]
+
+
+def _digest() -> str:
+    return hashlib.sha256(b"".join(file.read_bytes() for file in _files())).hexdigest()[:16]
+
+
+def _build(folder: Path) -> None:
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        raise VbusError(
+            "the library that attaches programs must be built first, and there is no gcc; install"
+            " gcc (and gcc-multilib for 32-bit programs)"
+        )
+    for bits, places in _FOLDERS.items():
+        made = folder / f"{bits}.{os.getpid()}"
+        made.parent.mkdir(parents=True, exist_ok=True)
+        done = subprocess.run(
+            [compiler, f"-m{bits}", *_FLAGS, "-o", str(made),
+             *(str(Path(include_dir()) / "exec" / source) for source in _SOURCES),
+             "-ldl", "-lpthread"],
+            capture_output=True,
+            text=True,
+        )  # fmt: skip
+        if done.returncode and bits == 64:
+            first = next(iter(done.stderr.strip().splitlines()), "")
+            raise VbusError(f"the library that attaches programs cannot be built ({first})")
+        for place in places if done.returncode == 0 else ():
+            target = folder / place / NAME
+            target.parent.mkdir(parents=True, exist_ok=True)
+            copy = target.with_suffix(f".{os.getpid()}")
+            shutil.copy(made, copy)
+            copy.replace(target)  # at once, whoever else builds it
+        made.unlink(missing_ok=True)
+    (folder / "built").touch()
+
+
+def environment(
+    info: PortInfo, where: str, note: Path | None = None, limit: int = 0
+) -> dict[str, str]:
+    """Return the variables with which a program finds the card behind link ``where``.
+
+    The library makes the file ``note`` when the program ends by a fault of its own, and tells the
+    board when ``limit`` ps have passed, if that is not 0.
+
+    Raises:
+        ConfigError: the link has no card.
+        VbusError: the library cannot be built.
+    """
+    if not info.card:
+        raise ConfigError(f"{where}: this link has no card; name one as card of its host")
+    cycles = ",".join(str(chip.cycle_ps) for chip in info.chips)
+    told = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
+    told += f"note={note or ''};card={_sorted(info.card)}"
+    loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
+    variables = {"VBUS_LINK": where, "VBUS_EXEC": told, "LD_PRELOAD": ":".join(loaded)}
+    if "memory=1" in info.program and "GLIBC_TUNABLES" not in os.environ:
+        variables["GLIBC_TUNABLES"] = SSE_ONLY
+    return variables
+
+
+def _sorted(card: str) -> str:
+    """Return the card's table by direction and address, as the library looks things up."""
+    return " ".join(
+        sorted(card.split(), key=lambda row: (row[0], int(re.split("[=!]", row[1:])[0], 16)))
+    )

@@ -1,0 +1,187 @@
+"""``vbus explain``: bytes, status words, rules and journal entries in the manual's words."""
+
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.chips.packets import Cycle, Decoder, Packet
+from vbus.cli.output import Line, json_line, no_progress
+
+_HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
+_WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
+_LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
+_ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
+_TOGETHER: Final = 1000
+"""Lines that are printed together where no person waits for the first."""
+_VALUES: Final = ("status", "signals", "mode")
+
+
+@click.command("explain")
+@click.argument("what")
+@click.argument("items", metavar="[BYTE]...", nargs=-1)
+@click.option("--status", metavar="HEX", help="Explain a status byte or word.")
+@click.option("--signals", metavar="HEX", help="Explain a signals word.")
+@click.option("--mode", metavar="HEX", help="Explain a mode word.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, an object for each line.")
+@no_progress
+def command(
+    what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
+    as_json: bool, no_progress: bool,
+) -> None:  # fmt: skip
+    """Explain bytes on a bus, a status value, a rule, or entries of a journal.
+
+    WHAT is a chip family or part, and BYTEs are what its host writes (or reads, where the command
+    says so), in hexadecimal: "vbus explain lm628 1F 00 2A". A BYTE may also be a bus cycle as
+    transcripts have it, "w 0 1F" or "r 0 84", or a word by name, "signals=8544".
+
+    WHAT may be a rule ("lm628.T14", or "T14" for that of every chip), a clause ("LM-BUS-7"), or a
+    journal: "run.vbj" is all of it, "run.vbj:17" its entry 17, "run.vbj:17-40" several.
+    """
+    words = [
+        f"{name}={value}"
+        for name, value in (("status", status), ("signals", signals), ("mode", mode))
+        if value is not None
+    ]
+    lines = _lines(what, [*words, *items], no_progress, as_json)
+    _print(map(json_line, lines) if as_json else lines)
+
+
+def _print(lines: Iterable[str]) -> None:
+    """Print lines: each at once on a terminal, many together elsewhere."""
+    waiting: list[str] = []
+    most = 1 if sys.stdout.isatty() else _TOGETHER
+    try:
+        for line in lines:
+            waiting.append(line)
+            if len(waiting) >= most:
+                click.echo("\n".join(waiting))
+                waiting.clear()
+    finally:
+        if waiting:
+            click.echo("\n".join(waiting))
+
+
+def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[str]:
+    """Return the lines that explain ``what``, or say what it could be."""
+    from vbus.cli.look.explain_clauses import described, explained, unknown_clause
+
+    lines = described(what) if as_json else explained(what)
+    if not lines:
+        _refuse_unknown_rule(what)
+        decoder = _decoder(what)
+        if decoder is not None:
+            if not items:
+                raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
+            return _chip(decoder, items)
+    if items:
+        raise click.UsageError(f'"{what}" is no chip; bytes and words belong to {_families()}')
+    if lines:
+        return lines
+    match = _ENTRY.fullmatch(what)
+    if match is not None and Path(match[1]).is_dir():
+        raise click.UsageError(f"{match[1]} is a directory; name a journal in it{_in(match[1])}")
+    if match is None or not Path(match[1]).is_file():
+        raise click.UsageError(
+            unknown_clause(what)
+            or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules"'
+            " lists them), nor a clause, nor a journal"
+        )
+    from vbus.cli.journal_lines import decoded
+
+    first = int(match[2]) if match[2] else 0
+    last = int(match[3]) if match[3] else first if match[2] else None
+    return decoded(Path(match[1]), first, last, quiet)
+
+
+def _in(folder: str) -> str:
+    """Return the first journal of a folder, as an example."""
+    found = sorted(Path(folder).glob("*.vbj"))
+    return f", such as {found[0]}" if found else ""
+
+
+def _refuse_unknown_rule(what: str) -> None:
+    """Say so if this looks like a rule of a chip, and there is none of that name."""
+    from vbus import plugins
+    from vbus.board.check.checks import all_rules
+    from vbus.core.values.settings import suggestion
+
+    family, dot, symbol = what.partition(".")
+    known = {one.name for one in plugins.families()}
+    if dot and symbol and family in known and not Path(what).exists():
+        rules = [rule.name for rule in all_rules() if rule.name.startswith(f"{family}.")]
+        raise click.UsageError(
+            f'there is no rule "{what}"; {suggestion(what, rules)}"vbus check --rules" lists them'
+        )
+
+
+def _families() -> str:
+    from vbus import plugins
+
+    return ", ".join(sorted(one.name for one in plugins.families() if one.packets))
+
+
+def _decoder(name: str) -> Decoder | None:
+    """Return the decoder for a family or part, if ``name`` is one."""
+    from vbus import plugins
+    from vbus.core.errors import PluginError
+
+    family = plugins.family(name.lower())
+    if not family.chip:
+        try:
+            family = plugins.family_of(name.upper())
+        except PluginError:
+            return None
+    made = family.load("packets", Decoder)
+    if made is None:
+        raise click.UsageError(f"{name}: nothing is registered that reads its bus in words")
+    return made()
+
+
+def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
+    text = " ".join(items)
+    cycles = [
+        Cycle(0, match[1] == "w", int(match[2], 16), int(match[3], 16))
+        for match in _LINE.finditer(text)
+        for _ in range(int(match[4] or 1))
+    ]
+    rest = _LINE.sub(" ", text).split() if cycles else text.replace(",", " ").split()
+    data: list[int] = []
+    for item in rest:
+        word = _WORD.fullmatch(item)
+        byte = _HEX.fullmatch(item)
+        if word:
+            try:
+                value = decoder.word(word[1], int(word[2], 16))
+            except ValueError as error:
+                raise click.UsageError(str(error)) from None
+            yield Line(f"{word[1]} {value}", word=word[1], text=value)
+        elif byte and not cycles:
+            data.append(int(byte[1], 16))
+        elif "=" in item:
+            name, _, value = item.partition("=")
+            raise click.UsageError(f'{name}: "{value}" is no hexadecimal number, such as {name}=84')
+        elif not cycles:
+            hint = f"; for a {item} value write --{item} HEX" if item in _VALUES else ""
+            raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits{hint}')
+    try:
+        cycles = cycles or decoder.typed(data)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    for cycle in cycles:
+        for packet in decoder.feed(cycle):
+            yield from _packet(packet)
+    for packet in decoder.finish():
+        yield from _packet(packet)
+
+
+def _packet(packet: Packet) -> Iterator[str]:
+    clause = f"  [{packet.clause}]" if packet.clause else ""
+    data = [cycle.data for cycle in packet.cycles]
+    yield Line(
+        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.text}{clause}",
+        bytes=data, kind=packet.kind, text=packet.text, clause=packet.clause,
+    )  # fmt: skip

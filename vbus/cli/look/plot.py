@@ -1,0 +1,191 @@
+"""``vbus plot``: the motion of a recorded run as a picture."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from vbus.cli.output import duration, no_progress
+from vbus.core.errors import VbusError
+
+if TYPE_CHECKING:
+    from vbus.views.scope.rows import LaneTold, Units
+
+LANES: Final = ("desired", "real", "error", "velocity", "output")
+"""What is drawn of an axis if nobody says so."""
+TOGETHER: Final = (("desired", "real"), ("velocity", "profile"))
+"""Lanes that are drawn over each other where they have one unit: the first wide and pale."""
+
+COLUMN_INCHES: Final = 6.0
+PANEL_INCHES: Final = 1.7
+SLOTS: Final = 2000
+"""How finely time is drawn where there is more than can be told apart."""
+MARGIN_INCHES: Final = 0.6
+
+_SPANS: Final = ((10**12, "s"), (10**9, "ms"), (10**6, "us"), (10**3, "ns"))
+_SPAN_DIVISIONS: Final = 5
+"""So many of a unit at least are seen, or a smaller one is taken."""
+
+Panel = list["LaneTold"]
+
+
+@click.command("plot")
+@click.argument("journal", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
+              help="The picture: .svg, .png or .pdf.")  # fmt: skip
+@click.option("--axis", "axes", multiple=True, metavar="NAME", help="This axis; else all.")
+@click.option("--lane", "lanes", multiple=True, metavar="NAME",
+              help=f"This lane of an axis; else {', '.join(LANES)}.")  # fmt: skip
+@click.option("--from", "begin", callback=duration, metavar="TIME", help="Begin at this instant.")
+@click.option("--to", "end", callback=duration, metavar="TIME", help="End at this instant.")
+@click.option("--units", type=click.Choice(["counts", "rev", "SI"]), default="counts",
+              show_default=True, help="As on the scope's page.")  # fmt: skip
+@no_progress
+def command(
+    journal: Path, output: Path, axes: tuple[str, ...], lanes: tuple[str, ...], begin: int | None,
+    end: int | None, units: "Units", no_progress: bool,
+) -> int:  # fmt: skip
+    """Draw the motion of a recorded run.
+
+    The journal is played again for it. A column for each axis, over one time axis: desired and real
+    position, error, velocity and motor output, or the lanes that are asked for. The same journal
+    gives the same picture.
+    """
+    from vbus.cli.look.scope import recorded_code, recorded_of
+
+    recorded = recorded_of(journal, strobes=False, quiet=no_progress)
+    draw(recorded.description, recorded.frames, output, axes, lanes or LANES, begin, end, units)
+    return recorded_code(recorded)
+
+
+def draw(
+    description: dict[str, Any],
+    frames: Sequence[bytes],
+    output: Path,
+    axes: Sequence[str] = (),
+    lanes: Sequence[str] = LANES,
+    begin: int | None = None,
+    end: int | None = None,
+    units: "Units" = "counts",
+) -> None:
+    """Draw a run.
+
+    Args:
+        description: what a page is told before the first frame.
+        frames: the recording.
+        output: file to write.
+        axes: names of axes; none: all.
+        lanes: names of lanes of an axis.
+        begin: instant (ps) at which it begins; None: the beginning.
+        end: instant at which it ends; None: the end of the run.
+        units: what counts are shown in.
+
+    Raises:
+        VbusError: there is no such axis or lane, or nothing between these instants.
+        PluginError: matplotlib is not installed.
+    """
+    from vbus.cli.look.picture import picture
+    from vbus.views.scope.rows import Rows
+
+    rows = Rows(description)
+    known = [axis["name"] for axis in description["axes"]]
+    columns = {axis: _panels(rows.lanes, axis, lanes) for axis in _chosen("axis", axes, known)}
+    there = [lane.name for lane in rows.lanes if lane.axis in columns]
+    deep = max(map(len, columns.values()), default=0)
+    if lanes != LANES or not deep:
+        _chosen("lane", lanes, there)
+    told: dict[LaneTold, list[tuple[int, float]]] = {
+        lane: [] for panels in columns.values() for panel in panels for lane in panel
+    }
+    for when, lane, value in rows.take(b"".join(frames)):
+        if lane in told:
+            told[lane].append((when, value))
+    first = begin or 0
+    last = rows.now if end is None else end
+    if not first < last:
+        raise VbusError(f"nothing to draw: it would begin at {first} ps and end at {last} ps")
+    per, name = next(
+        (span for span in _SPANS if last - first >= _SPAN_DIVISIONS * span[0]), (1, "ps")
+    )
+    size = COLUMN_INCHES * len(columns), PANEL_INCHES * deep + MARGIN_INCHES
+    with picture(output, *size) as figure:
+        drawn = figure.subplots(deep, len(columns), sharex=True, squeeze=False)
+        for number, (axis, panels) in enumerate(columns.items()):
+            drawn[0][number].set_title(f"{description['board']}: {axis}", loc="right")
+            for place, panel in enumerate(panels):
+                _draw_panel(drawn[place][number], panel, units, [
+                    _between(told[lane], first, last) for lane in panel
+                ], per)  # fmt: skip
+            for rest in drawn[len(panels) :, number]:
+                rest.set_visible(False)
+            lowest = drawn[len(panels) - 1][number]
+            lowest.tick_params(labelbottom=True)
+            lowest.set_xlabel(f"time ({name})")
+            lowest.set_xlim(first / per, last / per)
+
+
+def _chosen(what: str, names: Sequence[str], known: Sequence[str]) -> Sequence[str]:
+    """Return the names that are asked for, or all."""
+    for name in names:
+        if name not in known:
+            raise VbusError(
+                f"no {what} is called {name}; there are {', '.join(dict.fromkeys(known))}"
+            )
+    return names or known
+
+
+def _panels(all_lanes: Sequence["LaneTold"], axis: str, names: Sequence[str]) -> list[Panel]:
+    """Return the lanes of an axis: those that belong together in one panel."""
+    panels: list[Panel] = []
+    for lane in all_lanes:
+        if lane.axis != axis or lane.name not in names:
+            continue
+        for panel in panels:
+            pair = (panel[0].name, lane.name)
+            if len(panel) == 1 and pair in TOGETHER and panel[0].unit == lane.unit:
+                panel.append(lane)
+                break
+        else:
+            panels.append([lane])
+    return panels
+
+
+def _between(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple[int, float]]:
+    """Return the rows of a lane between two instants, with what it has at both."""
+    begin = bisect_right(rows, first, key=itemgetter(0))
+    end = bisect_right(rows, last, key=itemgetter(0))
+    held = [(first, rows[begin - 1][1])] if begin else []
+    found = [*held, *rows[begin:end]]
+    return _thinned([*found, (last, found[-1][1])], first, last) if found else []
+
+
+def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple[int, float]]:
+    """Return what can be told apart: in each slot the first, the least, the greatest, the last."""
+    if len(rows) <= 4 * SLOTS:
+        return rows
+    kept: list[tuple[int, float]] = []
+    for _, slot in groupby(rows, lambda row: (row[0] - first) * SLOTS // (last - first)):
+        inside = list(slot)
+        by_value = sorted(inside, key=itemgetter(1))
+        kept += sorted({inside[0], by_value[0], by_value[-1], inside[-1]})
+    return kept
+
+
+def _draw_panel(
+    axes: Any, panel: Panel, units: "Units", values: list[list[tuple[int, float]]], per: int
+) -> None:
+    unit = panel[0].shown_in(units)
+    for number, (lane, rows) in enumerate(zip(panel, values, strict=True)):
+        below = number == 0 and len(panel) > 1
+        axes.step(
+            [when / per for when, _ in rows],
+            [value * unit.factor for _, value in rows],
+            where="post", label=lane.title, gid=lane.full_name,
+            color="#b8b8b8" if below else "#1f6fb4", linewidth=4 if below else 1.2,
+        )  # fmt: skip
+    axes.set_ylabel(unit.name or "of full scale")
+    axes.legend(loc="upper left", bbox_to_anchor=(0, 1.16), ncols=len(panel), borderpad=0)

@@ -1,0 +1,77 @@
+"""``vbus report``: the violations of a recorded run."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.journal_lines import opened, progress
+from vbus.cli.output import no_progress
+
+if TYPE_CHECKING:
+    from vbus.circuit.stream import PacketReader
+    from vbus.views.findings.report import Report
+
+_FORMATS: Final = ("text", "json", "junit", "sarif")
+_FAIL_ON: Final = ("note", "warning", "error", "never")
+"""Severities from the least up; there is no violation of the last."""
+
+
+@click.command("report")
+@click.argument("journal", type=click.Path(path_type=Path))
+@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--json", "style", flag_value="json", help="The same as --format json.")
+@click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
+@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
+@click.option(
+    "--fail-on",
+    type=click.Choice(_FAIL_ON),
+    default="error",
+    show_default=True,
+    help="Exit with 1 if a violation of this severity or above is not accepted.",
+)
+@no_progress
+def command(
+    journal: Path,
+    style: str,
+    compatibility: str | None,
+    suppress: str | None,
+    fail_on: str,
+    no_progress: bool,
+) -> int:
+    """Show every violation of a journal with the 20 bus cycles before and after it."""
+    from vbus.board.check.checks import all_rules
+    from vbus.record.view import play
+    from vbus.views.findings.formats import FORMATS
+    from vbus.views.findings.report import Report
+    from vbus.views.findings.suppress import suppressions_of
+
+    with opened(journal) as reader:
+        header = reader.header
+        report = Report(
+            header.board,
+            header.families,
+            all_rules(),
+            suppressions_of(suppress or ""),
+            header.file,
+        )
+        readers = [report, *_other_part(report, compatibility)]
+        with progress(journal, reader, "reading", no_progress):
+            play(header, reader, *readers)
+    click.echo(FORMATS[style](report), nl=False)
+    counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
+    failed = any(report.unaccepted(severity) for severity in counted)
+    return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":
+    """Give what reads the journal beside the report, and knows of another part, if asked for."""
+    if part is None:
+        return
+    from vbus import plugins
+    from vbus.views.findings.compatibility import Compatibility
+
+    families = {chip: plugins.family(name) for chip, name in report.families.items()}
+    yield Compatibility(part, families, report)

@@ -1,0 +1,430 @@
+"""``vbus scope``: a board seen in a browser, live or as a recording."""
+
+import asyncio
+import json
+import os
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.look.scope_process import start_scope
+from vbus.cli.output import SCOPE_ADDRESS, complain, duration, no_progress
+from vbus.core.errors import VbusError
+
+if TYPE_CHECKING:
+    import ssl
+
+    from vbus.boardfile.sections import ScopeSection
+    from vbus.cli.look.foxglove_lanes import FoxgloveServer
+    from vbus.cli.look.scope_bookmarks import Bookmarks
+    from vbus.cli.look.scope_control import Order
+    from vbus.cli.look.scope_feeds import Feeds
+    from vbus.cli.look.scope_server import ScopeServer
+    from vbus.views.scope.replayed import Recorded
+    from vbus.views.scope.stream import Stream
+
+    Server = ScopeServer | FoxgloveServer
+    Take = Callable[[bytes], None]
+
+LOOK_SECONDS: Final = 0.5
+"""How often a scope that outlives its board looks whether anybody is there."""
+
+
+@click.command("scope")
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path),
+              help="Write one HTML file; or an MCAP file, if its name ends in .mcap.")  # fmt: skip
+@click.option(
+    "--control", is_flag=True, help="Let pages pause and step the board, break it, use its bus."
+)
+@click.option(
+    "--at", callback=duration, metavar="TIME",
+    help="With --control, of a journal: the instant from which on it goes on as a board.",
+)  # fmt: skip
+@click.option("--strobes", is_flag=True, help="Of a journal: the lines of the host buses too.")
+@click.option(
+    "--listen", default=SCOPE_ADDRESS, metavar="HOST:PORT", help="Where; port 0: a free one."
+)
+@click.option("--remote", is_flag=True, help="Let other computers in; needs a certificate.")
+@click.option("--certificate", type=click.Path(path_type=Path), help="For TLS (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), help="Its key (PEM).")
+@click.option(
+    "--foxglove", is_flag=False, flag_value="127.0.0.1:8765", metavar="[HOST:PORT]",
+    help="Serve a running board for Foxglove, not the page.",
+)  # fmt: skip
+@click.option(
+    "--sigrok", is_flag=False, flag_value="127.0.0.1:5555", metavar="[HOST:PORT]",
+    help="Serve the pins of a running board for PulseView and sigrok-cli, not the page.",
+)  # fmt: skip
+@click.option("--chip", default="", metavar="NAME", help="With --sigrok: the chip.")
+@click.option("--pin", "pins", multiple=True, metavar="NAME",
+              help="With --sigrok: this pin; else the host bus, and others.")  # fmt: skip
+@click.option(
+    "--sparse", is_flag=True,
+    help="While no page is open, take down few samples of a board in real time: four a second.",
+)  # fmt: skip
+@click.option(
+    "--stay", type=click.FloatRange(0), metavar="SECONDS",
+    help="End so long after the board, once no page is open.",
+)  # fmt: skip
+@no_progress
+def command(
+    sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,
+    listen: str, remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
+    sigrok: str | None, chip: str, pins: tuple[str, ...], sparse: bool, stay: float | None,
+    no_progress: bool,
+) -> int:  # fmt: skip
+    """See motion, bus and time of a board in a browser.
+
+    SOURCE is a journal, which is played again for it, or the name of a running board. Several, such
+    as the journals of all nodes of a machine, are shown on one time axis; the name of a machine
+    shows all of its nodes that run on this computer. Prints a link that can be used once; with -o
+    it writes a page that anybody can open, or an MCAP file. Ends with Ctrl-C. With --control a
+    journal goes on where it ends, or at --at, as a board of its own, paused at first.
+    """
+    source = sources[0]
+    journals = [Path(name) for name in sources if Path(name).is_file()]
+    journal = bool(journals)
+    others = [name for name in sources if not Path(name).is_file()]
+    if journal and others:
+        raise click.UsageError(
+            f"{journals[0]} is a journal and {others[0]} is none; show runs that are over, or"
+            " boards that run"
+        )
+    if len(sources) > 1 and (sigrok is not None or (journal and control)):
+        option = "--sigrok" if sigrok is not None else "--control"
+        raise click.UsageError(f"{option} is for one board, and these are {len(sources)}")
+    if output is not None:
+        if not journal:
+            raise click.UsageError(
+                f"-o is for journals, and {source} is none: {_no_file(Path(source))}"
+            )
+        return _write(journals, output, strobes, no_progress)
+    if foxglove is not None:
+        if journal:
+            raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
+                                   " with -o FILE.mcap")  # fmt: skip
+        place = PagePlace(foxglove, remote, certificate, key, "--foxglove")
+        _serve_boards(sources, partial(_foxglove_of_boards, place), stay=0)
+        return exit_codes.OK
+    if sigrok is not None:
+        if journal:
+            raise click.UsageError(f"--sigrok is for boards that run; of {source} write a file"
+                                   ' with "vbus wave --profile sigrok"')  # fmt: skip
+        _serve_pins(source, chip, pins, PagePlace(sigrok, remote, option="--sigrok", plain=True))
+        return exit_codes.OK
+    place = PagePlace(listen, remote, certificate, key)
+    if journal and control:
+        from vbus.cli.look.scope_fork import fork
+
+        if remote:
+            raise click.UsageError("a copy of a board is for this computer: leave out --remote")
+        from vbus.boardfile.sections import ScopeSection
+
+        show = partial(start_scope, scope=ScopeSection(listen=listen), control=True)
+        fork(Path(source), at, show, no_progress)
+        return exit_codes.OK
+    if at is not None:
+        raise click.UsageError("--at is for a journal that goes on as a board, with --control")
+    if journal:
+        return _serve_journals(journals, place, strobes, no_progress)
+    page = partial(_page_of_boards, place, stay, control, sparse)
+    _serve_boards(sources, page, stay, control, samples=not sparse)
+    return exit_codes.OK
+
+
+def _no_file(path: Path) -> str:
+    return (
+        "it is a directory; name a journal in it"
+        if path.is_dir() else 'there is no such file; "vbus run BOARD --journal FILE" writes one'
+    )  # fmt: skip
+
+
+def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:
+    from vbus.cli.look.scope_bookmarks import of_journal
+    from vbus.serve.output_file import write_file
+
+    if output.suffix == ".mcap":
+        from vbus.cli.look.foxglove_lanes import mcap_file as made
+    else:
+        from vbus.views.scope.page_file import one_file as made
+    recorded = [recorded_of(path, strobes, quiet) for path in paths]
+    description, frames = together(recorded)
+    kept = {"bookmarks": of_journal(paths[0]).all}
+    write_file(output, made(description | kept, frames))
+    return max(map(recorded_code, recorded))
+
+
+class PagePlace:
+    """Where a page is served.
+
+    Args:
+        listen: ``HOST:PORT``.
+        remote: whether other computers may be let in.
+        certificate: for TLS, without which they are not.
+        key: its key.
+        option: what the address was given with.
+        plain: there is no TLS here, so it is not asked for.
+
+    Raises:
+        VbusError: it is no address, or lets other computers in where that is not meant.
+    """
+
+    def __init__(
+        self,
+        listen: str,
+        remote: bool = False,
+        certificate: Path | None = None,
+        key: Path | None = None,
+        option: str = "--listen",
+        plain: bool = False,
+    ) -> None:
+        from vbus.board.check.network_checks import metrics_address
+        from vbus.core.addresses import loopback_like, stays_here
+
+        try:
+            self.host, self.port = metrics_address(listen, remote=True)
+        except ValueError as error:
+            raise VbusError(f"{option}: {error}") from None
+        self.tls: ssl.SSLContext | None = None
+        self._files: tuple[Path, Path] | None = None
+        if (certificate is None) != (key is None):
+            raise VbusError("--certificate and --key belong together")
+        if certificate is not None and key is not None:
+            self.tls = _tls(certificate, key)
+            self._files = certificate, key
+        if not stays_here(self.host) and not (remote and (plain or self.tls)):
+            meant = "--remote" if plain else "--remote with --certificate and --key"
+            raise VbusError(
+                f'{option}: "{listen}" lets other computers in; write'
+                f' "{loopback_like(self.host)}:{self.port}", or say {meant} if that is meant'
+            )
+
+    def server(
+        self,
+        stream: "Stream",
+        bookmarks: "Bookmarks",
+        stay: float | None = None,
+        order: "Order | None" = None,
+    ) -> "ScopeServer":
+        """Return what serves a stream there and prints links; one that stays says who it is."""
+        from vbus.cli.look.scope_server import ScopeServer
+
+        show = partial(_show, "scope", "" if stay is None else f"  (process {os.getpid()})")
+        return ScopeServer(stream, self.host, self.port, show, self.tls, bookmarks, order)
+
+    def foxglove_server(self, description: dict[str, Any]) -> "FoxgloveServer":
+        """Return what serves a board there for Foxglove, and prints where."""
+        from vbus.cli.look.foxglove_lanes import FoxgloveServer
+
+        files = self._files and (self._files[0].read_bytes(), self._files[1].read_bytes())
+        show = partial(_show, "foxglove", "")
+        return FoxgloveServer(description, self.host, self.port, show, files)
+
+
+def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
+    import ssl
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as error:
+        raise VbusError(f"{certificate}: no certificate with this key: {error}") from None
+    return context
+
+
+def _show(what: str, more: str, address: str) -> None:
+    # Whoever started this may have gone; the page goes on.
+    with suppress(OSError):
+        click.echo(f"{what}: {address}{more}")
+
+
+def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
+    """Play a journal again for its lanes; say so if it is damaged or differs."""
+    from vbus.cli.journal_lines import opened, progress, recorded_board
+    from vbus.views.scope.replayed import replayed
+
+    with opened(path) as reader:
+        board = recorded_board(path, reader.header)
+        with progress(path, reader, "replaying", quiet):
+            recorded = replayed(board, reader, reader.header.families, strobes)
+        damage = reader.damage
+    if damage:
+        complain(f"{path}: {damage}")
+    if recorded.outcome.divergence is not None:
+        complain(f"{path}: the run differs from its journal at entry"
+                  f' {recorded.outcome.divergence.entry}; "vbus replay" shows how')  # fmt: skip
+    return recorded
+
+
+def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
+    """Return what a page is told of one run, or of several on one time axis."""
+    if len(parts) == 1:
+        return parts[0].description, parts[0].frames
+    from vbus.views.scope.merged import Merged
+
+    try:
+        merged = Merged([part.description for part in parts])
+    except ValueError as error:
+        raise VbusError(str(error)) from None
+    frames: list[bytes] = []
+    for number, part in enumerate(parts):
+        frames += [merged.take(number, frame) for frame in part.frames]
+    frames += [merged.end(number) for number in merged.by_end()]
+    return merged.description, [frame for frame in frames if frame]
+
+
+def recorded_code(recorded: "Recorded") -> int:
+    """Return the exit code of what was played again: whether it ran as it was recorded."""
+    return exit_codes.OK if recorded.outcome.divergence is None else exit_codes.FAILURE
+
+
+def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
+    from vbus.cli.look.scope_bookmarks import of_journal
+    from vbus.cli.look.scope_server import serve
+    from vbus.serve.loop import run_until_signal
+    from vbus.views.scope.stream import Stream
+
+    recorded = [recorded_of(path, strobes, quiet) for path in paths]
+    description, frames = together(recorded)
+    bookmarks = of_journal(paths[0])
+    stream = Stream(description, most=None)
+    for part in frames:
+        stream.add(part)
+
+    async def show(stop: asyncio.Event) -> None:
+        await serve(place.server(stream, bookmarks), stop.wait)
+
+    run_until_signal(show)
+    return max(map(recorded_code, recorded))
+
+
+def _page_of_boards(
+    place: PagePlace, stay: float | None, control: bool, sparse: bool, feeds: "Feeds",
+    at_end: ExitStack,
+) -> "tuple[ScopeServer, Take]":  # fmt: skip
+    """Return what serves the page of running boards."""
+    from vbus.cli.look.scope_bookmarks import journal_of, keep_with_journal, of_board
+    from vbus.cli.look.scope_control import BoardOrders
+    from vbus.cli.look.scope_fork import Forks
+    from vbus.views.scope.clauses import clause_frame
+    from vbus.views.scope.stream import Stream
+
+    hellos = feeds.hellos
+
+    def begun(told: dict[str, Any]) -> Stream:
+        stream = Stream(told)
+        stream.add(clause_frame(chip["family"] for told in hellos for chip in told["chips"]))
+        return stream
+
+    orders = None
+    if control:
+        forks = Forks(f"{place.host}:0")
+        at_end.callback(forks.end)
+        orders = BoardOrders(feeds, forks.open)
+    bookmarks = of_board(hellos[0]["board"])
+    for told in hellos:
+        at_end.callback(keep_with_journal, bookmarks, journal_of(told), told)
+    order = orders.order if orders else None
+    server = place.server(begun(feeds.description), bookmarks, stay, order)
+    server.on_registers = feeds.look_inside
+    if sparse:
+        server.on_pages = feeds.look_at_samples
+
+    def take(message: bytes) -> None:
+        if message[:1] != b"{":
+            server.add(message)
+            return
+        answer = json.loads(message)
+        if "control" in answer:
+            server.tell(answer["control"])
+        elif "scope" in answer:  # the board has gone back
+            server.begin_again(begun(answer["scope"]))
+        elif orders is not None:
+            orders.answered(answer)
+
+    return server, take
+
+
+def _foxglove_of_boards(
+    place: PagePlace, feeds: "Feeds", at_end: ExitStack
+) -> "tuple[FoxgloveServer, Take]":
+    """Return what serves running boards for Foxglove."""
+    server = place.foxglove_server(feeds.description)
+    return server, server.add
+
+
+def _serve_boards(
+    names: Sequence[str],
+    made: "Callable[[Feeds, ExitStack], tuple[Server, Take]]",
+    stay: float | None,
+    control: bool = False,
+    samples: bool = True,
+) -> None:
+    """Serve running boards by what is made of what they tell."""
+    from vbus.cli.look.feed import boards_of
+    from vbus.cli.look.scope_feeds import Feeds
+    from vbus.serve.loop import run_until_signal
+
+    with closing(Feeds(boards_of(names), control, samples)) as feeds:
+
+        async def show(stop: asyncio.Event) -> None:
+            with ExitStack() as at_end:
+                server, take = made(feeds, at_end)
+                ended = asyncio.Event()
+                await server.start()
+                feeds.follow(asyncio.get_running_loop(), take, ended.set)
+                try:
+                    await _over(server, stop, ended, stay)
+                finally:
+                    await server.stop()
+
+        run_until_signal(show)
+
+
+def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) -> None:
+    from vbus.cli.look.sigrok_server import SigrokServer
+    from vbus.serve.loop import run_until_signal
+
+    async def show(stop: asyncio.Event) -> None:
+        report = partial(_show, "sigrok", "")
+        server = SigrokServer(board, chip, pins, place.host, place.port, report)
+        await server.start()
+        try:
+            await stop.wait()
+        finally:
+            await server.stop()
+
+    run_until_signal(show)
+
+
+async def _over(
+    server: "Server", stop: asyncio.Event, ended: asyncio.Event, stay: float | None
+) -> None:
+    """Return when nobody needs the page any more."""
+    stopped = asyncio.ensure_future(stop.wait())
+    over = asyncio.ensure_future(ended.wait())
+    await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)
+    over.cancel()
+    alone = 0.0
+    while not stopped.done() and (stay is None or alone <= stay):
+        await asyncio.wait({stopped}, timeout=LOOK_SECONDS)
+        alone = 0.0 if server.pages else alone + LOOK_SECONDS
+
+
+def place_of(scope: "ScopeSection") -> PagePlace:
+    """Return where a board file, or a command line, wants its page.
+
+    Raises:
+        VbusError: it is no address, or there is no such certificate.
+    """
+    certificate, key = Path(scope.certificate), Path(scope.key)
+    if not scope.certificate:
+        return PagePlace(scope.listen, scope.remote, option="--scope")
+    return PagePlace(scope.listen, scope.remote, certificate, key, "--scope")

@@ -1,0 +1,419 @@
+"""What serves the scope's page: HTTP and a WebSocket for each page, with aiohttp."""
+
+import asyncio
+import hmac
+import json
+import logging
+import re
+import secrets
+import socket
+import ssl
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from contextvars import ContextVar
+from ipaddress import ip_address
+from typing import Any, Final
+
+import msgspec
+from aiohttp import ClientError, web
+from aiohttp.http_exceptions import HttpProcessingError
+
+from vbus.cli.look.scope_bookmarks import Bookmarks
+from vbus.cli.look.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
+from vbus.core.errors import PluginError, TransportError, VbusError
+from vbus.views.scope.bookmarks import Bookmark
+from vbus.views.scope.page_file import FIRST, page_file, policy
+from vbus.views.scope.stream import MESSAGE, Stream
+
+_HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """A request, decoded.
+
+    Attributes:
+        host: name or address in its Host header, without brackets; "" if it is none.
+        port: the port there; 0 if none is said.
+        origin: the page that has made the browser send it; "" if none is said.
+        cookies: by name.
+        code: what a POST has in its body.
+    """
+
+    host: str
+    port: int
+    origin: str
+    cookies: Mapping[str, str]
+    code: str
+
+
+async def decoded(request: web.Request) -> Asked:
+    """Return what a request says.
+
+    Raises:
+        HTTPBadRequest: it makes no sense; says what does not.
+        HTTPRequestEntityTooLarge: its body is longer than any code.
+    """
+    headers = request.headers
+    host = _HOST.fullmatch(headers.get("Host", ""))
+    cookies: dict[str, str] = {}
+    for part in ";".join(headers.getall("Cookie", ())).split(";"):
+        name, _, value = part.strip().partition("=")
+        cookies[name] = value
+    code = ""
+    if request.method == "POST":
+        try:
+            code = (await request.read()).decode()
+        except (web.RequestPayloadError, ClientError, HttpProcessingError, OSError) as error:
+            raise _refused(f"the body cannot be read: {error}") from None
+        except UnicodeDecodeError:
+            raise _refused("this is no UTF-8 text") from None
+    return Asked(
+        host[1].strip("[]") if host else "",
+        int(host[2] or 0) if host else 0,
+        headers.get("Origin", ""),
+        cookies,
+        code,
+    )
+
+
+def _refused(sentence: str) -> web.HTTPBadRequest:
+    refused = web.HTTPBadRequest(text=" ".join(sentence.split()) + "\n")
+    refused.force_close()
+    return refused
+
+
+try:
+    from aiohttp import WSMsgType, web
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    from vbus.cli.look.scope_server import Asked, decoded
+except ImportError as error:
+    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
+
+RATE_SECONDS: Final = 1 / 30
+"""How often a page is sent something at most."""
+HEARTBEAT_SECONDS: Final = 20.0
+"""A page that answers nothing for so long is gone."""
+LONGEST_CODE: Final = 256
+_ASKED: Final[ContextVar[Asked]] = ContextVar("asked")
+"""What :func:`~vbus.cli.look.scope_server.decoded` made of the request at hand."""
+STOPPING_SECONDS: Final = 2.0
+"""How long pages may take to go when the server ends."""
+_TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
+_HEADERS: Final = {
+    "Content-Security-Policy": policy("'self'", "'self'", "'self'") + "; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+log = logging.getLogger("vbus.views.scope")
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Tell whether a record is more than a request that is none, which has had its answer."""
+    return record.exc_info is None or not isinstance(
+        record.exc_info[1], HttpProcessingError | web.RequestPayloadError
+    )
+
+
+log.addFilter(_is_ours)
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class ScopeServer:
+    """Serves pages that look at one stream.
+
+    Who has a link's code may look, once; the browser keeps a cookie in its place.
+
+    Args:
+        stream: what they look at.
+        host: address to listen on.
+        port: 0 is any free one.
+        report: takes a sentence with a link: the first, and another whenever one was used.
+        tls: certificate and key, where other computers are let in.
+        bookmarks: those of what they look at, which pages may add to.
+        order: carries out what pages order; None where they may only look.
+
+    Attributes:
+        on_registers: is told whether any page looks at registers, whenever that changes.
+        on_pages: is told whether any page is open, whenever that changes.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        host: str,
+        port: int,
+        report: Callable[[str], None],
+        tls: ssl.SSLContext | None = None,
+        bookmarks: Bookmarks | None = None,
+        order: Order | None = None,
+    ) -> None:
+        self._pages: set[web.WebSocketResponse] = set()
+        self._bookmarks: Bookmarks | None = bookmarks
+        self.url: str = ""
+        """Where the page is, once the server has begun."""
+        self._stream: Stream = stream
+        self._host: str = host
+        self._port: int = port
+        self._tls: ssl.SSLContext | None = tls
+        self._report: Callable[[str], None] = report
+        self._order: Order | None = order
+        self._state: str = ""
+        """What pages are told of how the board is controlled."""
+        self._code: str = secrets.token_urlsafe(24)
+        self._cookies: set[str] = set()
+        self._news: asyncio.Event = asyncio.Event()
+        self.on_registers: Callable[[bool], None] = lambda on: None
+        self.on_pages: Callable[[bool], None] = lambda on: None
+        self._looking_inside: set[web.WebSocketResponse] = set()
+        app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_CODE)
+        app.add_routes(
+            [
+                web.get("/", self._page),
+                web.get("/page/{name}", self._page),
+                web.post("/enter", self._enter),
+                web.get("/live", self._live),
+            ]
+        )
+        self._runner: web.AppRunner = web.AppRunner(
+            app, access_log=None, shutdown_timeout=STOPPING_SECONDS, logger=log
+        )
+
+    @property
+    def pages(self) -> int:
+        """How many pages look on now."""
+        return len(self._pages)
+
+    @property
+    def link(self) -> str:
+        """The address with a code that nobody has used; the code never leaves the browser's page.
+
+        A fragment is in no request, and so in no log.
+        """
+        return f"{self.url}#{self._code}"
+
+    async def start(self) -> None:
+        """Listen from now on.
+
+        Raises:
+            TransportError: the address is taken, or not of this computer.
+        """
+        await self._runner.setup()
+        site = web.TCPSite(self._runner, self._host, self._port, ssl_context=self._tls)
+        try:
+            await site.start()
+        except OSError as error:
+            await self._runner.cleanup()
+            raise TransportError(
+                f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
+                " give another (port 0 is any free one)"
+            ) from error
+        self._port = self._runner.addresses[0][1]
+        shown = f"[{self._host}]" if ":" in self._host else self._host
+        self.url = f"{'http' if self._tls is None else 'https'}://{shown}:{self._port}/"
+        self._report(self.link)
+
+    async def stop(self) -> None:
+        """Send every page away and listen no more."""
+        await self._runner.cleanup()
+
+    def add(self, frames: bytes) -> None:
+        """Take whole frames and wake the pages."""
+        self._stream.add(frames)
+        self._wake()
+
+    def begin_again(self, stream: Stream) -> None:
+        """Look at another stream from now on, pages that are open too."""
+        self._stream = stream
+        self._wake()
+
+    def tell(self, control: dict[str, Any]) -> None:
+        """Tell every page how the board is controlled, also those that come later."""
+        self._state = json.dumps({"answer": control["text"], "control": control})
+        self._wake()
+
+    def _wake(self) -> None:
+        news, self._news = self._news, asyncio.Event()
+        news.set()
+
+    # -- who may look -------------------------------------------------------------------------
+
+    @web.middleware
+    async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Refuse requests that a page from elsewhere has made this browser send."""
+        try:
+            asked = await decoded(request)
+            _ASKED.set(asked)
+            if not self._known(asked):
+                raise web.HTTPForbidden(text=f"this is not {asked.host or 'any host'}\n")
+            answer = await handler(request)
+        except web.HTTPException as refused:
+            refused.headers.update(_HEADERS)
+            raise
+        if not answer.prepared:
+            answer.headers.update(_HEADERS)
+        return answer
+
+    def _known(self, asked: Asked) -> bool:
+        """Whether a Host header names this computer: a name that others chose is refused."""
+        name, port = asked.host, asked.port or (443 if self._tls else 80)
+        if not name or port != self._port:
+            return False
+        if name in ("localhost", self._host):
+            return True
+        if self._tls is None:
+            return name in ("127.0.0.1", "::1")
+        with suppress(ValueError):
+            return bool(ip_address(name))
+        return name == socket.gethostname()
+
+    def _check_origin(self, request: web.Request) -> None:
+        own = f"{'http' if self._tls is None else 'https'}://{request.host}"
+        if _ASKED.get().origin != own:
+            raise web.HTTPForbidden(text="a page from elsewhere may not look at this board\n")
+
+    @property
+    def _cookie(self) -> str:
+        """Its name: all ports of a computer share their cookies."""
+        return f"vbus-scope-{self._port}"
+
+    async def _enter(self, request: web.Request) -> web.Response:
+        """Take a code and give a cookie."""
+        self._check_origin(request)
+        if not hmac.compare_digest(_ASKED.get().code.encode(), self._code.encode()):
+            raise web.HTTPForbidden(text="the code of this link was used, or is none\n")
+        self._code = secrets.token_urlsafe(24)
+        cookie = secrets.token_urlsafe(24)
+        self._cookies.add(cookie)
+        answer = web.Response(status=204)
+        answer.set_cookie(
+            self._cookie, cookie, httponly=True, samesite="Strict", secure=self._tls is not None
+        )
+        self._report(self.link)
+        return answer
+
+    # -- what they see ------------------------------------------------------------------------
+
+    async def _page(self, request: web.Request) -> web.Response:
+        name = request.match_info.get("name", FIRST)
+        try:
+            text = page_file(name)
+        except VbusError as error:
+            raise web.HTTPNotFound(text=f"{error}\n") from None
+        kind = _TYPES[name.rpartition(".")[2]]
+        return web.Response(text=text, content_type=kind, charset="utf-8")
+
+    async def _live(self, request: web.Request) -> web.WebSocketResponse:
+        self._check_origin(request)
+        if _ASKED.get().cookies.get(self._cookie) not in self._cookies:
+            raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
+        # To this computer it is cheaper to send much than to make it less.
+        far = self._tls is not None
+        page = web.WebSocketResponse(
+            heartbeat=HEARTBEAT_SECONDS, max_msg_size=1 << 16, compress=far
+        )
+        page.headers.update(_HEADERS)
+        await page.prepare(request)
+        self._pages.add(page)
+        if len(self._pages) == 1:
+            self.on_pages(True)
+        sending = asyncio.create_task(self._send(page))
+        try:
+            async for message in page:
+                if message.type == WSMsgType.TEXT:
+                    answer = await self._answer(page, message.data)
+                    if answer:
+                        await page.send_str(json.dumps(answer))
+        finally:
+            self._pages.discard(page)
+            if not self._pages:
+                self.on_pages(False)
+            self._look_inside(page, False)
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+        return page
+
+    async def _answer(self, page: web.WebSocketResponse, text: str) -> dict[str, Any]:
+        """Do what a page wants; return what it is told, if anything."""
+        asked = answer_to(text, self._order is not None)
+        request = asked.get("request", {})
+        if request.get("do") == REGISTERS:
+            self._look_inside(page, request.get("on") is True)
+            return {}
+        if request.get("do") in BOOKMARKS and self._bookmarks is not None:
+            refused = self._bookmark(request["do"], request.get("bookmark"))
+            return {"answer": refused, "error": True} if refused else {}
+        if self._order is None or "error" in asked:
+            return {"answer": asked.get("error", "nothing is kept of this"), "error": True}
+        return await self._order(request)
+
+    def _bookmark(self, what: str, bookmark: Any) -> str:
+        """Add a bookmark or forget it, and show every page what there is."""
+        assert self._bookmarks is not None
+        refused = ""
+        try:
+            if what == "forget":
+                self._bookmarks.remove(bookmark)
+            else:
+                refused = self._bookmarks.add(bookmark)
+        except VbusError as error:
+            refused = str(error)
+        self._wake()
+        return refused
+
+    def _look_inside(self, page: web.WebSocketResponse, on: bool) -> None:
+        """Note whether a page looks at registers; they are recorded while one does."""
+        before = bool(self._looking_inside)
+        if on:
+            self._looking_inside.add(page)
+        else:
+            self._looking_inside.discard(page)
+        if bool(self._looking_inside) != before:
+            self.on_registers(not before)
+
+    async def _send(self, page: web.WebSocketResponse) -> None:
+        """Send a page what there is, as fast as it takes it: it has a place of its own.
+
+        Of the state of the board and of the bookmarks it is sent the newest. A page that reads
+        nothing waits here alone, until it has not answered for :data:`HEARTBEAT_SECONDS`.
+        """
+        with suppress(ConnectionError):
+            stream: Stream | None = None
+            place = 0
+            state = ""
+            told: list[Bookmark] | None = None
+            while True:
+                news = self._news
+                kept = None if self._bookmarks is None else self._bookmarks.all
+                noted = {} if kept is None else {"bookmarks": kept}
+                if stream is not self._stream:
+                    stream, place = self._stream, 0
+                    told = None if kept is None else [*kept]
+                    await page.send_str(json.dumps(stream.description | noted))
+                elif told != kept:
+                    told = None if kept is None else [*kept]
+                    await page.send_str(json.dumps(noted))
+                if state != self._state:
+                    state = self._state
+                    await page.send_str(state)
+                message, place = stream.after(place)
+                if message:
+                    await page.send_bytes(message)
+                if place == stream.end and stream is self._stream:
+                    await news.wait()
+                if len(message) < MESSAGE:  # else it is still catching up
+                    await asyncio.sleep(RATE_SECONDS)
+
+
+async def serve(server: ScopeServer, over: Callable[[], Awaitable[Any]]) -> None:
+    """Serve until ``over`` returns."""
+    await server.start()
+    try:
+        await over()
+    finally:
+        await server.stop()

@@ -1,0 +1,173 @@
+"""The pins of a running board for PulseView and sigrok-cli, by BeagleLogic's protocol over TCP.
+
+That is what libsigrok's driver ``beaglelogic`` speaks, as it is: lines of text that ask for or set
+a number, and ``get``, after which samples flow until ``close`` or the end of the connection.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
+from typing import Any, Final
+
+from vbus.cli.look.feed import Feed
+from vbus.core.errors import TransportError, VbusError
+from vbus.core.kernel import SECOND
+from vbus.views.scope.sampling import Sampler
+
+CHANNELS: Final = (
+    "P8_45", "P8_46", "P8_43", "P8_44", "P8_41", "P8_42", "P8_39", "P8_40", "P8_27", "P8_29",
+    "P8_28", "P8_30", "P8_21", "P8_20",
+)  # fmt: skip
+"""What the driver calls its channels; it does not ask for names."""
+
+BYTES_OF_UNIT: Final = {0: 2, 1: 1}
+"""Bytes of a sample by what the driver sets as ``sampleunit``."""
+
+SEGMENT: Final = 1 << 14
+"""Bytes of a TCP segment at most: even, for the driver takes what it has read for whole samples."""
+
+LONGEST_LINE: Final = 256
+
+
+class PinFeed:
+    """The pins of a chip, as its board tells them.
+
+    Args:
+        board: name of the board.
+        chip: name of the chip; "" where there is only one.
+        pins: names of pins; none: as many as there are channels.
+
+    Raises:
+        TransportError: no board of that name can be watched.
+        VbusError: it has no such chip or pin.
+    """
+
+    def __init__(self, board: str, chip: str, pins: Sequence[str]) -> None:
+        self._feed: Feed = Feed(board)
+        try:
+            self.description: dict[str, Any] = self._feed.ask("pins", chip=chip, pins=list(pins))
+        except VbusError:
+            self.close()
+            raise
+        self.messages = self._feed.messages()
+
+    def next(self) -> bytes:
+        """Return the next frames; none at the end of the board."""
+        with suppress(OSError, ValueError):  # closed while it was read
+            return next(self.messages, b"")
+        return b""
+
+    def close(self) -> None:
+        """Record no more."""
+        self._feed.close()
+
+
+def channels_of(description: dict[str, Any]) -> dict[str, str]:
+    """Return what is at each of the driver's channels, by its name."""
+    wires: list[str] = []
+    for lane in description["lanes"]:
+        bits = range(lane["width"])
+        wires += [lane["name"]] if len(bits) == 1 else [f"{lane['name']}:{bit}" for bit in bits]
+    return dict(zip(CHANNELS, wires, strict=False))
+
+
+class SigrokServer:
+    """Serves the pins of one chip.
+
+    Args:
+        board: name of the board.
+        chip: name of the chip; "" where there is only one.
+        pins: names of pins; none: the host bus first, then the others.
+        host: address to listen on.
+        port: 0 is any free one.
+        report: takes lines: where it listens, and what each channel is.
+    """
+
+    def __init__(
+        self,
+        board: str,
+        chip: str,
+        pins: Sequence[str],
+        host: str,
+        port: int,
+        report: Callable[[str], None],
+    ) -> None:
+        self._asked: tuple[str, str, Sequence[str]] = board, chip, pins
+        self._host: str = host
+        self._port: int = port
+        self._report: Callable[[str], None] = report
+        self._server: asyncio.Server | None = None
+
+    async def start(self) -> None:
+        """Listen from now on.
+
+        Raises:
+            VbusError: there is no such board, chip or pin.
+            TransportError: the address is taken, or not of this computer.
+        """
+        with closing(PinFeed(*self._asked)) as feed:
+            description = feed.description
+        family = socket.AF_INET6 if ":" in self._host else socket.AF_INET
+        listening = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT)
+            listening.bind((self._host, self._port))
+        except OSError as error:
+            listening.close()
+            raise TransportError(
+                f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
+                " give another with --sigrok (port 0 is any free one)"
+            ) from error
+        self._server = await asyncio.start_server(self._serve, sock=listening, limit=LONGEST_LINE)
+        port = listening.getsockname()[1]
+        self._report(f"beaglelogic:conn=tcp/{self._host}/{port}")
+        for channel, wire in channels_of(description).items():
+            self._report(f"{channel} {description['chip']}.{wire}")
+
+    async def stop(self) -> None:
+        """Listen no more."""
+        if self._server is not None:
+            self._server.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        numbers = {
+            "samplerate": 20_000_000, "sampleunit": 1, "triggerflags": 0, "memalloc": 1 << 30,
+            "bufunitsize": 1 << 16,
+        }  # fmt: skip
+        capture: asyncio.Task[None] | None = None
+        with suppress(ConnectionError, ValueError):  # a line too long is a ValueError
+            while line := await reader.readline():
+                word, _, number = line.decode("ascii", "replace").strip().partition(" ")
+                if word in ("get", "close") and capture is not None:
+                    capture.cancel()
+                if word == "get":
+                    capture = asyncio.create_task(self._capture(writer, numbers))
+                elif word == "version":
+                    writer.write(b"BeagleLogic 1.0\n")
+                elif (number and not (number.isdecimal() and 0 <= int(number) <= SECOND)) or (
+                    word == "samplerate" and number and not int(number)
+                ):  # fmt: skip
+                    writer.write(b"error: a number is 0 to %d, a samplerate not 0\n" % SECOND)
+                elif word in numbers and number:
+                    numbers[word] = int(number)
+                    writer.write(b"ok\n")
+                elif word in numbers:
+                    writer.write(b"%d\n" % numbers[word])
+                if capture is None or capture.done():
+                    await writer.drain()
+        if capture is not None:
+            capture.cancel()
+        writer.close()
+
+    async def _capture(self, writer: asyncio.StreamWriter, numbers: dict[str, int]) -> None:
+        """Send samples from now on, as time goes on, to the end of the board."""
+        rate, width = numbers["samplerate"], BYTES_OF_UNIT.get(numbers["sampleunit"], 2)
+        with suppress(ConnectionError, VbusError), closing(PinFeed(*self._asked)) as feed:
+            sampler = Sampler(feed.description, rate, width)
+            while frames := await asyncio.to_thread(feed.next):
+                for samples in sampler.take(frames):
+                    writer.write(samples)
+                    await writer.drain()
+        writer.close()

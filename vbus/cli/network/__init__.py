@@ -1,0 +1,1 @@
+"""Verbs of boards on several computers."""

@@ -1,0 +1,146 @@
+"""``vbus attach``: a board on another computer as a link on this one."""
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.output import complain, show
+
+if TYPE_CHECKING:
+    from vbus.serve.attach.attachment import AttachRequest
+    from vbus.serve.attach.far_board import FarBoard
+
+
+@click.command("attach")
+@click.argument("url")
+@click.option("--pty", "ptys", multiple=True, metavar="NAME", help="A PTY here; repeatable.")
+@click.option(
+    "--unix", "sockets", multiple=True, metavar="NAME", help="A Unix socket here; repeatable."
+)
+@click.option(
+    "--protocol",
+    default="byte",
+    metavar="NAME",
+    help="What the links here speak; byte if not given.",
+)
+@click.option(
+    "--patience", type=click.FloatRange(0, 86_400), metavar="SECONDS",
+    help="How long the board may be gone before this ends; for ever if not given.",
+)  # fmt: skip
+@click.option(
+    "--every", type=click.FloatRange(0.1, 86_400), metavar="SECONDS",
+    help="Print the round trips so often.",
+)  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON when ready and at the end.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+def command(
+    url: str,
+    ptys: tuple[str, ...],
+    sockets: tuple[str, ...],
+    protocol: str,
+    patience: float | None,
+    every: float | None,
+    as_json: bool,
+    detach: bool,
+) -> int:
+    """Make a board on another computer appear as a PTY or a Unix socket here, until Ctrl-C.
+
+    URL is a link of the board as clients take it: zenoh:BOARD/CHIP?connect=ENDPOINT,
+    tcp:HOST:PORT or unix:PATH. NAME is a name in the runtime directory, or a path; without one
+    there is a PTY named after the board. "vbus ls" shows round trips and losses.
+    """
+    from vbus.serve.attach.attachment import AttachRequest
+    from vbus.serve.attach.far_board import FORMS, KINDS
+
+    kind, colon, rest = url.partition(":")
+    if kind not in KINDS or not colon or not rest:
+        raise click.BadParameter(
+            f'"{url}" is no link of a board elsewhere; there are {FORMS}', param_hint="URL"
+        )
+    links = [*(_link("pty", name) for name in ptys), *(_link("unix", name) for name in sockets)]
+    board: FarBoard | None = None
+    if kind != "zenoh" or not detach:  # the threads of a network do not outlive a fork
+        board = _looked_at(url, protocol)
+    if not links:
+        # Behind zenoh: stands the board's name.
+        named = board.name if board else rest.partition("?")[0].partition("/")[0]
+        if not named:
+            raise click.UsageError(
+                "what its board is called this link does not tell; give the one here a name with"
+                " --pty NAME or --unix NAME"
+            )
+        links = [_link("pty", named)]
+    name = Path(links[0]).name.removesuffix(".sock")
+    if detach:
+        from vbus.cli.run.detach import detach as go_on
+
+        code = go_on(name)
+        if code is not None:
+            return code
+    if board is None:
+        board = _looked_at(url, protocol)
+    _serve(AttachRequest(url, name, tuple(links), protocol, patience), board, as_json, every)
+    return exit_codes.OK
+
+
+def _link(kind: str, name: str) -> str:
+    """Return the address of a link here: a bare name is one in the runtime directory."""
+    if not name or name.endswith("/"):
+        raise click.BadParameter(f'"{name}" is no name for a link; write NAME or a path')
+    return f"{kind}:{name}" if "/" in name else f"{kind}:$VBUS_RUNTIME/{name}"
+
+
+def _looked_at(where: str, protocol: str) -> "FarBoard":
+    """Ask the board what it is.
+
+    Raises:
+        TransportError: nobody answers.
+        click.BadParameter: this is no link.
+    """
+    from vbus.serve.attach.far_board import look_at
+
+    try:
+        return look_at(where, protocol)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="URL") from None
+
+
+def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: float | None) -> None:
+    """Serve until a signal; say what became of it."""
+    from vbus.cli.network.attached_lines import distance, lines_of, losses, round_trips
+    from vbus.cli.ready_lines import READY
+    from vbus.serve.attach.attachment import Attachment
+    from vbus.serve.loop import run_until_signal
+    from vbus.serve.readiness import tell_ready
+
+    attachment = Attachment(wanted, board, complain)
+
+    def ready() -> None:
+        status = attachment.statistics()
+        show(as_json, status, [*lines_of(status, counts=False), READY])
+        tell_ready()
+
+    async def tell(seconds: float) -> None:
+        while True:
+            await asyncio.sleep(seconds)
+            recent = attachment.trips.take_recent().summary("ns")
+            status = attachment.statistics()
+            show(as_json, status, [f"{round_trips(recent)}; {losses(status['attached'])}"])
+
+    async def serve(stop: asyncio.Event) -> None:
+        telling = asyncio.ensure_future(tell(every)) if every else None
+        try:
+            await attachment.serve(stop, ready)
+        finally:
+            if telling is not None:
+                telling.cancel()
+
+    try:
+        run_until_signal(serve)
+    finally:
+        status = attachment.statistics()
+        if attachment.served:
+            show(as_json, status, [distance(status)])

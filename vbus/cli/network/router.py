@@ -1,0 +1,146 @@
+"""``vbus router``: where boards and hosts of several processes or computers meet."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.ready_lines import READY
+
+if TYPE_CHECKING:
+    import asyncio
+
+    from vbus.network.session import Network
+
+DEFAULT: Final = "tcp/127.0.0.1:7447"
+NAME: Final = "router"
+"""What vbus ls, wait, logs and stop call a router in the background."""
+
+
+@click.command("router")
+@click.argument("file", required=False)
+@click.option("--listen", multiple=True, metavar="ENDPOINT", help=f"Else {DEFAULT}; repeatable.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Another router; repeatable.")
+@click.option("--remote", is_flag=True, help="Let other computers in without certificates.")
+@click.option(
+    "--detach", is_flag=True, help="Return when ready; vbus ls, stop and logs call it router."
+)
+def command(
+    file: str | None,
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    remote: bool,
+    detach: bool,
+) -> int:
+    """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
+
+    FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
+    The options stand above it. A port of 0 takes a free one.
+    """
+    from vbus.network.session import Network, free_endpoint
+
+    network = Network()
+    if file is not None:
+        from vbus.board.config import read_zenoh_file
+        from vbus.serve.serving import network_of
+
+        network = network_of(read_zenoh_file(file))
+    endpoints = listen or network.listen or (DEFAULT,)
+    endpoints = tuple(
+        free_endpoint(*endpoint.removesuffix(":0").split("/", 1))
+        if endpoint.endswith(":0")
+        else endpoint
+        for endpoint in endpoints
+    )
+    network = Network(
+        endpoints,
+        connect or network.connect,
+        network.security,
+        remote=remote or network.remote,
+    )
+    if detach:
+        from vbus.cli.run.detach import detach as go_on
+
+        code = go_on(NAME)
+        if code is not None:
+            return code
+    _serve(network, detach)
+    return exit_codes.OK
+
+
+def _serve(network: "Network", listed: bool) -> None:
+    """Serve until a signal.
+
+    Args:
+        network: where it listens, and who may use it.
+        listed: whether vbus ls shows it, under :data:`NAME`.
+    """
+    from vbus.network import places
+    from vbus.network.access import answer_access
+    from vbus.network.session import close_session, open_network
+
+    with ExitStack() as stack:
+        if listed:
+            stack.enter_context(_own_name())
+        # Before the imports of a loop: hosts wait for a router that was started anew.
+        session = open_network(network)
+        stack.callback(close_session, session)
+        place = places.register(places.router_place(), network.listen)
+        stack.callback(places.unregister, place)
+        access = answer_access(session, network.security) if network.security else None
+        _tell_until_signal(network, listed)
+        del access
+
+
+@contextmanager
+def _own_name() -> Iterator[None]:
+    """Own the name of a router in the background.
+
+    Raises:
+        NameInUseError: one runs already.
+    """
+    from vbus.core.errors import NameInUseError
+    from vbus.serve.registry import own_board
+
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(own_board(NAME))
+        except NameInUseError as error:
+            raise NameInUseError(
+                f'a "{NAME}" runs already in the background; "vbus stop {NAME}" stops it'
+            ) from error
+        yield
+
+
+def _tell_until_signal(network: "Network", listed: bool) -> None:
+    """Say that it is ready, and answer ``vbus ls`` if it is listed."""
+    from asyncio import get_running_loop
+
+    from vbus.serve.local_socket import LocalSocket, Telling
+    from vbus.serve.loop import run_until_signal
+    from vbus.serve.readiness import tell_ready
+    from vbus.serve.registry import status_path
+
+    def status() -> bytes:
+        found = {"listen": network.listen, "connect": network.connect}
+        return json.dumps({"board": NAME, "pid": os.getpid(), "router": found}).encode()
+
+    async def serve(stop: "asyncio.Event") -> None:
+        with ExitStack() as stack:
+            if listed:
+                local = LocalSocket(status_path(NAME), partial(Telling, tell=status))
+                stack.callback(local.close)
+                local.open(get_running_loop())
+            click.echo(f"router: {', '.join(network.listen)}")
+            for endpoint in network.connect:
+                click.echo(f"  connected to {endpoint}")
+            click.echo(READY)
+            tell_ready()
+            await stop.wait()
+
+    run_until_signal(serve)

@@ -1,0 +1,265 @@
+"""``vbus up``: a machine of nodes as one."""
+
+import json
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.output import (
+    complain,
+    from_option,
+    rate_option,
+    record_options,
+    refuse_detached,
+    scope_option,
+    show,
+)
+from vbus.serve.output_file import OutputFile
+
+if TYPE_CHECKING:
+    from vbus.boardfile.sections import BoardFile
+    from vbus.cli.processes import Child, Processes
+    from vbus.serve.nodes.processes import Meeting, Process
+
+_ROUTER: Final = "router"
+_VBUS: Final = (sys.executable, "-P", "-m", "vbus")
+_SECONDS: Final = click.FloatRange(0, 86_400)
+
+
+@click.command("up")
+@click.argument("machine")
+@click.option("--scenario", metavar="FILE", help="What hosts do at given instants.")
+@click.option("--trace", metavar="FILE", help="Write what happened on all nodes, merged.")
+@rate_option
+@record_options
+@from_option
+@scope_option
+@click.option(
+    "--patience",
+    type=_SECONDS,
+    default=0,
+    metavar="SECONDS",
+    help="How long the others wait for a node whose link is cut; else it is an error at once.",
+)
+@click.option(
+    "--router",
+    metavar="ENDPOINT",
+    help="Start a router there, in place of what the file says; port 0 is a free one.",
+)
+@click.option(
+    "--timeout",
+    type=_SECONDS,
+    default=10.0,
+    metavar="SECONDS",
+    help="How long a process may take to end before it is killed; 10 s if not given.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+def command(
+    machine: str,
+    scenario: str | None,
+    trace: str | None,
+    patience: float,
+    router: str | None,
+    timeout: float,
+    as_json: bool,
+    detach: bool,
+    rate: float | None,
+    start: str | None,
+    scope: str | None,
+    metrics: str | None,
+    **record: str | None,
+) -> int:
+    """Start a machine of nodes on this computer, and end it as one.
+
+    MACHINE is a board file with nodes. Each node has a process of its own, or shares one with the
+    nodes that have the same "process". A router is started where they need one. What they say is
+    shown with their names in front. Ctrl-C ends all of them; so does the end of one.
+    """  # fmt: skip
+    from vbus.board.config import read_board_file
+    from vbus.serve.nodes.node_records import join_waves
+    from vbus.serve.nodes.processes import processes_of
+    from vbus.serve.serving import recorded
+
+    passed = {
+        "--scenario": scenario, "--patience": patience or None, "--rate": rate, "--from": start,
+        "--metrics": metrics, **{f"--{name}": value for name, value in record.items()},
+    }  # fmt: skip
+    file, _ = read_board_file(machine)
+    processes = processes_of(file)
+    refuse_detached(scope, detach)
+    if metrics and len(processes) > 1 and not metrics.endswith(":0"):
+        raise click.UsageError(
+            f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'
+            f' its own; write "{metrics.rpartition(":")[0]}:0", and each says where its page is'
+        )
+    if trace and not scenario:
+        raise click.UsageError("--trace is for a machine with a --scenario, which ends by itself")
+    if detach:
+        from vbus.cli.run.detach import detach as go_on
+
+        code = go_on(file.board.name)
+        if code is not None:
+            return code
+    with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
+        made = opened.enter_context(closing(OutputFile(trace))) if trace else None
+        run = _MachineRun(file, machine, processes, router or "", as_json, Path(folder))
+        given = [word for key, value in passed.items() if value for word in (key, str(value))]
+        code = run.carry_out(given, scope, made, timeout)
+    if len(processes) > 1:
+        waves = recorded(file, {"wave": record["wave"]} if record["wave"] else {}, "")
+        if join_waves(waves, complain):
+            code = code or exit_codes.FAILURE
+    return code
+
+
+class _MachineRun:
+    """A machine from its start to its end."""
+
+    def __init__(
+        self,
+        file: "BoardFile",
+        path: str,
+        processes: "tuple[Process, ...]",
+        router: str,
+        as_json: bool,
+        folder: Path,
+    ) -> None:
+        from vbus.serve.nodes.processes import meeting_of
+
+        self._file: BoardFile = file
+        self._path: str = path
+        self._processes: tuple[Process, ...] = processes
+        self._meeting: Meeting = meeting_of(file, router)
+        self._json: bool = as_json
+        self._folder: Path = folder
+        self._told: list[dict[str, Any]] = []
+
+    def carry_out(
+        self, given: list[str], scope: str | None, trace: OutputFile | None, timeout: float
+    ) -> int:
+        """Run it; return the exit code.
+
+        Args:
+            given: options that all processes take.
+            scope: where its page is to be; None for none.
+            trace: file that takes the traces of all.
+            timeout: seconds that each may take to end.
+        """
+        from vbus.cli.processes import ProcessDiedError, Processes
+        from vbus.cli.ready_lines import READY
+        from vbus.serve.readiness import tell_ready
+
+        ends = "--scenario" in given
+        given = ["--json", *given]
+        for endpoint in self._meeting.connect:
+            given += ["--connect", endpoint]
+        names = [_label(process) for process in self._processes]
+        width = max(map(len, [*names, _ROUTER] if self._meeting.router else names))
+        code = exit_codes.OK
+        done = False
+
+        def may_end(child: "Child") -> bool:
+            return ends and child.ready
+
+        with Processes(click.echo, timeout, width) as children:
+            try:
+                if self._begin(children, given, scope, trace is not None, may_end):
+                    about = {"board": self._file.board.name, "meets": self._meeting.said}
+                    show(self._json, {**about, "nodes": self._told}, [READY])
+                    tell_ready()
+                    nodes = [child for child in children.children if child.name != _ROUTER]
+                    done = children.until(lambda: all(child.ended for child in nodes), may_end)
+            except ProcessDiedError as error:
+                complain(str(error))
+                code = error.code if error.code >= 0 else exit_codes.FAILURE
+        for sentence in children.killed:
+            complain(sentence)
+        if children.killed:
+            code = code or exit_codes.FAILURE
+        if trace is not None and done and not code:
+            self._merge(trace)
+        return code
+
+    def _begin(
+        self,
+        children: "Processes",
+        given: list[str],
+        scope: str | None,
+        trace: bool,
+        may_end: Callable[["Child"], bool],
+    ) -> bool:
+        """Start the processes; return whether all are ready before somebody asks for the end."""
+        from vbus.cli.run.run_nodes import is_first
+
+        if not self._json and self._meeting.said:
+            click.echo(f"{self._file.board.name}: its nodes meet at {self._meeting.said}")
+        if self._meeting.router:
+            command = [*_VBUS, "router", "--listen", self._meeting.router]
+            if self._file.zenoh.remote:
+                command.append("--remote")
+            router = children.start(_ROUTER, _ROUTER, command, self._router_says)
+            if not children.until(lambda: router.ready):
+                return False
+        for process in self._processes:
+            command = [*_VBUS, "run", self._path, *given]
+            if scope is not None and is_first(self._file, process.nodes):
+                command += ["--scope", scope]
+            for node in process.nodes:
+                command += ["--node", node]
+            if trace:
+                command += ["--trace", str(self._trace(process))]
+            several = "nodes" if len(process.nodes) > 1 else "node"
+            what = f"{several} {' and '.join(process.nodes)}"
+            children.start(_label(process), what, command, self._node_says)
+        return children.until(lambda: all(child.ready for child in children.children), may_end)
+
+    def _router_says(self, child: "Child", line: str) -> bool:
+        from vbus.cli.ready_lines import READY
+
+        if child.ready or line != READY:
+            return not child.ready  # its endpoints are said already
+        child.ready = True
+        return True
+
+    def _node_says(self, child: "Child", line: str) -> bool:
+        """Take the line in which a process tells that its nodes are ready."""
+        from vbus.cli.ready_lines import lines_of
+
+        if child.ready or not line.startswith('{"nodes":'):
+            return False
+        child.ready = True
+        for status in json.loads(line)["nodes"]:
+            self._told.append(status)
+            if not self._json:
+                click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
+                for line in lines_of(status)[1:]:
+                    click.echo(line)
+        return True
+
+    def _trace(self, process: "Process") -> Path:
+        return self._folder / f"{process.name}.trace"
+
+    def _merge(self, file: OutputFile) -> None:
+        """Write the traces of all processes as one, and say its hash."""
+        from vbus.serve.nodes.nodes import read_traces
+
+        parts = [self._trace(process) for process in self._processes]
+        lines = [
+            (int(line.split(" ", 2)[0]), int(line.split(" ", 2)[1]), number, line)
+            for part in parts
+            for number, line in enumerate(part.read_text().splitlines(keepends=True))
+        ]
+        file.write("".join(line for *_, line in sorted(lines)).encode())
+        digest, count = read_traces([file.path])
+        click.echo(f"trace hash {digest} of {count} lines")
+
+
+def _label(process: "Process") -> str:
+    return process.name if process.name in process.nodes else "+".join(process.nodes)

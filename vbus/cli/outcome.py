@@ -1,0 +1,163 @@
+"""What became of each axis in a run: for the summary of ``vbus exec``."""
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from vbus.board.board import Board
+from vbus.core.kernel import MS
+from vbus.core.signals import Observer
+
+_DRIVES: Final = ("drive", "command")
+_SIZES: Final = ("error", "velocity", "profile")
+"""Lanes of which the greatest size is told."""
+_REVERSALS: Final = 6
+"""Turns to and fro after which an axis is said to oscillate."""
+_NOISE: Final = 2
+"""Counts that are no turn."""
+_IDLE: Final = 10
+"""Looks in a row at a profile that runs and a motor command of 0."""
+
+
+@dataclass(slots=True)
+class _AxisPath:
+    """Where an axis has been.
+
+    Attributes:
+        first: position at the first look.
+        last: at the last one.
+        least: the least position.
+        most: the greatest.
+        turn: where it turned last, or was furthest since.
+        rising: whether it moves up; None before it has moved.
+        reversals: how often it has turned.
+        desired: the profile's position at the last look.
+        idle: looks in a row that found the profile running and no drive.
+        idled: whether they were enough to be told.
+        undriven: why the chip could not move it at the last look; "" if it could.
+        in_vain: the same at looks between which its profile ran.
+        largest: the greatest size at any look, by lane (:data:`_SIZES`).
+        unit: of its speed.
+    """
+
+    first: float
+    last: float
+    least: float
+    most: float
+    turn: float
+    rising: bool | None = None
+    reversals: int = 0
+    desired: float | None = None
+    idle: int = 0
+    idled: bool = False
+    undriven: str = ""
+    in_vain: str = ""
+    largest: dict[str, float] = field(default_factory=dict)
+    unit: str = ""
+
+    def measure(self, lane: str, value: float) -> None:
+        """Take a value of a lane as it is now."""
+        self.largest[lane] = max(self.largest.get(lane, 0), abs(value))
+
+    def look(
+        self, position: float, desired: float | None, drive: float | None, undriven: str
+    ) -> None:
+        """Take the axis as it is now."""
+        self.last = position
+        self.least = min(self.least, position)
+        self.most = max(self.most, position)
+        if self.rising is None:
+            if abs(position - self.turn) > _NOISE:
+                self.rising, self.turn = position > self.turn, position
+        elif (position > self.turn) == self.rising:
+            self.turn = position
+        elif abs(position - self.turn) > _NOISE:
+            self.rising, self.turn = not self.rising, position
+            self.reversals += 1
+        runs = None not in (desired, self.desired) and desired != self.desired
+        if runs and undriven and self.undriven:
+            self.in_vain = undriven
+        self.undriven = undriven
+        self.idle = self.idle + 1 if runs and drive == 0 else 0
+        self.idled |= self.idle >= _IDLE
+        self.desired = desired
+
+    def sentence(self) -> str:
+        """Return what became of it."""
+        parts = [f"ended at {self.last:g} counts"]
+        if error := self.largest.get("error"):
+            parts.append(f"was {error:g} counts off at most")
+        if self.least == self.most:
+            parts.append("did not move")
+        else:
+            parts.append(f"moved from {self.first:g} between {self.least:g} and {self.most:g}")
+            if speed := self.largest.get("velocity"):
+                commanded = self.largest.get("profile")
+                of = "" if commanded is None else f" (commanded {commanded:.6g})"
+                parts.append(f"at up to {speed:.6g}{of} {self.unit}")
+        if self.in_vain:
+            parts.append(f"its profile ran in vain: {self.in_vain}")
+        elif self.undriven and self.least == self.most:
+            parts.append(self.undriven)
+        elif self.idled:
+            parts.append("its profile ran while the motor command was 0")
+        if self.reversals >= _REVERSALS:
+            parts.append(f"oscillated ({self.reversals} reversals)")
+        return ", ".join(parts)
+
+
+class AxisOutcomes(Observer):
+    """Looks at the axes of a board once in a millisecond, at bus cycles.
+
+    Args:
+        board: the board.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._courses: dict[str, _AxisPath] = {}
+        self._next = 0
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Look, if it is time."""
+        if when >= self._next:
+            self._next = when + MS
+            self.look()
+
+    def look(self) -> None:
+        """Look at every axis."""
+        for chip in self._board.chips:
+            values: dict[str, Any] = chip.telemetry()
+            drive = next((values[key] for key in _DRIVES if key in values), None)
+            drawn: dict[tuple[str, int], str] = {
+                (row.lane, axis): row.key.format(axis + 1)
+                for row, axis in chip.VALUES.lanes(chip.axis_count)
+            }
+            for axis in range(chip.axis_count):
+                if ("real", axis) not in drawn:
+                    continue
+                key = drawn["real", axis]
+                real, desired = values[key], values.get(drawn.get(("desired", axis), ""))
+                _, _, number = key.partition(" ")
+                course = self._courses.setdefault(
+                    f"{chip.name}.{number}" if number else chip.name,
+                    _AxisPath(real, real, real, real, real),
+                )
+                course.look(real, desired, drive, chip.undriven(axis))
+                for lane in _SIZES:
+                    if (lane, axis) in drawn:
+                        course.measure(lane, values[drawn[lane, axis]])
+                speed = chip.VALUES.lane("velocity")
+                course.unit = speed.unit if speed is not None else ""
+
+    def lines(self, sizes: bool = True) -> list[str]:
+        """Return a sentence for each axis.
+
+        Args:
+            sizes: whether it has the greatest error and speed, which hang on when was looked.
+        """
+        if not sizes:
+            for course in self._courses.values():
+                course.largest.clear()
+        return [f"{axis}: {course.sentence()}" for axis, course in self._courses.items()]

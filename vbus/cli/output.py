@@ -1,0 +1,172 @@
+"""What verbs have in common: what they print, the files they read and write, their options."""
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import click
+
+from vbus.core.errors import VbusError, read_errors
+
+no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+
+SCOPE_ADDRESS: Final = "127.0.0.1:0"
+"""Where the scope's page is served if nobody says so: any free port, for this computer alone."""
+
+_RECORDS: Final = (
+    ("--journal", "FILE", "Write every call of every host to FILE."),
+    ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif."),
+    ("--suppress", "FILE", "TOML file of accepted violations."),
+    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html, .xml."),
+    ("--wave", "FILE", "Write a waveform of everything to FILE (VCD)."),
+    ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one."),
+)
+
+
+def record_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that has a board of its own the options for what is recorded of it."""
+    for name, metavar, text in reversed(_RECORDS):
+        verb = click.option(name, metavar=metavar, help=text)(verb)
+    return verb
+
+
+scope_option = click.option(
+    "--scope", is_flag=False, flag_value=SCOPE_ADDRESS, metavar="[HOST:PORT]",
+    help="Show the board in a browser; prints a link.",
+)  # fmt: skip
+
+
+def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that has a board of its own the options for its scope."""
+    verb = click.option(
+        "--scope-control", is_flag=True,
+        help="And let who has the link pause and step it, break it, and use its bus and pins.",
+    )(verb)  # fmt: skip
+    verb = click.option(
+        "--open", "open_page", is_flag=True,
+        help="And open it in a browser here; begin when it is there.",
+    )(verb)  # fmt: skip
+    return scope_option(verb)
+
+
+def scope_address(scope: str | None, meant: bool, of_file: str = "") -> str | None:
+    """Return where a scope is wanted, if it is.
+
+    Args:
+        scope: what ``--scope`` says.
+        meant: whether an option was given that makes sense with a scope alone.
+        of_file: where the board file wants it.
+    """
+    return of_file or SCOPE_ADDRESS if scope is None and meant else scope
+
+
+def refuse_detached(scope: str | None, detach: bool) -> None:
+    """Refuse a scope beside a run in the background.
+
+    Raises:
+        click.UsageError: both are asked for.
+    """
+    if scope is not None and detach:
+        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+
+
+def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+    """Return the rate as a number."""
+    if value is None or value == "max":
+        return None if value is None else float("inf")
+    try:
+        rate = float(value)
+    except ValueError:
+        rate = 0.0
+    if not 0.001 <= rate < float("inf"):
+        raise click.BadParameter(f'"{value}" is no rate; write a number from 0.001 up, or "max"')
+    return rate
+
+
+rate_option = click.option(
+    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
+)
+from_option = click.option(
+    "--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save)."
+)
+
+
+def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Return what an option gives as a duration in ps; None stays None."""
+    from vbus.protocols.quantities import parse_duration
+
+    try:
+        return value if value is None else parse_duration(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+class Line(str):
+    """A line for people, and what it says as data."""
+
+    __slots__ = ("value",)
+
+    def __new__(cls, text: str, /, **value: Any) -> "Line":
+        """Make one of its text and the keys of its data."""
+        line = super().__new__(cls, text)
+        line.value = value
+        return line
+
+    value: dict[str, Any]
+
+
+def seconds(ps: int) -> str:
+    """Return an instant in seconds, with all its digits that tell."""
+    whole, fraction = divmod(ps, 10**12)
+    return f"{whole}.{fraction:012}".rstrip("0").rstrip(".") + " s"
+
+
+def json_line(line: str) -> str:
+    """Return what a line says as one line of JSON."""
+    return json.dumps(line.value if isinstance(line, Line) else {"text": line})
+
+
+def show(as_json: bool, value: Any, lines: Iterable[str], indent: int | None = None) -> None:
+    """Print a value as JSON, or else the lines that say the same."""
+    for line in [json.dumps(value, indent=indent)] if as_json else lines:
+        click.echo(line)
+
+
+def complain(sentence: str) -> None:
+    """Print a sentence on standard error."""
+    click.echo(f"vbus: {sentence}", err=True)
+
+
+@contextmanager
+def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]:
+    """Open a file to read.
+
+    Raises:
+        VbusError: it cannot be opened; of this kind.
+    """
+    with read_errors(path, kind):
+        file = path.open("rb")
+    with file:
+        yield file
+
+
+@contextmanager
+def bar(
+    what: str, size: int, place: Callable[[], int], quiet: bool
+) -> Iterator[Callable[[], None]]:
+    """Show a bar on standard error, if that is a terminal and ``quiet`` is not set.
+
+    Gives what moves it to ``place()`` of ``size``.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=size)
+        yield lambda: shown.update(task, completed=place())

@@ -1,0 +1,276 @@
+"""Processes that begin and end together, and whose output is shown with their names in front."""
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import IO, Final
+
+from vbus.cli.ending import end_with_parent
+from vbus.cli.proc import what_hangs
+from vbus.core.errors import VbusError
+
+LAST_LINES: Final = 10
+"""How many lines of a process that has died are repeated."""
+LONGEST_LINE: Final = 65_536
+"""Bytes after which a line is shown, whether it has an end or not."""
+_ASKING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class ProcessDiedError(VbusError):
+    """A process has ended that others need.
+
+    Attributes:
+        code: what it ended with; negative: the signal.
+    """
+
+    def __init__(self, text: str, code: int) -> None:
+        super().__init__(text)
+        self.code: int = code
+
+
+class Child:
+    """One process.
+
+    Args:
+        name: for its lines.
+        what: for sentences, such as "node x".
+        popen: the process.
+        taken: is given each line; returns whether it has made something of it, so that it is not
+            shown.
+
+    Attributes:
+        ready: whether it does what it is for; set by who takes its lines.
+    """
+
+    def __init__(
+        self, name: str, what: str, popen: subprocess.Popen[bytes], taken: Callable[[str], bool]
+    ) -> None:
+        assert popen.stdout is not None
+        self.name: str = name
+        self.what: str = what
+        self.pid: int = popen.pid
+        self.popen: subprocess.Popen[bytes] = popen
+        self.output: IO[bytes] = popen.stdout
+        self.taken: Callable[[str], bool] = taken
+        self.ready: bool = False
+        self.ended: bool = False
+        self.last: deque[str] = deque(maxlen=LAST_LINES)
+        self.rest: bytes = b""
+        self.open: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.what} (process {self.pid})"
+
+
+class Processes:
+    """Starts processes, shows what they say, and ends all of them, whatever happens.
+
+    SIGINT, SIGTERM and SIGHUP ask for the end; a second one kills what has not ended. As long as
+    this object is in use they do nothing else. Processes end with this one, however that ends.
+
+    Args:
+        show: takes lines.
+        patience: seconds a process may take to end, once it is asked to.
+        width: of the longest name.
+    """
+
+    def __init__(self, show: Callable[[str], None], patience: float, width: int = 0) -> None:
+        self._show: Callable[[str], None] = show
+        self._patience: float = patience
+        self._width: int = width
+        self.children: list[Child] = []
+        self.asked: int = 0
+        self.killed: list[str] = []
+        self._stack: ExitStack = ExitStack()
+        self._poll: select.poll = select.poll()
+        self._who: dict[int, Child] = {}
+        self._ends: dict[int, Child] = {}
+
+    def __enter__(self) -> "Processes":
+        self._woken, wake = os.pipe()
+        for descriptor in (self._woken, wake):
+            self._stack.callback(os.close, descriptor)
+            os.set_blocking(descriptor, False)
+        before = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+        self._stack.callback(signal.set_wakeup_fd, before)
+        for number in _ASKING:
+            handler = signal.signal(number, lambda *_: None)
+            self._stack.callback(signal.signal, number, handler)
+        self._poll.register(self._woken, select.POLLIN)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._stack:
+            self.end()
+
+    def start(
+        self,
+        name: str,
+        what: str,
+        command: Sequence[str],
+        taken: Callable[[Child, str], bool] = lambda child, line: False,
+    ) -> Child:
+        """Start a process with a group of its own, so that Ctrl-C does not reach it.
+
+        Args:
+            name: stands in front of its lines.
+            what: how sentences name it.
+            command: program and arguments.
+            taken: see :class:`Child`.
+        """
+        # Who waits for our own word that all is ready shall not take a child's for it.
+        known = {key: value for key, value in os.environ.items() if key != "NOTIFY_SOCKET"}
+        popen = subprocess.Popen(
+            command,
+            env=known,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            bufsize=0,
+            process_group=0,
+            preexec_fn=end_with_parent(),
+        )
+        child = Child(name, what, popen, lambda line: taken(child, line))
+        self.children.append(child)
+        os.set_blocking(child.output.fileno(), False)
+        ended = os.pidfd_open(child.pid)
+        self._stack.callback(os.close, ended)
+        self._stack.callback(child.output.close)
+        self._ends[ended] = child
+        self._who[child.output.fileno()] = child
+        for descriptor in (ended, child.output.fileno()):
+            self._poll.register(descriptor, select.POLLIN)
+        return child
+
+    def until(
+        self,
+        condition: Callable[[], bool],
+        may_end: Callable[[Child], bool] = lambda child: False,
+    ) -> bool:
+        """Show what processes say until a condition holds.
+
+        Args:
+            condition: looked at whenever something has happened.
+            may_end: tells whether a process may have ended, if it has ended well.
+
+        Returns:
+            Whether it holds; if not, somebody has asked for the end.
+
+        Raises:
+            ProcessDiedError: a process has ended; names it.
+        """
+        while True:
+            died = [child for child in self._step() if _code(child) or not may_end(child)]
+            if self.asked:
+                return False
+            if died:
+                # Who was killed is the cause; others may have ended because of it.
+                raise self._death(min(died, key=lambda child: min(_code(child), 0)))
+            if condition():
+                return True
+
+    def end(self) -> None:
+        """End all that run, the youngest first asked, and wait for them; kill what takes too long.
+
+        What had to be killed is named in :attr:`killed`.
+        """
+        for child in reversed(self.children):
+            if not child.ended:
+                for number in (signal.SIGTERM, signal.SIGCONT):
+                    # One that was stopped (Ctrl-Z) would not hear of it.
+                    os.kill(child.pid, number)
+        end = time.monotonic() + self._patience
+        while any(not child.ended for child in self.children):
+            left = end - time.monotonic()
+            if left <= 0 or self.asked > 1:
+                self._kill()
+                return
+            self._step(left)
+
+    def _kill(self) -> None:
+        """Kill what runs, and say so."""
+        for child in [child for child in self.children if not child.ended]:
+            hangs = what_hangs([child.pid])
+            os.kill(child.pid, signal.SIGKILL)
+            sentence = f"{child} did not end within {self._patience:g} s; it is killed"
+            if self.asked > 1:
+                sentence = f"{child} did not end when it was asked again; it is killed"
+            self.killed.append("\n  ".join([sentence, *hangs]))
+        while any(not child.ended for child in self.children):
+            self._step()
+
+    def _step(self, seconds: float | None = None) -> list[Child]:
+        """Wait until something happens, and take it in; return who has ended."""
+        died = []
+        wait = None if seconds is None else max(0, int(seconds * 1000)) + 1
+        for descriptor, _ in self._poll.poll(wait):
+            if descriptor == self._woken:
+                numbers = os.read(descriptor, 64)
+                self.asked += sum(number in _ASKING for number in numbers)
+            elif descriptor in self._who:
+                self._read(self._who[descriptor])
+            elif descriptor in self._ends:
+                self._poll.unregister(descriptor)
+                child = self._ends.pop(descriptor)
+                child.popen.wait()
+                child.ended = True
+                while self._read(child):
+                    pass
+                self._finish_line(child)
+                died.append(child)
+        return died
+
+    def _read(self, child: Child) -> bool:
+        """Show what a process has said; tell whether there may be more."""
+        if not child.open:
+            return False
+        data = None
+        with contextlib.suppress(BlockingIOError):
+            data = os.read(child.output.fileno(), LONGEST_LINE)
+        if data is None:
+            return False
+        if not data:
+            self._poll.unregister(child.output.fileno())
+            child.open = False
+            return False
+        *lines, child.rest = (child.rest + data).split(b"\n")
+        for line in lines:
+            self._line(child, line)
+        if len(child.rest) > LONGEST_LINE and child.ready:
+            self._finish_line(child)
+        return True
+
+    def _finish_line(self, child: Child) -> None:
+        rest, child.rest = child.rest, b""
+        if rest:
+            self._line(child, rest)
+
+    def _line(self, child: Child, data: bytes) -> None:
+        line = data.decode(errors="replace")
+        if not child.taken(line):
+            child.last.append(line)
+            self._show(f"{child.name:<{self._width}} | {line}")
+
+    def _death(self, child: Child) -> ProcessDiedError:
+        code = _code(child)
+        if not code:  # somebody has stopped it
+            return ProcessDiedError(f"{child} ended, and the machine with it", 0)
+        how = f"ended with exit code {code}"
+        if code < 0:
+            how = f"died of {signal.Signals(-code).name}"
+        last = ["its last lines:", *child.last] if child.last else ["nothing was said"]
+        text = "\n  ".join([f"{child} {how}, and the machine with it; {last[0]}", *last[1:]])
+        return ProcessDiedError(text, code)
+
+
+def _code(child: Child) -> int:
+    """Return what a process that has ended ended with."""
+    code = child.popen.returncode
+    assert code is not None
+    return code

@@ -1,0 +1,134 @@
+"""``vbus check``: every mistake of a board file at once, and the rules hosts are held to."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import click
+from msgspec import structs
+
+from vbus.cli import exit_codes
+from vbus.cli.output import show
+
+
+@click.command("check")
+@click.argument("boards", metavar="[BOARD]...", nargs=-1)
+@click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
+@click.option("--map", "mapped", is_flag=True, help="Show who answers at which card address.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
+    """Check board files; list the rules hosts are held to.
+
+    Names every mistake with file, line and key, and what is allowed instead. With --rules,
+    lists what a host can break, by the names that [violations] uses, with the row of the manual's
+    AC table where a rule is one. With --map, tries every address of every card: who answers a
+    read and a write there, where two answer, and which chip is never selected.
+    """
+    if mapped and not boards:
+        raise click.UsageError("--map is of board files: name one")
+    if not boards and not rules:
+        raise click.UsageError("name a board file, or ask for --rules")
+    report: dict[str, Any] = {}
+    code = exit_codes.OK
+    if boards:
+        report["boards"] = [_check(board, mapped) for board in boards]
+        if not all(board["ok"] for board in report["boards"]):
+            code = exit_codes.BAD_BOARD
+    if rules:
+        report["rules"] = _rules()
+    show(as_json, report, _lines(report))
+    return code
+
+
+def _check(path: str, mapped: bool) -> dict[str, Any]:
+    from vbus.board.build import build
+    from vbus.board.card.card_map import CardAnswer, address_map, remarks
+    from vbus.board.config import read_board_file
+    from vbus.boardfile.source import BoardFileError
+    from vbus.cli.run.check_records import check_records
+    from vbus.network.security import told
+
+    try:
+        file, source = read_board_file(path)
+        if file.nodes:
+            from vbus.nodes.machine import build_nodes
+
+            boards = [node.board for node in build_nodes(file, source)]
+        else:
+            boards = [build(file, source)]
+            check_records(file, boards[0], source)
+    except BoardFileError as error:
+        problems = [structs.asdict(problem) for problem in error.problems]
+        return {"file": path, "ok": False, "problems": problems}
+    used = {plant for chip in file.chips for plant in chip.axes}
+    notes = [
+        f"chips.{broken.chip}: {broken.rule} ({broken.clause}): {broken.detail}:"
+        f" {broken.measured / 1000:g} ns, the limit is {broken.limit / 1000:g} ns"
+        for board in boards
+        for broken in board.violations
+    ]
+    notes += [
+        f"[plants.{p.name}] is not used by any chip" for p in file.plants if p.name not in used
+    ]
+    if not file.hosts:
+        notes.append("there is no [[hosts]]: nothing can attach to this board from outside")
+    answers: list[CardAnswer] = []
+    if mapped:
+        answers = [] if file.nodes else address_map(file, boards[0])
+        notes += remarks(file, boards[0], answers)
+        if not answers:
+            notes.append("there is no card on one board to map")
+    return {
+        "file": path,
+        "ok": True,
+        "name": file.board.name,
+        "time": file.board.time,
+        "nodes": {
+            node.name: [chip.name for chip in file.chips if chip.node == node.name]
+            for node in file.nodes
+        },
+        "chips": {chip.name: chip.part for chip in file.chips},
+        "hosts": [host.transport for host in file.hosts],
+        "rights": told(file.zenoh.allow or {}),
+        "map": [asdict(answer) for answer in answers],
+        "notes": notes,
+    }
+
+
+def _rules() -> list[dict[str, Any]]:
+    from vbus.board.check.checks import all_rules
+    from vbus.views.tables import ac_limits
+
+    return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
+
+
+def _lines(report: dict[str, Any]) -> Iterator[str]:
+    for board in report.get("boards", []):
+        if not board["ok"]:
+            from vbus.boardfile.source import Problem
+
+            for problem in board["problems"]:
+                click.echo(str(Problem(**problem)), err=True)
+            continue
+        chips = ", ".join(f"{name} ({part})" for name, part in board["chips"].items())
+        hosts = ", ".join(board["hosts"]) or "no hosts"
+        yield f"{board['file']}: ok: {chips}; {hosts}; {board['time']}"
+        for node, members in board["nodes"].items():
+            yield f"{board['file']}: node {node}: {', '.join(members)}"
+        for right in board["rights"]:
+            yield f"{board['file']}: zenoh: {right}"
+        if board["map"]:
+            from vbus.board.card.card_map import CardAnswer, lines
+
+            for line in lines([CardAnswer(**row) for row in board["map"]]):
+                yield f"{board['file']}: {line}"
+        for note in board["notes"]:
+            yield f"{board['file']}: note: {note}"
+    rules = report.get("rules", [])
+    width = max((len(rule["name"]) for rule in rules), default=0)
+    for rule in rules:
+        row = f"  [row {'; '.join(rule['rows'])}]" if rule["rows"] else ""
+        yield (
+            f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}"
+            f"  {rule['title']}{row}"
+        )

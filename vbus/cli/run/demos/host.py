@@ -1,0 +1,31 @@
+"""The host's side of ``vbus demo``: a separate process that knows nothing but its link.
+
+``python -m vbus.cli.run.demos.host NAME LINK``. The exit code is 0 if all went through, whether or
+not the results are right.
+"""
+
+import os
+import sys
+
+from vbus.cli.run.demos import demo_of
+from vbus.client import connect
+from vbus.client.demo import tell
+from vbus.core.errors import VbusError
+
+
+def main(name: str, link: str) -> int:
+    """Do it; return the exit code."""
+    try:
+        with connect(link) as bus:
+            chips = [f"{chip.name} ({chip.part})" for chip in bus.info.chips]
+            tell(hello=link, pid=os.getpid(), chips=chips)
+            demo_of(name).host(bus)
+    except VbusError as error:
+        tell(failed=str(error))
+        return 1
+    tell(end=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:3]))

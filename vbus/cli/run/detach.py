@@ -1,0 +1,55 @@
+"""``vbus run --detach``: the board goes on in the background once it is ready."""
+
+import os
+import select
+import socket
+import sys
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.serve.registry import log_path
+
+
+def detach(name: str) -> int | None:
+    """Go on in a process of its own, whose output is the board's log.
+
+    Returns:
+        None in that process. In this one the exit code, once the board is ready or has failed.
+    """
+    log = log_path(name)
+    # Until it is ready, a board of this name that runs already keeps its log.
+    begun = log.with_name(f".{log.name}.{os.getpid()}")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notices:
+        notices.bind("")  # an address of its own, which the system chooses
+        sys.stdout.flush()
+        sys.stderr.flush()
+        child = os.fork()
+        if child == 0:
+            os.environ["NOTIFY_SOCKET"] = f"@{notices.getsockname()[1:].decode()}"
+            _leave(str(begun))
+            return None
+        ended = os.pidfd_open(child)
+        try:
+            ready, _, _ = select.select([notices.fileno(), ended], [], [])
+        finally:
+            os.close(ended)
+        if notices.fileno() in ready:
+            begun.replace(log)
+            click.echo(log.read_text().rpartition("\nready; ")[0])
+            click.echo(f'ready; "vbus stop {name}" stops it')
+            return exit_codes.OK
+    click.echo(begun.read_text(), nl=False, err=True)
+    begun.unlink()
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def _leave(log: str) -> None:
+    """Leave the terminal: a session of its own, no input, and output to a file."""
+    os.setsid()
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
+    for descriptor, place in ((nothing, 0), (output, 1), (output, 2)):
+        os.dup2(descriptor, place)
+    os.close(nothing)
+    os.close(output)

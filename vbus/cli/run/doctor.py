@@ -1,0 +1,338 @@
+"""``vbus doctor``: what is missing or broken on this machine, and what to do about it."""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from dataclasses import asdict
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.output import show
+from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis
+
+OLDEST_PYTHON: Final = (3, 11)
+LONGEST_LATENCY: Final = 3600
+ENOUGH_INSTANCES: Final = 128
+"""The kernel's own default."""
+
+
+def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> float:
+    """Return a duration in seconds; 0 if none is given."""
+    from vbus.core.values.units import parse
+
+    try:
+        seconds = 0 if value is None else parse(value, "s") * 1e-12
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+    if not (value is None or 0 < seconds <= LONGEST_LATENCY):
+        raise click.BadParameter(f'"{value}": up to {LONGEST_LATENCY} s are measured')
+    return seconds
+
+
+@click.command("doctor")
+@click.option(
+    "--latency",
+    callback=_duration,
+    metavar="DURATION",
+    help='Measure for so long, such as "10s", how late this machine wakes a server.',
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(as_json: bool, latency: float) -> int:
+    """Look for what is missing or broken on this machine, and say what to do.
+
+    The exit code is 1 if something will not work at all.
+    """
+    from vbus.cli.run import doctor_realtime
+
+    findings = [finding for check in CHECKS for finding in check()]
+    if sys.platform == "linux":
+        findings += doctor_realtime.promises()
+        findings += doctor_realtime.latency(latency) if latency else ()
+    show(as_json, [asdict(finding) for finding in findings], map(str, findings))
+    failed = any(finding.state == FAIL for finding in findings)
+    return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def python() -> Iterator[Diagnosis]:
+    """Look at the interpreter and the system."""
+    version = platform.python_version()
+    if sys.version_info < OLDEST_PYTHON:
+        oldest = ".".join(map(str, OLDEST_PYTHON))
+        yield Diagnosis(FAIL, "python", version, f"install Python {oldest} or later")
+    else:
+        yield Diagnosis(OK, "python", f"{version} ({sys.executable})")
+    if sys.platform == "linux":
+        yield Diagnosis(OK, "system", platform.platform())
+    else:
+        yield Diagnosis(FAIL, "system", sys.platform, "PTYs and timers are Linux's; use Linux")
+
+
+def dependencies() -> Iterator[Diagnosis]:
+    """Look for the packages vbus needs, at the versions it was tested with."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    try:
+        needs = [text.partition(";") for text in requires("vbus") or []]
+    except PackageNotFoundError:
+        yield Diagnosis(FAIL, "vbus", "not installed", 'run "pip install -e ." in the source tree')
+        return
+    yield Diagnosis(OK, "vbus", version("vbus"))
+    for text in [need.strip() for need, _, marker in needs if "extra" not in marker]:
+        name, _, oldest = text.partition(">=")
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            yield Diagnosis(FAIL, name, "not installed", f"run \"pip install '{text}'\"")
+            continue
+        if _numbers(found) < _numbers(oldest):
+            yield Diagnosis(FAIL, name, found, f"too old: run \"pip install -U '{text}'\"")
+        else:
+            yield Diagnosis(OK, name, found)
+
+
+def core() -> Iterator[Diagnosis]:
+    """Say which core runs and, if it is the slower one, why."""
+    from vbus.compiled import core, lacks_compiler, why
+
+    if lacks_compiler():
+        advice = (
+            "it is 50 to 170 times slower in samples and some ten times on the bus: install gcc and"
+            " python3-dev, then install vbus again"
+        )
+        yield Diagnosis(WARN, "core", f"{core()}: {why()}", advice)
+    else:
+        yield Diagnosis(OK, "core", f"{core()}: {why()}" if why() else core())
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    numbers = []
+    for part in version.split("."):
+        digits = "".join(char for char in part if char.isdigit())
+        numbers.append(int(digits or 0))
+    return tuple(numbers)
+
+
+def plugins() -> Iterator[Diagnosis]:
+    """Load every chip, plant, protocol and transport that is registered."""
+    from vbus import plugins as registry
+    from vbus.core.errors import PluginError
+
+    for group in (registry.CHIPS, registry.PLANTS, registry.PROTOCOLS, registry.TRANSPORTS):
+        try:
+            names = registry.names(group)
+        except PluginError as error:
+            yield Diagnosis(FAIL, group, "none", str(error))
+            continue
+        working = []
+        for name in names:
+            try:
+                registry.load(group, name)
+            except PluginError as error:
+                yield Diagnosis(WARN, group, f"{name} is broken", str(error))
+            else:
+                working.append(name)
+        yield Diagnosis(OK, group, ", ".join(working) or "none")
+
+
+def compiler() -> Iterator[Diagnosis]:
+    """Look for a C compiler and the C client it would build."""
+    from vbus.native import include_dir
+
+    path = shutil.which("gcc") or shutil.which("cc")
+    if path is None:
+        yield Diagnosis(
+            WARN, "C compiler", "none", "hosts in C need one: install gcc (package gcc, libc6-dev)"
+        )
+    else:
+        yield Diagnosis(OK, "C compiler", path)
+    folder = Path(include_dir())
+    if any(folder.glob("*.h")):
+        yield Diagnosis(OK, "C client", str(folder))
+    else:
+        yield Diagnosis(WARN, "C client", f"missing from {folder}", "install vbus again")
+
+
+def terminal() -> Iterator[Diagnosis]:
+    """Open a pseudo terminal and pass a byte through it that a cooked one would eat."""
+    import tty
+
+    try:
+        master, slave = os.openpty()
+    except OSError as error:
+        advice = "mount devpts on /dev/pts, or use unix: and tcp: links"
+        yield Diagnosis(WARN, "PTY", str(error), advice)
+        return
+    try:
+        tty.setraw(slave)
+        os.write(master, b"\x03\x11\r")
+        passed = os.read(slave, 3) == b"\x03\x11\r"
+        name = os.ttyname(slave)
+    finally:
+        os.close(master)
+        os.close(slave)
+    if passed:
+        yield Diagnosis(OK, "PTY", f"{name} passes every byte")
+    else:
+        yield Diagnosis(WARN, "PTY", f"{name} changes bytes", "use unix: and tcp: links")
+
+
+def runtime() -> Iterator[Diagnosis]:
+    """Write to the runtime directory; look for what dead servers left in it."""
+    from vbus.core.errors import TransportError
+    from vbus.core.runtime import runtime_directory
+    from vbus.serve.registry import boards_directory
+
+    try:
+        directory = runtime_directory()
+        probe = directory / ".doctor"
+        probe.write_bytes(b"")
+        probe.unlink()
+    except (TransportError, OSError) as error:
+        advice = "set VBUS_RUNTIME to a directory of your own"
+        yield Diagnosis(FAIL, "runtime directory", str(error), advice)
+        return
+    yield Diagnosis(OK, "runtime directory", str(directory))
+    stale = [path for folder in (directory, boards_directory()) for path in _stale(folder)]
+    if stale:
+        listed = " ".join(str(path) for path in stale)
+        yield Diagnosis(
+            WARN,
+            "left-overs",
+            f"{len(stale)} of servers that were killed",
+            f"the next start takes these names over; to tidy up now: rm {listed}",
+        )
+    else:
+        yield Diagnosis(OK, "left-overs", "none")
+
+
+def _stale(folder: Path) -> list[Path]:
+    """Return the locks in ``folder`` that no living process holds, and the names they guard."""
+    from vbus.core.runtime import lock_of, lock_state, locked_names
+
+    found = []
+    for name in locked_names(folder):
+        with suppress(OSError):
+            alive, _ = lock_state(name)
+            if not alive:
+                there = name.is_symlink() or name.exists()
+                found += [lock_of(name), name] if there else [lock_of(name)]
+    return found
+
+
+def timers() -> Iterator[Diagnosis]:
+    """Make the timer and the file watch that the server needs of the kernel."""
+    from vbus.transports.linux import Inotify, TimerFd
+
+    try:
+        TimerFd().close()
+        with closing(Inotify()) as watch:
+            watch.add("/dev/null")
+    except OSError as error:
+        advice = "raise fs.inotify.max_user_instances, or the limit of open files"
+        yield Diagnosis(FAIL, "timerfd, inotify", str(error), advice)
+    else:
+        yield Diagnosis(OK, "timerfd, inotify", "both work")
+
+
+def inotify() -> Iterator[Diagnosis]:
+    """Say how many boards with PTYs the kernel's limit of file watches allows."""
+    place = Path("/proc/sys/fs/inotify/max_user_instances")
+    try:
+        most = int(place.read_text())
+    except (OSError, ValueError) as error:
+        yield Diagnosis(WARN, "inotify instances", str(error), "nothing, if boards start")
+        return
+    told = f"{most}: as many boards with links over PTYs may run at a time"
+    if most < ENOUGH_INSTANCES:
+        advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
+        yield Diagnosis(WARN, "inotify instances", told, advice)
+    else:
+        yield Diagnosis(OK, "inotify instances", told)
+
+
+def _module(name: str) -> Callable[[], str]:
+    """Return what tells where a Python package is; nothing if it is not installed."""
+
+    def place() -> str:
+        found = find_spec(name)
+        return found.origin or name if found is not None else ""
+
+    return place
+
+
+def _program(name: str) -> Callable[[], str]:
+    """Return what tells where a program is; nothing if there is none."""
+    return lambda: shutil.which(name) or ""
+
+
+def _avr_simulator() -> str:
+    given = os.environ.get("VBUS_AVR") or shutil.which("vbus-avr")
+    if given:
+        return given
+    return _compiled_by(["-lsimavr", "-lelf"], "#include <simavr/sim_avr.h>\n#include <libelf.h>\n")
+
+
+def _multilib() -> str:
+    return _compiled_by(["-m32"], "#include <stdio.h>\n")
+
+
+def _compiled_by(options: list[str], headers: str) -> str:
+    """Return the compiler if it makes a program with these options, or nothing."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        return ""
+    source = f"{headers}int main(void) {{ return 0; }}\n"
+    done = subprocess.run(
+        [compiler, "-x", "c", "-o", os.devnull, "-", *options], input=source.encode(),
+        capture_output=True,
+    )  # fmt: skip
+    return f"{compiler} {' '.join(options)}" if done.returncode == 0 else ""
+
+
+OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
+    ("pyvcd", _module("vcd"), "waveforms, and captures in VCD", "pip install pyvcd"),
+    ("prometheus-client", _module("prometheus_client"), "numbers for Prometheus",
+     "pip install prometheus-client"),
+    ("aiohttp", _module("aiohttp"), "the scope of running boards", "pip install aiohttp"),
+    ("matplotlib", _module("matplotlib"), "pictures (vbus plot)", "pip install matplotlib"),
+    ("foxglove-sdk", _module("foxglove"), "MCAP files, and live views in Foxglove",
+     "pip install foxglove-sdk protobuf"),
+    ("pytest", _module("pytest"), "fixtures for tests", "pip install pytest"),
+    ("hypothesis", _module("hypothesis"), "hostile chips", "pip install hypothesis"),
+    ("robotframework", _module("robot"), "keywords for Robot Framework",
+     "pip install robotframework"),
+    ("simavr", _avr_simulator, "AVR firmware as it is (vbus exec --avr)",
+     "apt install libsimavr-dev libelf-dev"),
+    ("avr-gcc", _program("avr-gcc"), "AVR firmware from its sources",
+     "apt install gcc-avr avr-libc"),
+    ("multilib", _multilib, "32-bit programs (vbus exec, vbus cflags)", "apt install gcc-multilib"),
+    ("sigrok-cli", _program("sigrok-cli"), "captures (.sr) and decoders of the buses",
+     "apt install sigrok-cli"),
+    ("chromium", _program("chromium"), "tests of the scope's page", "apt install chromium"),
+)  # fmt: skip
+"""What vbus does without: name, where it is, what it gives, how to get it."""
+
+
+def optional() -> Iterator[Diagnosis]:
+    """Look for what vbus does without, and say what each gives."""
+    for name, where, gives, get in OPTIONAL:
+        found = where()
+        if found:
+            yield Diagnosis(OK, name, f"{gives}: {found}")
+        else:
+            yield Diagnosis(WARN, name, f"missing; it gives {gives}", get)
+
+
+CHECKS: Final[tuple[Callable[[], Iterator[Diagnosis]], ...]] = (
+    python, dependencies, core, plugins, compiler, terminal, runtime, timers,
+    inotify, optional,
+)  # fmt: skip
+"""What is looked at, in order."""

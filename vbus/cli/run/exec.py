@@ -1,0 +1,256 @@
+"""``vbus exec``: a program and a board that live as long as each other."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import click
+
+from vbus.cli.output import duration, record_options, scope_options
+from vbus.core.errors import TransportError
+
+_ORDER: Final = ("unix", "tcp", "pty")
+"""Kinds of links, best first: sockets take several programs at once, a terminal takes one."""
+
+
+def link_of(name: str, firmware: bool = False) -> str:
+    """Return a link of the running board ``name`` that speaks the byte protocol.
+
+    Links whose host has a card come first (``firmware``: a pin map); among those the order is that
+    of :data:`_ORDER`.
+
+    Raises:
+        TransportError: no board of that name answers, or it has no such link.
+    """
+    from vbus.serve.registry import running
+
+    boards = list(running())
+    found = next((board for board in boards if board["board"] == name), None)
+    if found is None:
+        names = ", ".join(sorted(str(board["board"]) for board in boards)) or "none"
+        raise TransportError(
+            f'no board called "{name}" runs on this machine; running are: {names}; "vbus run FILE"'
+            " starts one"
+        )
+    if "error" in found:
+        raise TransportError(f"{name}: {found['error']}")
+    every = found.get("links", [])  # a router has none
+    links = [link for link in every if link["protocol"] == "byte" and _kind(link) in _ORDER]
+    if not links:
+        there = ", ".join(f"{link['url']} ({link['protocol']})" for link in every)
+        raise TransportError(
+            f"{name} has no link a program could join by (byte protocol on a Unix socket, TCP or a"
+            f" PTY); it has: {there or 'none'}; add a [[hosts]] entry to its board file"
+        )
+    links.sort(key=lambda link: _ORDER.index(_kind(link)))
+    for link in links:
+        if _kind(link) != "pty" and _described(str(link["url"]), firmware):
+            return str(link["url"])
+    return str(links[0]["url"])
+
+
+def _kind(link: dict[str, Any]) -> str:
+    return str(link["url"]).partition(":")[0]
+
+
+def _described(url: str, firmware: bool) -> bool:
+    from vbus.client import connect
+
+    try:
+        with connect(url) as bus:
+            return bool(bus.info.wiring if firmware else bus.info.card)
+    except TransportError:
+        return False
+
+
+Runner = Callable[..., int]
+
+_RECORDED: Final = (
+    "a running board keeps its records if it was started with such options of vbus run"
+)
+_WITHOUT: Final = {
+    "limit": "only a board that ends with the program can end it",
+    "scope": "a running board is shown by: vbus scope NAME",
+    "scope-control": "a running board is taken in hand by: vbus scope NAME --control",
+    "open": "a running board is shown by: vbus scope NAME",
+}
+"""Why options are for boards that the program has of its own."""
+
+
+@click.command("exec", context_settings={"ignore_unknown_options": True})
+@click.option("--board", metavar="FILE", help="The board file; served while the program runs.")
+@click.option("--link", metavar="WHERE", help="In place of --board: a link of a running board.")
+@click.option(
+    "--join", metavar="NAME", help="In place of --board: a running board, as vbus ls has it."
+)
+@click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
+@click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
+@click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
+@record_options
+@scope_options
+@click.option(
+    "--sweep",
+    metavar="N[:CYCLE]",
+    help="Run N times, the chips' cycle 1/N further each time; tell where outcomes differ.",
+)
+@click.option(
+    "--limit",
+    metavar="TIME",
+    callback=duration,
+    help="End a program that hangs: after so much chip time, or when it polls or waits in vain.",
+)
+@click.option(
+    "--summary/--no-summary",
+    default=True,
+    help="Tell the rules that were broken at the end (of a board of its own).",
+)
+@click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
+def command(
+    board: str | None,
+    link: str | None,
+    join: str | None,
+    avr: str | None,
+    pinmap: str | None,
+    transcript: str | None,
+    summary: bool,
+    program: tuple[str, ...],
+    metrics: str | None,
+    scope: str | None,
+    scope_control: bool,
+    open_page: bool,
+    sweep: str | None,
+    limit: int | None,
+    **records: str | None,
+) -> int:
+    """Run a program on a board of its own; the exit code is the program's.
+
+    \b
+    vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
+    vbus exec --join bench -- ./host                on the board that vbus ls calls bench
+    vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+    vbus exec --board board.toml --limit "10 s" -- ./host   of chip time; or polls in vain
+    vbus exec --board board.toml --sweep 16 -- ./host       a table of what hangs on the phase
+
+    SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
+    firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
+    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats.
+    """
+    if sum(way is not None for way in (board, link, join)) != 1:
+        raise click.UsageError(
+            "name either a board file with --board or a link with --link, or a running board with"
+            " --join"
+        )
+    wanted = {key: value for key, value in records.items() if value is not None}
+    given: dict[str, object] = {
+        "transcript": transcript,
+        "metrics": metrics,
+        "scope": scope,
+        "scope-control": scope_control or None,
+        "open": open_page or None,
+        **wanted,
+    }
+    if sweep is not None and any(value is not None for value in given.values()):
+        raise click.UsageError("--sweep goes without records: a run of its own writes them")
+    given |= {"sweep": sweep, "limit": limit}
+    for option, value in given.items():
+        if board is None and value is not None:
+            raise click.UsageError(
+                f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
+            )
+    runner: Runner
+    if sweep is not None:
+        runner = _sweep(sweep, limit)
+    else:
+        from vbus.cli.hosted.beside import run_on_board
+
+        runner = partial(
+            run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
+        )
+    if join is not None:
+        from vbus.cli.run.exec import link_of
+
+        link = link_of(join, firmware=avr is not None)
+    if avr is not None:
+        from vbus.cli.run.exec_avr import run_avr
+
+        if len(program) != 1:
+            raise click.UsageError("--avr takes one firmware file and no arguments")
+        try:
+            return run_avr(
+                avr,
+                program[0],
+                board,
+                link,
+                pinmap,
+                transcript,
+                summary,
+                wanted,
+                metrics or "",
+                runner,
+            )
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--avr") from None
+    if board is None:
+        assert link is not None
+        return _join(link, list(program))
+    return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
+
+
+def _sweep(text: str, limit: int | None) -> Runner:
+    """Return what runs a program as ``--sweep`` says, in the place of ``run_on_board``."""
+    from vbus.cli.hosted.sweep import sweep
+    from vbus.protocols.quantities import parse_duration
+
+    number, _, cycle = text.partition(":")
+    try:
+        count, length = int(number), parse_duration(cycle) if cycle else 0
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--sweep") from None
+    if count < 2:
+        raise click.BadParameter("it takes two runs at least", param_hint="--sweep")
+    return lambda file, source, host, command, *_: sweep(
+        count, length, file, source, host, command, limit
+    )
+
+
+def _join(link: str, program: list[str]) -> int:
+    """Run a program on a board that runs already."""
+    import asyncio
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
+
+    from vbus.cli.hosted.beside import run_program
+    from vbus.cli.hosted.preload import environment, warn_of
+    from vbus.client import connect
+
+    with connect(link) as bus:
+        info = bus.info
+    with TemporaryDirectory(prefix="vbus-") as folder:
+        note = Path(folder) / "fault"
+        variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
+        if info.card:
+            warn_of(program[0], info.policy)
+        return asyncio.run(run_program(program, variables, note))
+
+
+def _run(
+    board: str,
+    pinmap: str | None,
+    transcript: str | None,
+    summary: bool,
+    program: list[str],
+    record: dict[str, str],
+    metrics: str,
+    runner: Runner,
+) -> int:
+    from vbus.board.config import read_board_file
+    from vbus.cli.hosted.beside import host_of
+    from vbus.core.errors import ConfigError
+    from vbus.serve.serving import recorded
+
+    file, source = read_board_file(board)
+    file = recorded(file, record, metrics)
+    if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
+        raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
+    host = host_of(file, pinmap)
+    return runner(file, source, host, lambda _: program, transcript, summary)

@@ -1,0 +1,143 @@
+"""``vbus run``: a board at the disposal of its hosts until Ctrl-C."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vbus.cli import exit_codes
+from vbus.cli.output import (
+    complain,
+    from_option,
+    rate_option,
+    record_options,
+    refuse_detached,
+    scope_address,
+    scope_options,
+    show,
+)
+from vbus.core.collection import collection_held
+
+if TYPE_CHECKING:
+    from vbus.serve.server import Server
+
+
+@click.command("run")
+@click.argument("board")
+@rate_option
+@record_options
+@click.option(
+    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+)
+@scope_options
+@from_option
+@click.option(
+    "--priority",
+    metavar="CLASS",
+    help="fifo, or fifo:1 to fifo:99: ahead of all usual processes, in locked memory.",
+)
+@click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
+@click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
+@click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
+@click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
+@click.option(
+    "--patience",
+    type=click.FloatRange(0, 86_400),
+    default=0,
+    metavar="SECONDS",
+    help="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
+)
+@click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
+@collection_held()
+def command(
+    board: str,
+    rate: float | None,
+    journal: str | None,
+    durable: str | None,
+    report: str | None,
+    suppress: str | None,
+    coverage: str | None,
+    wave: str | None,
+    metrics: str | None,
+    scope: str | None,
+    scope_control: bool,
+    open_page: bool,
+    start: str | None,
+    priority: str | None,
+    cpu: int | None,
+    as_json: bool,
+    detach: bool,
+    **of_nodes: Any,
+) -> int:
+    """Run a board and serve its links until Ctrl-C.
+
+    BOARD is a board file. Prints what is attached where, once every link is open. A board with
+    nodes runs in this process as a whole, or with --node in as many processes as you like.
+    """
+    from vbus.board.config import read_board_file
+    from vbus.cli.ready_lines import READY, lines_of
+    from vbus.serve.serving import paced, recorded, serve_read
+    from vbus.serve.time.priority import Priority
+
+    try:
+        wanted = Priority.of(priority, cpu)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--priority") from None
+    file, source = read_board_file(board)
+    scope = scope_address(scope, scope_control or open_page, file.scope.listen)
+    refuse_detached(scope, detach)
+    if scope_control and file.nodes:
+        raise click.UsageError(
+            "--scope-control is for boards without nodes: a node's time is that of all nodes, so no"
+            " page can halt it; with --scope it can be seen"
+        )
+    shown = recorded(file, {}, "", scope or "").scope
+    if shown.listen and detach:
+        complain("[scope] is left out of a run in the background; see: vbus scope NAME")
+    elif shown.listen:
+        from vbus.cli.look.scope import place_of
+
+        place_of(shown)
+    if detach:
+        from vbus.cli.run.detach import detach as go_on
+
+        code = go_on(".".join([file.board.name, *of_nodes["nodes"]]))
+        if code is not None:
+            return code
+    wanted.take()
+    record = {
+        "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
+        "wave": wave, "durable": durable,
+    }  # fmt: skip
+    record = {key: value for key, value in record.items() if value is not None}
+    file = recorded(file, record, metrics or "")
+    if file.nodes:
+        from vbus.cli.run import run_nodes
+        from vbus.serve.nodes.nodes import NodeOptions
+
+        given = {key: value for key, value in of_nodes.items() if value}
+        given |= {"start": start} if start is not None else {}
+        file = paced(file, rate)
+        page = shown if scope is not None or run_nodes.is_first(file, of_nodes["nodes"]) else None
+        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted, page)
+    for key, value in of_nodes.items():
+        if value:
+            option = "--node" if key == "nodes" else f"--{key}"
+            raise click.UsageError(f"{option} is for boards with nodes; {board} has none")
+
+    def ready(server: "Server") -> None:
+        status = server.statistics() | {"priority": str(wanted)}
+        show(as_json, status, [*lines_of(status), READY])
+        wanted.pin()
+
+    async def show_first(server: "Server") -> None:
+        if shown.listen:
+            from vbus.cli.look.scope_process import show_board
+
+            await show_board(server.board.name, shown, scope_control, open_page)
+
+    serve_read(file, source, rate, ready, complain, start or "", show_first)
+    return exit_codes.OK

@@ -1,0 +1,58 @@
+"""State declared once: a part names its fields, and is saved, loaded and compared by those names.
+
+A class says what becomes of each of its attributes:
+
+=================  ===============================================================================
+``STATE``          what decides all that follows; each field as ``"name"`` or ``"name: kind"``
+``WIRING``         what was set when the part was built, and is never saved
+``DERIVED``        what follows from the other two; ``after_load()`` brings it up to date
+``STATE_VERSION``  1 unless told otherwise; above 1 ``migrate(version, state)`` returns the
+                   present map of fields for that of an earlier version
+=================  ===============================================================================
+
+``before_save()``, where a part has one, is called before its fields are read; ``after_load()``
+once every field of the whole tree has its value, inner parts first. A part's own fields are set
+before those of the parts inside, numbers and flags first. A field may be a property.
+``"*"`` in ``WIRING`` or ``DERIVED`` is everything, in a class that has no state.
+
+A field without a kind is an integer of 64 bits. The other kinds:
+
+=========================  =======================================================================
+``int``                    an integer of any size
+``value``                  a number, a text, true or false
+``bool``, ``float``        one of that type
+``str``, ``i64 | bool``    one of that type
+``bytes[128]``             so many; ``bytes[...]``: any number of them
+``list[K]``, ``tuple[K]``  as many of kind K as there are; ``list[K, ...]``: any number of them;
+                           ``list[K, name]``: as many as attribute ``name`` has
+``set[K]``, ``heap[K]``    any number of them, kept in order
+``(K, L)``                 a row: a tuple of one of each
+``bytearray``              as many bytes, which stay in their place; ``bytearray[...]``: any number
+``part``, ``part | None``  another part, by its own declaration
+``parts``                  a list of parts, or of None
+``kept[name]``             what ``keep()`` has given of the part at attribute ``name``, or nothing
+=========================  =======================================================================
+
+Compiled classes refuse or convert what interpreted ones take, so everything is checked before
+anything is set.
+"""
+
+from vbus.core.state.fields import (
+    UNDECLARED,
+    VERSION,
+    Names,
+    Saved,
+    attributes,
+    differences,
+    keep,
+    load,
+    plan,
+    save,
+    take_back,
+    undeclared,
+)
+
+__all__ = [
+    "UNDECLARED", "VERSION", "Names", "Saved", "attributes", "differences", "keep", "load",
+    "plan", "save", "take_back", "undeclared",
+]  # fmt: skip

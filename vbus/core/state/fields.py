@@ -1,0 +1,342 @@
+"""Declarations, and what follows from them: saving, loading, comparing."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Final
+
+from mypy_extensions import mypyc_attr
+
+from vbus.core.errors import SnapshotError
+from vbus.core.state.functions import written
+from vbus.core.state.kinds import (
+    FLAG,
+    InPlace,
+    Integer,
+    Kind,
+    Load,
+    Octets,
+    Real,
+    Refused,
+    Repeated,
+    Row,
+    Sorted,
+)
+
+Saved = dict[str, Any]
+"""A saved part: its fields by name, and the version of their declaration."""
+
+Names = tuple[str, ...]
+"""``STATE``, ``WIRING`` or ``DERIVED`` of a class."""
+
+VERSION: Final = "STATE_VERSION"
+"""Where a saved part has the version of its declaration; one without is of version 1."""
+
+UNDECLARED: Final[Names] = ("?",)
+"""``STATE`` of a base class whose subclasses must declare theirs."""
+
+
+class Part(Kind):
+    """Another part; None where there is none."""
+
+    STAYS: ClassVar[bool] = True
+    PART: ClassVar[bool] = True
+
+    def save(self, value: Any) -> Any:
+        """Return the value as it is kept."""
+        return layout_of(type(value)).save(value)
+
+    def take(self, saved: Any, now: Any, load: Load) -> Any:
+        """Return the part as it is; its fields come with the others."""
+        layout_of(type(now)).check(now, saved, load)
+        return now
+
+
+PART: Final = Part("a part")
+
+
+class Parts(Kind):
+    """A list of parts."""
+
+    STAYS: ClassVar[bool] = True
+
+    def __init__(self, each: Kind) -> None:
+        super().__init__("parts", tuple, list)
+        self.each: Kind = each
+
+    def save(self, value: Any) -> Any:
+        """Return the value as it is kept."""
+        return self.each.save_all(value)
+
+    def take(self, saved: Any, now: Any, load: Load) -> Any:
+        """Return the parts as they are."""
+        if len(super().take(saved, now, load)) != len(now):
+            raise Refused(f"wants {len(now)} parts, not {len(saved)}")
+        for number, (one, part) in enumerate(zip(saved, now, strict=True)):
+            try:
+                self.each.take(one, part, load)
+            except Refused as refused:
+                raise refused.below(getattr(part, "name", str(number))) from None
+        return now
+
+
+class Kept(Kind):
+    """What :func:`keep` gave of the part at attribute ``of``, or nothing."""
+
+    def __init__(self, of: str) -> None:
+        super().__init__("kept fields", dict)
+        self.of: str = of
+
+    def owner(self, name: str) -> str:
+        """Return the attribute that says what the field may hold."""
+        return self.of
+
+    def take(self, saved: Any, now: Any, load: Load) -> Any:
+        """Return the value for what was kept."""
+        if saved != {}:
+            kept_layout(type(now)).check(now, saved, Load())
+        return saved
+
+
+# -- declarations -------------------------------------------------------------------------------
+
+SIMPLE: Final[dict[str, Kind]] = {
+    "i64": Kind("an integer of 64 bits", int), "bool": FLAG, "str": Kind("a text", str),
+    "i64 | bool": Kind("an integer of 64 bits, true or false", int, bool),
+    "value": Kind("a number, a text, true or false", int, float, str, bool),
+    "int": Integer("an integer", int), "float": Real(),
+    "bytes[...]": Octets(), "bytearray": InPlace(True), "bytearray[...]": InPlace(False),
+    "part": PART, "part | None": PART, "parts": Parts(PART),
+}  # fmt: skip
+MAKERS: Final[dict[str, type]] = {"list": list, "tuple": tuple, "set": set, "heap": list}
+
+
+def kind_of(text: str) -> Kind:
+    """Return the kind written so.
+
+    Raises:
+        ValueError: there is none.
+    """
+    text = text.strip()
+    found = SIMPLE.get(text)
+    if found is not None:
+        return found
+    if text.startswith("(") and text.endswith(")"):
+        return Row([kind_of(one) for one in _split(text[1:-1])])
+    outer, _, inner = text.partition("[")
+    if outer == "kept":
+        return Kept(inner[:-1])
+    if outer == "bytes" and inner.removesuffix("]").isdecimal():
+        return Octets(int(inner[:-1]))
+    if outer in MAKERS and inner.endswith("]"):
+        each, *like = _split(inner[:-1])
+        if outer in ("set", "heap"):
+            return Sorted(MAKERS[outer], kind_of(each))
+        return Repeated(MAKERS[outer], kind_of(each), "".join(like).strip())
+    raise ValueError(f"{text!r} is no kind of field")
+
+
+def _split(text: str) -> list[str]:
+    """Return the kinds of a row: what stands between commas that are in no bracket."""
+    kinds = [""]
+    depth = 0
+    for letter in text:
+        depth += (letter in "([") - (letter in ")]")
+        if letter == "," and depth == 0:
+            kinds.append("")
+        else:
+            kinds[-1] += letter
+    return kinds
+
+
+class Layout:
+    """The declaration of a class, read once.
+
+    Attributes:
+        names: its fields.
+        kinds: what they hold, by name.
+        version: of the declaration.
+        save: returns the fields of a part, as they are kept.
+        check: checks fields that were kept, and adds what sets them to a :class:`Load`.
+    """
+
+    __slots__ = ("check", "kinds", "names", "save", "version")
+
+    def __init__(self, cls: Any, declaration: str = "STATE") -> None:
+        self.names: list[str] = []
+        self.kinds: dict[str, Kind] = {}
+        self.version: int = getattr(cls, "STATE_VERSION", 1)
+        self.save: Callable[[Any], Any] = _save_none
+        self.check: Callable[[Any, Any, Load], None] = _check_none
+        if cls is type(None):
+            return
+        declared: Names = getattr(cls, declaration, UNDECLARED)
+        if declared == UNDECLARED:
+            raise NotImplementedError(
+                f"{cls.__name__} declares no {declaration}: name the fields that decide all that"
+                f' follows, as in {declaration} = ("place", "speed: float")'
+            )
+        for field in declared:
+            name, colon, text = field.partition(":")
+            self.kinds[name] = kind_of(text if colon else "i64")
+        self.names = list(self.kinds)
+        whole = declaration == "STATE"
+        self.save, self.check = written(
+            self.kinds, self.version, whole and hasattr(cls, "before_save"),
+            hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
+        )  # fmt: skip
+
+    def _present(self, part: Any, saved: Any) -> Saved:
+        """Return the fields as the present version declares them."""
+        cls = type(part).__name__
+        if type(saved) is not dict:
+            raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
+        fields: Saved = saved
+        version = fields.get(VERSION, 1)
+        if type(version) is not int or not 1 <= version <= self.version:
+            raise Refused(f"version {version} of {cls}: this vbus knows 1 to {self.version}")
+        if version < self.version:
+            fields = part.migrate(version, dict(saved))
+        unknown = sorted(fields.keys() - {VERSION, *self.names})
+        if unknown:
+            raise Refused(f"is no field of {cls}", unknown[0])
+        return fields
+
+
+def _save_none(_part: None) -> None:
+    return None
+
+
+def _check_none(_part: None, saved: Any, _load: Load) -> None:
+    if saved is not None:
+        raise Refused("there is nothing here to load it into")
+
+
+@mypyc_attr(native_class=False)
+class Functions(dict[type, Callable[..., Any]]):
+    """A function of the declaration of each class, by class."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name: str = name
+
+    def __missing__(self, cls: type) -> Callable[..., Any]:
+        """Return that of a class of which none has been wanted before."""
+        found: Callable[..., Any] = getattr(layout_of(cls), self.name)
+        self[cls] = found
+        return found
+
+
+_SAVES: Final = Functions("save")
+_CHECKS: Final = Functions("check")
+_LAYOUTS: Final[dict[Any, Layout]] = {}
+
+
+_KEPT: Final[dict[Any, Layout]] = {}
+
+
+def kept_layout(cls: Any) -> Layout:
+    """Return the declaration of what :func:`keep` saves of a class."""
+    found = _KEPT.get(cls)
+    if found is None:
+        found = _KEPT[cls] = Layout(cls, "KEPT")
+    return found
+
+
+def layout_of(cls: Any) -> Layout:
+    """Return the declaration of a class."""
+    found = _LAYOUTS.get(cls)
+    if found is None:
+        found = _LAYOUTS[cls] = Layout(cls)
+    return found
+
+
+def attributes(part: Any) -> set[str]:
+    """Return the names of a part's attributes, compiled or not."""
+    there: set[str] = set(getattr(part, "__dict__", ()))
+    for base in type(part).__mro__:
+        for names in (vars(base).get("__mypyc_attrs__", ()), vars(base).get("__slots__", ())):
+            there.update((names,) if isinstance(names, str) else names)
+    return there - {"__dict__", "__weakref__"}
+
+
+def undeclared(part: Any) -> set[str]:
+    """Return the attributes that a class declares nowhere."""
+    cls = type(part)
+    declared: set[str] = set()
+    for base in cls.__mro__:
+        inside = vars(base)
+        for declaration in ("STATE", "WIRING", "DERIVED"):
+            declared.update(name.partition(":")[0] for name in inside.get(declaration, ()))
+    if "*" in declared and not hasattr(cls, "STATE"):
+        return set()
+    return attributes(part) - declared
+
+
+# -- saving, loading, comparing -----------------------------------------------------------------
+
+
+def save(part: Any) -> Any:
+    """Return the state of a part and of those inside, as maps by name."""
+    return PART.save(part)
+
+
+def plan(part: Any, saved: Any, where: str) -> Load:
+    """Check a saved state; return what loads it.
+
+    Args:
+        part: what it is of.
+        saved: what :func:`save` gave.
+        where: what to call the part in an error.
+
+    Raises:
+        SnapshotError: it does not fit: names part and field; nothing has been set.
+    """
+    return plan_with(layout_of(type(part)).check, part, saved, where)
+
+
+def plan_with(check: Callable[[Any, Any, Load], None], part: Any, saved: Any, where: str) -> Load:
+    """Check a saved state so; return what loads it."""
+    found = Load()
+    try:
+        check(part, saved, found)
+    except Refused as refused:
+        place = f"{where}.{refused.place}" if refused.place else where
+        raise SnapshotError(f"{place}: {refused.text}") from None
+    return found
+
+
+def load(part: Any, saved: Any, where: str = "state") -> None:
+    """Take back what :func:`save` gave.
+
+    Raises:
+        SnapshotError: it does not fit; the part is as it was.
+    """
+    plan(part, saved, where).apply()
+
+
+def keep(part: Any) -> Saved:
+    """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
+    kept: Saved = kept_layout(type(part)).save(part)
+    return kept
+
+
+def take_back(part: Any, saved: Saved) -> None:
+    """Take back what :func:`keep` gave."""
+    plan_with(kept_layout(type(part)).check, part, saved, "kept").apply()
+
+
+def differences(one: Any, other: Any, where: str = "") -> list[str]:
+    """Return the fields in which two saved states differ, each with both values."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        names = [*one, *(name for name in other if name not in one)]
+        return [
+            text
+            for name in names
+            for text in differences(one.get(name), other.get(name), f"{where}.{name}".lstrip("."))
+        ]
+    if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
+        return [
+            text
+            for number, (a, b) in enumerate(zip(one, other, strict=True))
+            for text in differences(a, b, f"{where}.{number}")
+        ]
+    return [] if one == other and type(one) is type(other) else [f"{where}: {one!r}, {other!r}"]

@@ -1,7 +1,0 @@
-"""Virtual time: an integer number of picoseconds, and what is due when."""
-
-from vbus.instants import END, FAR, MS, NEVER, NS, SECOND, US
-from vbus.kernel.clock import HELD, Clock
-from vbus.kernel.kernel import Kernel, Timer
-
-__all__ = ["END", "FAR", "HELD", "MS", "NEVER", "NS", "SECOND", "US", "Clock", "Kernel", "Timer"]

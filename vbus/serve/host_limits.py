@@ -1,0 +1,334 @@
+"""How long a host may go on before it is said to hang, counted in chip time and bus cycles."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.chips.packets import Cycle, Packet
+from vbus.circuit.stream import PacketStream
+from vbus.core.kernel import END, MS, NEVER, SECOND
+from vbus.core.signals import Observer, Violation
+from vbus.faults.armed import BEGUN
+from vbus.protocols.quantities import format_instant
+from vbus.serve.time.polls import Polls
+from vbus.views.findings.no_effect import NoEffect
+from vbus.views.latest_lines import LatestLines
+
+KEPT: Final = 40
+"""Lines of a transcript that are kept."""
+AGAIN: Final = "the same polls again"
+"""What is told of several polls in turn that tell nothing new, so that they hide no other line."""
+UNBOUNDED: Final = 1 << 62
+"""More than any host does."""
+IN_VAIN: Final = 10_000
+"""Polls that tell nothing new, after which a host hangs that could be told nothing else."""
+POLLING: Final = 10.0
+"""Seconds of wall time after which one hangs that might be, where time is the wall clock's."""
+PATIENCE: Final = 120.0
+"""The same where time is virtual: a machine that has not come to a verdict by then is too slow."""
+LOOK: Final = 1000
+"""Polls after which the wall clock is looked at."""
+GRACE: Final = 10_000
+"""Bus cycles, and milliseconds of chip time, that are left to a host that hung and is to end."""
+
+
+class HostStuck(BaseException):
+    """A host of this process has passed one of its :class:`Limits`.
+
+    No driver that catches every ``Exception`` and tries again can catch this one.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a host's run. The first three count what repeats, so a verdict repeats too.
+
+    Attributes:
+        cycles: bus cycles. Where ``polling`` is a bound, long stretches of polls that tell nothing
+            new have that alone.
+        chip_time: instant at which the host must be done (ps).
+        polls: polls that tell nothing new, where nothing on the board can change any more.
+        polling: seconds of wall time for polls that tell nothing new. Where time is virtual, this
+            and ``wall`` say nothing of the host: they end what takes a machine too long.
+        wall: seconds of wall time, for a host that does nothing at all on the bus.
+    """
+
+    cycles: int = 100_000
+    chip_time: int = 60 * SECOND
+    polls: int = UNBOUNDED
+    polling: float = float("inf")
+    wall: float = 60.0
+
+
+class HostWatch(Observer):
+    """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
+
+    Args:
+        board: the board; the watch observes it from now on.
+        limits: the bounds.
+        over: is called, with a sentence, when a bound is passed.
+        times: begin each line with the instant of its first packet's end.
+
+    Attributes:
+        over: what is called; somebody else may take its place while the board runs.
+        ended: whether the host must not go on.
+        stuck: which bound was passed first, as a sentence; "" if none was.
+        slow: whether that is one of wall time on a board whose time is virtual.
+        details: what it polled and what was commanded before, once a bound has been passed.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        limits: Limits,
+        over: Callable[[str], None] | None = None,
+        times: bool = False,
+    ) -> None:
+        self._stream: PacketStream = PacketStream.of(board.chips)
+        """Of its own: bus cycles are read late, and perhaps never."""
+        self._connectors: set[str] = {chip.name for chip in board.chips if chip.CONNECTOR}
+        self._reached: int = -1
+        """Instant of the latest cycle at a chip: the access on a card's bus that has made it comes
+        after it, and is no cycle more."""
+        self.cycles: int = 0
+        self.over: Callable[[str], None] | None = over
+        self.ended: bool = False
+        self.stuck: str = ""
+        self.slow: bool = False
+        self.details: list[str] = []
+        self._named: bool = False
+        self.violations: list[Violation] = []
+        self.faulted: dict[str, int] = {}
+        """Instant at which a fault first began, by chip; "" is a link, and so every chip."""
+        self._no_effect: NoEffect = NoEffect()
+        self._board: Board = board
+        self._chips: list[str] = [chip.name for chip in board.chips]
+        self._lines: LatestLines = LatestLines(maxlen=KEPT)
+        self._limits: Limits = limits
+        self._most: int = limits.cycles
+        self._judged: int = 0
+        """Bus cycles before the stretch of polls that has not been looked at yet."""
+        self._kept: list[tuple[int, str, str, bool, int, int] | Violation] = []
+        """Bus cycles and violations that have not been read yet: a test that passes soon, and asks
+        for nothing, is spared what reading them costs."""
+        self._read: int = 0
+        self._until: int = limits.chip_time
+        self._polls: Polls = Polls(min(limits.polls, LOOK))
+        self._read_at: int = self._polls.left
+        """Number of the bus cycle that may be the first after which to have a look at polls."""
+        self._times: bool = times
+        self._timer = board.kernel.onlooker(self._late)
+        """Runs when the chip time is over, also of a host that makes no bus cycle."""
+        self._set_timer()
+        board.observe(self)
+        for found in board.violations:  # a clock that the part does not take
+            self.violation(found)
+
+    @property
+    def lines(self) -> list[str]:
+        """The latest packets and violations."""
+        self._read_kept()
+        return [
+            f"{format_instant(line.when)} {line.counted()}" if self._times else line.counted()
+            for line in self._lines
+        ]
+
+    @property
+    def no_effect(self) -> NoEffect:
+        """Which bus cycles had no effect."""
+        self._read_kept()
+        return self._no_effect
+
+    def _read_kept(self) -> None:
+        """Read what the bus cycles say that have not been read yet."""
+        kept, self._kept = self._kept, []
+        for one in kept:
+            if isinstance(one, Violation):
+                self._show(one)
+            else:
+                self._read += 1
+                when, _, names, write, address, data = one
+                cycle = Cycle(when, write, address, data)
+                for chip, packet in self._stream.decoded(names, cycle):
+                    self._packet(chip, packet)
+        self._read_at = self.cycles + self._polls.left
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        self._no_effect.add(packet)
+        text = f"{chip} {packet.text}"
+        polls, lines = self._polls, self._lines
+        look = polls.take(packet, text)
+        if not polls.count:
+            self._judged = self._read
+        lines.add(packet.end, AGAIN if polls.count and lines[-1].text != text else text)
+        if look:
+            self._look()
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Count a cycle."""
+        if chip in self._connectors:
+            if when == self._reached:
+                return
+        else:
+            self._reached = when
+        self.cycles += 1
+        self._kept.append((when, host, chip, write, address, data))
+        if self.cycles >= self._read_at:
+            self._read_kept()
+        if self.cycles > self._most:
+            beside = self._most - self._limits.cycles
+            but = f", beside {beside} of polls that told it nothing new" if beside > 0 else ""
+            self.pass_bound(f"it made more than {self._limits.cycles} bus cycles{but}")
+
+    @property
+    def left(self) -> int:
+        """How much chip time is left (ps)."""
+        return max(self._until - self._board.now, 0)
+
+    def _set_timer(self) -> None:
+        due = max(self._until + 1, self._board.now)
+        self._timer.at(due if due <= END else NEVER)
+
+    def _late(self) -> None:
+        self.pass_bound(f"it was not done after {self._limits.chip_time / SECOND:g} s of chip time")
+
+    def _look(self) -> None:
+        """Many polls have told nothing new: find out whether more of them could."""
+        polls, limits = self._polls, self._limits
+        if polls.count >= limits.polls and self._unchanging():
+            self.pass_bound(
+                f"it polled {polls.count} times and was told nothing new, and nothing on the board"
+                f" can change any more: {polls}"
+            )
+        elif polls.seconds() > limits.polling:
+            self.pass_wall(
+                f"it has polled for {limits.polling:g} s of wall time and was told nothing new (if"
+                ' it may: let time pass between polls, or raise its budget of "polling"):'
+                f" {polls}"
+            )
+        elif limits.polling < float("inf"):
+            self._most += self._read - self._judged
+            self._judged = self._read
+
+    def _unchanging(self) -> bool:
+        """Whether the board knows that nothing changes unless this host does something else."""
+        board = self._board
+        return (
+            len(board.ports) <= 1
+            and board.beyond is None  # else other nodes may change it
+            and not board.disturbed
+            and board.kernel.next_due == NEVER
+            and all(chip.resting() for chip in board.chips)
+        )
+
+    def violation(self, violation: Violation) -> None:
+        """Keep a violation."""
+        self.violations.append(violation)
+        self._kept.append(violation)
+
+    def _show(self, violation: Violation) -> None:
+        self._stream.violation(violation)
+        if self._stream.loses(violation):  # its cycle says so
+            return
+        text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
+        self._lines.add(violation.when, text)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Remember on which chip a fault has begun."""
+        if what == BEGUN:
+            chip = target.partition(".")[0]
+            self.faulted.setdefault(chip if chip in self._chips else "", when)
+
+    def pass_wall(self, sentence: str) -> None:
+        """A bound of wall time is passed: where time is virtual, that says nothing of the host."""
+        board = self._board
+        if board.policy != "realtime" and not self.stuck:
+            self.slow = True
+            sentence += (
+                f"; by then it had made {self.cycles} bus cycles, at {format_instant(board.now)} of"
+                " chip time, and its budgets of both were not used up"
+            )
+        self.pass_bound(sentence)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Bus cycles, and the instant (ps): what stands still while a host does nothing."""
+        return self.cycles, self._board.now
+
+    def pass_bound(self, sentence: str, threads: Sequence[str] = ()) -> None:
+        """Say that the host hangs, and what its threads do, and let it end."""
+        self.ended = True
+        self._most = min(self._most, self.cycles)
+        if not self.stuck:
+            self._read_kept()
+            self.stuck = sentence
+            self.details = [*threads, *self._detailed()]
+            self._named = bool(threads)
+        if self.over is not None:
+            self.over(self.stuck)
+
+    def add_threads(self, threads: Sequence[str]) -> None:
+        """Say what the host's threads do, unless that was said when it passed its bound."""
+        if self.ended and not self._named:
+            self._named = True
+            self.details += threads
+
+    def _detailed(self) -> Iterator[str]:
+        for chip in self._board.chips:
+            values = ", ".join(f"{name} {value}" for name, value in chip.telemetry().items())
+            if values:
+                yield f"{chip.name} has {values}"
+        if self._polls.commands:
+            yield "commands before:"
+        for line in self._polls.commands:
+            yield f"    {format_instant(line.when)} {line.counted()}"
+
+    def check(self) -> None:
+        """End a host that must not go on.
+
+        Raises:
+            HostStuck: it has passed a bound; again whenever it asks for more.
+        """
+        __tracebackhide__ = True
+        if self.ended:
+            raise HostStuck(self.told())
+
+    def told(self) -> str:
+        """Return what is told of a host that hangs."""
+        return "\n".join([self.verdict("the host hangs"), *self.details])
+
+    def verdict(self, hangs: str) -> str:
+        """Return the bound that was passed, after what it says of the host, or of the machine."""
+        return f"{'the machine was too slow' if self.slow else hangs}: {self.stuck}"
+
+    @contextmanager
+    def excused(self) -> Iterator[None]:
+        """Do not count the chip time that passes in the block: no host lets it pass."""
+        begun = self._board.now
+        self._timer.cancel()
+        try:
+            yield
+        finally:
+            self._until += self._board.now - begun
+            if not self.ended:
+                self._set_timer()
+
+    def close(self) -> None:
+        """Look no more: the host has come to its end."""
+        self._timer.cancel()
+        self._board.unobserve(self)
+
+    def relent(self) -> None:
+        """Let a host that hung put its machine in order: it may do a little more."""
+        if self.ended:
+            self.ended = False
+            self._read_kept()
+            self._most = self.cycles + GRACE
+            self._until = self._board.now + GRACE * MS
+            self._set_timer()
+            self._polls.reset()
+            self._read_at = self.cycles + self._polls.left

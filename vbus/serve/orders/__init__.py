@@ -1,0 +1,1 @@
+"""What a running board is asked and ordered: control, faults, jumps, snapshots, views."""

@@ -1,0 +1,207 @@
+"""Faults of a running board, by orders (:mod:`vbus.serve.orders.control`), and of its links."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from vbus.board.board import Board
+from vbus.core.options import Value
+from vbus.faults.messages import MESSAGES, misfit
+from vbus.serve.message_session import MessageSession
+from vbus.serve.orders.control import Order
+from vbus.serve.session import Session
+from vbus.transports.base import LinkFilter, Transport
+from vbus.transports.traffic import MessageFault, Traffic
+
+if TYPE_CHECKING:
+    from vbus.faults.armed import Armed
+
+_KEYS: Final = ("name", "target", "when", "until", "parameters")
+
+
+class _LinkFault(LinkFilter):
+    """One fault on one session."""
+
+    def __init__(self, session: Session, name: str, once: bool) -> None:
+        self.session: Session = session
+        self._name: str = name
+        self._once: bool = once
+        self._kept: bytearray = bytearray()
+        self._silent: bool = False
+
+    def begin(self) -> "_LinkFault":
+        """Act from now on."""
+        self.session.add_filter(self)
+        if self._name == "link_dead":
+            self.session.stop_reading()
+        return self
+
+    def passes(self, out: bytearray) -> None:
+        """Keep an answer for later, cut it short, or lose it."""
+        if self._name == "answers_late":
+            self._kept += out
+            out.clear()
+        elif self._name == "half_answer" and not self._silent:
+            self._silent = True
+            del out[max(1, len(out) // 2) :]
+        else:
+            out.clear()
+            if self._name == "answer_lost" and self._once:
+                self.undo()
+
+    def undo(self) -> None:
+        """Let the session send and read as ever; what was kept is sent now."""
+        self.session.remove_filter(self, bytes(self._kept))
+        if self._name == "link_dead":
+            self.session.read_again()
+
+
+class FaultOrders:
+    """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
+
+    Args:
+        board: the board.
+        sessions_of: gives the sessions of a host entry, None if there is no such entry.
+        transport_of: gives its transport.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        sessions_of: Callable[[int], list[Session] | None],
+        transport_of: Callable[[int], Transport | None],
+    ) -> None:
+        self._board: Board = board
+        self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
+        self._transport_of: Callable[[int], Transport | None] = transport_of
+        self._of_messages: dict[int, tuple[Traffic, MessageFault]] = {}
+        self.acting: dict[int, tuple[int, str, list[_LinkFault]]] = {}
+        """Faults that act on links, by number: place of the host, name, sessions."""
+
+    # -- orders -------------------------------------------------------------------------------
+
+    def orders(self) -> dict[str, Order]:
+        """Return the orders by name."""
+        return {
+            "fault.arm": self._arm,
+            "fault.clear": self._clear,
+            "fault.list": self._list,
+            "fault.log": self._log,
+        }
+
+    def _arm(self, request: dict[str, Any]) -> dict[str, Any]:
+        given = {key: request.get(key) for key in _KEYS}
+        parameters = given["parameters"] or {}
+        if not isinstance(parameters, dict):
+            raise ValueError("parameters are a JSON object")
+        armed = self._board.faults.arm(
+            str(request["name"]), given["target"] or "", given["when"], given["until"], **parameters
+        )
+        return _as_json(armed)
+
+    def _clear(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        which = request.get("which", "all")
+        return [_as_json(armed) for armed in self._board.faults.clear(which)]
+
+    def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        return [_as_json(armed) for armed in self._board.faults.all()]
+
+    def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        return [
+            {
+                "when_ps": evidence.when,
+                "number": evidence.number,
+                "name": evidence.name,
+                "target": evidence.target,
+                "what": evidence.what,
+                "text": evidence.text,
+            }
+            for evidence in self._board.faults.log
+        ]
+
+    # -- links --------------------------------------------------------------------------------
+
+    def check(self, name: str, target: str) -> None:
+        """Refuse a fault that a link can never have.
+
+        Raises:
+            ValueError: it is of messages and the link carries bytes, or the other way round.
+        """
+        fault, transport = self._board.faults.find(name), self._transport_of(int(target[4:]))
+        if transport is None:
+            if fault.family == MESSAGES:
+                raise ValueError(_no_link(target))
+            return
+        if said := misfit(fault, target, transport.url, transport.traffic is not None):
+            raise ValueError(said)
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
+        """Let a fault act on a link.
+
+        Raises:
+            ValueError: there is no such link, nobody is connected, or it cannot have the fault.
+        """
+        self.check(name, target)
+        place = int(target[4:])
+        sessions, transport = self._sessions_of(place), self._transport_of(place)
+        if sessions is None or transport is None:
+            raise ValueError(_no_link(target))
+        if transport.traffic is not None and name != "link_closed":
+            fault = MessageFault(name, values, once)
+            transport.traffic.add(fault)
+            if not once:
+                self._of_messages[number] = transport.traffic, fault
+            return f"{len(sessions)} sessions"
+        if name != "link_closed" and any(
+            isinstance(session, MessageSession) for session in sessions
+        ):
+            raise ValueError(f"{target} carries whole messages; its faults are its own")
+        if not sessions and name != "link_dead":
+            raise ValueError(f"nobody is connected to {target}")
+        if name == "link_closed":
+            for session in sessions:
+                session.hang_up_soon("closed by a fault")
+            return f"{len(sessions)} sessions closed"
+        faults = [_LinkFault(session, name, once).begin() for session in sessions]
+        if not once:
+            self.acting[number] = (place, name, faults)
+        return f"{len(sessions)} sessions"
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""
+        if number in self._of_messages:
+            traffic, fault = self._of_messages.pop(number)
+            traffic.remove(fault)
+        _, _, faults = self.acting.pop(number, (0, "", []))
+        for one in faults:
+            one.undo()
+
+    def end_all(self) -> None:
+        """Let none act any more."""
+        for number in [*self._of_messages, *self.acting]:
+            self.end(number)
+
+    def connected(self, place: int, session: Session) -> None:
+        """A host has connected while faults act: they act on it too."""
+        for where, name, faults in self.acting.values():
+            if where == place and not isinstance(session, MessageSession):
+                faults.append(_LinkFault(session, name, False).begin())
+
+
+def _no_link(target: str) -> str:
+    return f"there is no link {target}: count the [[hosts]] from 0"
+
+
+def _as_json(armed: "Armed") -> dict[str, Any]:
+    return {
+        "number": armed.number,
+        "name": armed.name,
+        "target": armed.target,
+        "when": armed.when.text,
+        "until": armed.until.text,
+        "parameters": armed.values,
+        "state": armed.state,
+        "fired": armed.fired,
+        "text": str(armed),
+    }

@@ -1,0 +1,85 @@
+"""Snapshots of a running board: taken and loaded on orders of :mod:`vbus.serve.orders.control`."""
+
+import base64
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from vbus.board.board import Board
+from vbus.board.host_bus import HostBus
+from vbus.core.errors import SnapshotError
+from vbus.serve.orders.control import Order
+from vbus.serve.session import Session
+from vbus.serve.time.pacer import Pacer
+
+if TYPE_CHECKING:
+    from vbus.board.snapshot import Hosts, Snapshot
+
+
+def load_into(board: Board, snapshot: "Snapshot", wires: "Hosts | None" = None) -> None:
+    """Bring a board to a snapshot.
+
+    Raises:
+        SnapshotError: the snapshot is of another board, or the board writes a journal.
+    """
+    from vbus.board.snapshot import restore
+
+    if board.port_type is not HostBus:
+        raise SnapshotError(
+            f'"{board.name}" writes a journal, which begins at power-on and could not be replayed'
+            " over a jump in time; run the board without one"
+        )
+    restore(board, snapshot, wires)
+
+
+class SnapshotOrders:
+    """``snap.save`` and ``snap.load``, for one served board.
+
+    Args:
+        board: the board.
+        pacer: what moves its time.
+        sessions: gives those that are open.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        pacer: Pacer,
+        sessions: Callable[[], Iterator[Session]],
+    ) -> None:
+        self._board: Board = board
+        self._pacer: Pacer = pacer
+        self._sessions: Callable[[], Iterator[Session]] = sessions
+
+    def orders(self) -> dict[str, Order]:
+        """Return the orders by name."""
+        return {"snap.save": self._save, "snap.load": self._load}
+
+    def _wires(self) -> "Hosts":
+        """Return the wire formats of all sessions, by the place of their port."""
+        wires = {id(session.port): session.protocol for session in self._sessions()}
+        return {
+            number: wires[id(port)]
+            for number, port in enumerate(self._board.ports)
+            if id(port) in wires
+        }
+
+    def _save(self, request: dict[str, Any]) -> dict[str, Any]:
+        from vbus.board.snapshot import take, write
+
+        snapshot = take(self._board, self._wires())
+        data = write(snapshot)
+        return {
+            "when_ps": snapshot.when,
+            "hash": snapshot.digest,
+            "data": base64.b64encode(data).decode(),
+        }
+
+    def _load(self, request: dict[str, Any]) -> dict[str, Any]:
+        from vbus.board.snapshot import read
+
+        snapshot = read(base64.b64decode(request["data"], validate=True))
+        load_into(self._board, snapshot, self._wires())
+        self._pacer.jumped()
+        for session in list(self._sessions()):
+            session.resume()
+        return {"when_ps": snapshot.when, "hash": snapshot.digest}

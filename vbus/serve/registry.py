@@ -1,0 +1,241 @@
+"""Boards that run on this computer: how they are found and asked."""
+
+import contextlib
+import json
+import socket
+import stat
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from vbus.core.errors import NameInUseError, TransportError, VbusError
+from vbus.core.runtime import is_trusted, lock_of, lock_state, subdirectory
+from vbus.core.wall_clock import monotonic
+from vbus.transports.runtime import NameLock, socket_address, sweep
+
+ANSWER_SECONDS: Final = 2.0
+"""How long a running board may take to tell about itself."""
+LONGEST_ANSWER: Final = 1 << 28
+"""Bytes of an answer."""
+ORDER_SECONDS: Final = 60.0
+"""How long it may take to carry out an order."""
+_OWNED: Final[Counter[Path]] = Counter()
+"""How often this process has entered :func:`own_board`, by the name's path."""
+
+
+def boards_directory() -> Path:
+    """Return the directory in which running boards have their status sockets."""
+    return subdirectory("boards")
+
+
+def status_path(board: str) -> Path:
+    """Return the status socket of the board called ``board``."""
+    return boards_directory() / f"{_safe(board)}.sock"
+
+
+def watch_path(board: str) -> Path:
+    """Return the socket at which the board called ``board`` can be watched."""
+    return boards_directory() / f"{_safe(board)}.watch"
+
+
+def control_path(board: str) -> Path:
+    """Return the socket at which the board called ``board`` takes orders."""
+    return boards_directory() / f"{_safe(board)}.control"
+
+
+def name_path(board: str) -> Path:
+    """Return the path that whoever runs the board called ``board`` has locked."""
+    return boards_directory() / f"{_safe(board)}.name"
+
+
+@contextlib.contextmanager
+def own_board(board: str) -> Iterator[None]:
+    """Own a board's name, before anything is opened that another run of it might be using.
+
+    It may be entered again within.
+
+    Raises:
+        NameInUseError: another process runs a board of this name.
+    """
+    path = name_path(board)
+    lock = NameLock(path)
+    if not _OWNED[path]:
+        try:
+            lock.take(board)
+        except NameInUseError as error:
+            raise runs_already(board, error) from error
+        sweep(path.parent)
+    _OWNED[path] += 1
+    try:
+        yield
+    finally:
+        _OWNED[path] -= 1
+        lock.give_back()
+
+
+def runs_already(board: str, error: NameInUseError) -> NameInUseError:
+    """Return the error that says so of a board."""
+    return NameInUseError(
+        f'a board called "{board}" runs already ({error}); stop it, or give this one another name'
+    )
+
+
+def log_path(board: str) -> Path:
+    """Return the file with what the board called ``board`` says, if it runs in the background."""
+    return boards_directory() / f"{_safe(board)}.log"
+
+
+def journal_path(board: str, when: int) -> Path:
+    """Return where a copy of a journal of the board called ``board`` is, which ends at ``when``."""
+    return subdirectory("journals") / f"{_safe(board)}-{when}.vbj"
+
+
+def _safe(board: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
+
+
+def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
+    """Return what a board answers at one of its sockets.
+
+    Raises:
+        OSError: nobody answers, or not in time.
+        ValueError: the answer is none of a board, or the socket is somebody else's.
+    """
+    found = path.lstat()
+    if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
+        raise ValueError("it is no socket, or one that others have made or may write to")
+    deadline = monotonic() + seconds
+    data = bytearray()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(seconds)
+        with socket_address(path) as address:
+            link.connect(address)
+        if request:
+            link.sendall(request)
+        while chunk := link.recv(1 << 20):
+            data += chunk
+            if len(data) > LONGEST_ANSWER:
+                raise ValueError(f"an answer of more than {LONGEST_ANSWER} bytes")
+            link.settimeout(max(deadline - monotonic(), 0.001))
+    try:
+        answer = json.loads(data)
+    except RecursionError:
+        raise ValueError("an answer nested too deeply") from None
+    if not isinstance(answer, dict):
+        raise ValueError("an answer that is no JSON object")
+    return answer
+
+
+def ask(path: Path) -> dict[str, Any]:
+    """Return what the board behind a status socket tells.
+
+    Raises:
+        TransportError: nobody answers.
+    """
+    try:
+        answer = _exchange(path, b"", ANSWER_SECONDS)
+        if "error" in answer:
+            raise ValueError(answer["error"])
+        if not isinstance(answer.get("board"), str):
+            raise ValueError("an answer that names no board")
+        return answer
+    except (OSError, ValueError) as error:
+        raise TransportError(f"{path.stem}: does not answer ({error})") from error
+
+
+def answers(board: str) -> bool:
+    """Tell whether a board of this name is ready; one that answers has every link open.
+
+    A board with nodes is ready when each of them is.
+    """
+    try:
+        ask(status_path(board))
+    except TransportError:
+        return _all_nodes_answer(board)
+    return True
+
+
+def _all_nodes_answer(board: str) -> bool:
+    """Tell whether every node of a board of this name answers."""
+    here = nodes_of(board)
+    return bool(here) and not missing_of(here)
+
+
+def nodes_of(machine: str) -> dict[str, dict[str, Any]]:
+    """Return what each node on this computer of a machine tells of itself, by name."""
+    here = {}
+    for path in sorted(boards_directory().glob(f"{_safe(machine)}.*.sock")):
+        with contextlib.suppress(TransportError):
+            node = ask(path).get("node", {})
+            if node.get("board") == machine:
+                here[str(node["node"])] = node
+    return here
+
+
+def missing_of(nodes: Mapping[str, dict[str, Any]]) -> list[str]:
+    """Return which nodes of a machine are not among these that :func:`nodes_of` has found."""
+    return sorted({name for node in nodes.values() for name in node["others"]} - {*nodes})
+
+
+def not_there(board: str, does: str, reason: str) -> str:
+    """Say that no board of a name does something; of a machine, which nodes it has here."""
+    nodes = [f"{board}.{name}" for name in nodes_of(board)]
+    if nodes:
+        return f'"{board}" is a machine of nodes; name one of them: {", ".join(nodes)}'
+    if Path(board).is_dir():
+        return f'"{board}" is a directory, and no board; name a file in it, or a board ("vbus ls")'
+    return (
+        f'no board called "{board}" {does} ({reason}); "vbus ls" shows which run, "vbus run FILE"'
+        " starts one"
+    )
+
+
+def order(board: str, do: str, **values: Any) -> Any:
+    """Give a running board an order (see :mod:`vbus.serve.orders.control`); return what came of it.
+
+    Raises:
+        TransportError: no board of that name takes orders.
+        VbusError: the board refuses; says why.
+    """
+    request = json.dumps({"do": do, **values}).encode() + b"\n"
+    try:
+        answer = _exchange(control_path(board), request, ORDER_SECONDS)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TransportError(not_there(board, "takes orders", reason)) from error
+    if "error" in answer:
+        raise VbusError(f"{board}: {answer['error']}")
+    return answer["done"]
+
+
+def running() -> Iterator[dict[str, Any]]:
+    """Yield what each running board tells, by name; remove sockets of boards that died."""
+    for path in sorted(boards_directory().glob("*.sock")):
+        try:
+            yield ask(path)
+        except TransportError as error:
+            if isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
+                _forget(path)
+            else:
+                yield {"board": path.stem, "error": str(error), **_owner(path)}
+
+
+def _owner(path: Path) -> dict[str, Any]:
+    """Return which process a status socket belongs to that does not answer, and its board."""
+    with contextlib.suppress(OSError, ValueError):
+        lives, holder = lock_state(path)
+        if lives and is_trusted(lock_of(path).lstat()):
+            process, _, board = holder.partition("\n")
+            return {"pid": int(process), "board": board or path.stem}
+    return {}
+
+
+def _forget(path: Path) -> None:
+    """Remove the status socket of a board that died, unless its next run has just begun."""
+    for name in (path, path.with_suffix(".name")):
+        lock = NameLock(name)
+        with contextlib.suppress(TransportError):
+            lock.take(patience=0)
+            name.unlink(missing_ok=True)
+            lock.give_back()

@@ -1,0 +1,455 @@
+"""All hosts of one board: listening, serving, telling about itself, stopping."""
+
+import asyncio
+import json
+import logging
+import os
+from collections.abc import Callable, Coroutine, Iterable, Iterator
+from contextlib import ExitStack, suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from vbus.board.board import Board
+from vbus.board.host_bus import HostBus
+from vbus.boardfile.sections import HostSection
+from vbus.circuit.stream import settings_for_decoders
+from vbus.compiled import core
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.kernel import END
+from vbus.protocols.base import Protocol
+from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
+from vbus.serve.departures import Departures
+from vbus.serve.hang_ups import HangUps
+from vbus.serve.host_entry import HostEntry
+from vbus.serve.host_entry import LinkSpec as LinkSpec
+from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
+from vbus.serve.loop import run_until_signal
+from vbus.serve.message_session import MessageSession
+from vbus.serve.metrics import MetricsPort
+from vbus.serve.orders.control import Control, ControlConnection
+from vbus.serve.orders.fault_orders import FaultOrders
+from vbus.serve.orders.snapshots import SnapshotOrders
+from vbus.serve.recording import Recording, no_journal
+from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
+from vbus.serve.session import Serving, Session
+from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
+from vbus.serve.time.steps import RUNNING, Steps
+from vbus.serve.time.turns import Turns
+from vbus.transports.base import Link, MessageLink, Served, Transport
+from vbus.transports.runtime import mark_pause
+
+if TYPE_CHECKING:
+    from vbus.serve.orders.watching import RemoteWatcher, Watched
+    from vbus.views.scope.lanes import Lateness
+
+log = logging.getLogger("vbus")
+
+
+def on_line(host: HostSection, board: Board, port: HostBus, wire: Protocol) -> SerialLine | None:
+    """Return a wire format at the end of the line a host entry describes; None without a line.
+
+    Args:
+        host: the entry.
+        board: the board.
+        port: the session's port.
+        wire: the wire format, on that port.
+    """
+    modem = None
+    if any(host.driven.values()):
+        lines = ((DTR, host.dtr), (RTS, host.rts), (BREAK, host.breaks))
+        modem = ModemPins(
+            tuple((bit, number) for bit, pins in lines for number in _numbers(board, port, pins)),
+            tuple(_numbers(board, port, host.reset)),
+            host.change_time,
+        )
+    elif not host.baud:
+        return None
+    port.promises = not host.baud
+    return SerialLine(port, wire, frame_ps(host.baud, host.frame) if host.baud else 0, modem)
+
+
+def _numbers(board: Board, port: HostBus, pins: Iterable[str]) -> Iterable[int]:
+    """Return the numbers of the session's side pins that are on the nets of these, each once."""
+    nets = [board.find_pin(name).net for name in pins]
+    return [number for number, side in enumerate(port.pins.sides) if side.net in nets]
+
+
+PATIENCE_SECONDS: Final = 5.0
+"""How long a board that is to stop carries out what hosts that have gone had sent (wall time)."""
+REAL_SECONDS: Final = 0.001
+"""How often it looks whether that is done, in real time."""
+
+
+class Server:
+    """Serves a board to its hosts until told to stop.
+
+    Args:
+        board: the board; it is moved by nobody else from here on.
+        links: the hosts' entries.
+        stall: what happens after a stall of the machine; see :class:`Pacer`.
+        report: takes sentences about what happens to links (a device was unplugged).
+        metrics: host and port on which Prometheus may ask for numbers, if any; or where another
+            board of this process tells its own.
+        pacer: what moves the board's time; else a pacer of its own.
+        settle: called before a host gets its answer; see
+            :class:`~vbus.serve.recording.Recording`.
+
+    Raises:
+        PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        links: list[LinkSpec],
+        stall: str = "catch_up",
+        report: Callable[[str], None] | None = None,
+        metrics: tuple[str, int] | MetricsPort | None = None,
+        pacer: Pacer | None = None,
+        settle: Callable[[], bool] | None = None,
+    ) -> None:
+        self._settle: Callable[[], bool] | None = settle
+        self.board: Board = board
+        self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
+        self._report: Callable[[str], None] = report if report is not None else log.warning
+        self.pacer.report = self._report
+        self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
+        self.faults: FaultOrders = FaultOrders(board, self.sessions_of, self.transport_of)
+        self.control: Control = Control(self.pacer.catch_up)
+        self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
+        self.control.orders |= self.faults.orders()
+        self.steps: Steps = Steps(board, self.pacer, self.sessions)
+        self.control.orders |= self.steps.orders()
+        self._watched: Watched | None = None
+        self._recording: Recording | None = None
+        self.control.orders["journal.save"] = no_journal
+        self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
+        self._turns: Turns = Turns()
+        self.departures: Departures = Departures(self.pacer)
+        self.metrics: MetricsPort | None = None
+        self._shares_metrics: bool = isinstance(metrics, MetricsPort)
+        if isinstance(metrics, MetricsPort):
+            self.metrics = metrics
+            metrics.add(self.statistics)
+        elif metrics is not None:
+            self.metrics = MetricsPort(*metrics, self.statistics)
+        self.details: Callable[[], dict[str, Any]] = dict
+        self.skew: Callable[[], int | None] = lambda: None
+        """Makes more of what is told of the board."""
+        self.local_sockets: tuple[LocalSocket, ...] = ()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._closing: ExitStack = ExitStack()
+
+    def keep(self, recording: Recording) -> None:
+        """Tell of what is recorded of the board, save its journal, and go back in it, if asked."""
+        if recording.told:
+            self.details = partial(dict, journal=recording.told)
+            self.control.orders["journal.save"] = recording.save
+            self._recording = recording
+
+    def sessions(self) -> Iterator[Session]:
+        """Give every session that is open, host by host."""
+        for host in self._hosts:
+            yield from host.sessions
+
+    @property
+    def urls(self) -> list[str]:
+        """Addresses of all hosts' links, in the order of the board file."""
+        return [host.transport.url for host in self._hosts]
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open every link and let time run.
+
+        Raises:
+            TransportError: a link cannot be opened, or a board of this name runs already;
+                nothing is left open.
+        """
+        self._loop = loop
+        self.board.serve_links(self.faults)
+        try:
+            self._open_local_sockets(loop)
+            hang_ups = HangUps(loop)
+            hang_ups.open()
+            self._closing.callback(hang_ups.close)
+            self.pacer.look_for_hosts = hang_ups.look
+            self.departures.look_for_hosts = partial(self._look_for_hosts, hang_ups)
+            for host in self._hosts:
+                self._open_host(host, loop, hang_ups)
+            if self.metrics is not None and not self._shares_metrics:
+                self.metrics.open(loop)
+                self._closing.callback(self.metrics.close)
+            self._closing.callback(self._mark_pause, False)
+            self._mark_pause(False)
+            self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
+            self._closing.callback(self.departures.close)
+            self._closing.callback(self.pacer.stop)
+            self.pacer.start(loop)
+        except BaseException as error:
+            self.stop()
+            if isinstance(error, OSError) and not isinstance(error, TransportError):
+                raise TransportError(f"board {self.board.name}: {error.strerror}") from error
+            raise
+
+    def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
+        name = self.board.name
+        self._closing.enter_context(own_board(name))
+        self.local_sockets = (
+            LocalSocket(status_path(name), partial(Telling, tell=self.status)),
+            LocalSocket(watch_path(name), self._watcher),
+            LocalSocket(control_path(name), partial(ControlConnection, control=self.control)),
+        )
+        for local in self.local_sockets:
+            self._closing.callback(local.close)
+            try:
+                local.open(loop)
+            except NameInUseError as error:
+                raise runs_already(name, error) from error
+
+    def _mark_pause(self, paused: bool) -> None:
+        """Leave word with each link that it answers later, or that it answers again."""
+        for host in self._hosts:
+            host.transport.tell_pause(paused)
+            mark_pause(host.transport.url, paused)
+        for session in self.sessions():
+            session.tell_pause(paused)
+
+    def _watcher(
+        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
+    ) -> "RemoteWatcher":
+        from vbus.serve.orders.jump import JumpBack
+        from vbus.serve.orders.watching import RemoteWatcher, Watched
+
+        if self._watched is None:
+            jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
+            jump.recording = self._recording
+            self._watched = Watched(self.board, self._late, self.control, self.steps, jump)
+        return RemoteWatcher(loop, link, on_end, self.status(), self._watched)
+
+    def _onlookers(self) -> list[Any]:
+        views = [one.view for one in self.local_sockets[1].connections]  # type: ignore[attr-defined]
+        return [view for view in views if view is not None]
+
+    def _look_for_hosts(self, hang_ups: HangUps) -> None:
+        sessions = [session for session in self.sessions() if session.link.fd >= 0]
+        gone = hang_ups.gone_of(session.link.fd for session in sessions)
+        for session in sessions:
+            if session.link.fd in gone:
+                session.hung_up()
+
+    def _open_host(
+        self, host: HostEntry, loop: asyncio.AbstractEventLoop, hang_ups: HangUps
+    ) -> None:
+        board, transport = self.board, host.transport
+        chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
+        transport.report = self._report
+        transport.board = board.name
+        transport.serves(
+            Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
+        )
+        self._closing.callback(self._close_host, host)
+        serving = Serving(
+            loop, self.pacer, self._turns, self.round_trips, hang_ups, self.departures,
+            host.ended, self._settle,
+        )  # fmt: skip
+        connect = partial(self._connect, host, serving)
+        transport.open(loop, partial(self.departures.admit, begin=connect))
+
+    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
+        """Begin the session of a host that has connected."""
+        host.served += 1
+        spec = host.spec
+        kind: type[Session] = Session
+        chips, card, pin_map = spec.chips, spec.card, spec.pin_map
+        if isinstance(link, MessageLink):
+            kind = MessageSession
+            if link.chips:
+                # The addresses of a card and the wires of a pin map are those of the whole entry.
+                chips, card, pin_map = list(link.chips), None, None
+        port = self.board.open_port(host.label, chips or None, spec.cycle_ps, card, pin_map)
+        wire = host.wire(port)
+        line = on_line(spec.line, self.board, port, wire)
+        session = kind(serving, link, port, line or wire)
+        # What is said unasked takes its time on a line, too.
+        port.on_events = session.resume_soon if line else session.events_soon
+        host.sessions.append(session)
+        session.begin()
+        if self.pacer.halted:
+            session.hold()
+        self.faults.connected(self._hosts.index(host), session)
+
+    def sessions_of(self, place: int) -> list[Session] | None:
+        """Return the sessions of the host entry at ``place``; None if there is no such entry."""
+        return list(self._hosts[place].sessions) if place < len(self._hosts) else None
+
+    def transport_of(self, place: int) -> Transport | None:
+        """Return the transport of the host entry at ``place``; None if there is no such entry."""
+        return self._hosts[place].transport if place < len(self._hosts) else None
+
+    @staticmethod
+    def _close_host(host: HostEntry) -> None:
+        host.transport.closing = True
+        for session in list(host.sessions):
+            session.end("the board stops")
+        host.transport.close()
+
+    def stop(self) -> None:
+        """End every session and remove every name; may be called again."""
+        try:
+            self._closing.close()
+        except OSError as error:  # everything else has been closed
+            self._report(f"board {self.board.name}, while it stopped: {error}")
+
+    async def finish(self, over: Callable[[], bool], passing: bool = True) -> None:
+        """Carry out what hosts that have gone had sent: before the board stops, and is judged.
+
+        Returns when there is no more of it, or none that can go on: a CLAIM of a host that has
+        gone may wait for one that stays, and time may have been paused.
+
+        Args:
+            over: asked now and then; no more is carried out once it says so.
+            passing: whether that takes time, if hosts had asked for some.
+        """
+        pause = REAL_SECONDS if self.pacer.real else 0.0
+        while self._leaving(passing) and not over():
+            await asyncio.sleep(pause)
+
+    def _leaving(self, passing: bool) -> bool:
+        """Whether there is something to carry out of a host that has gone."""
+        if self.pacer.halted or self.pacer.over:
+            return False
+        return (
+            any(host.transport.waiting() for host in self._hosts)
+            or any(
+                session.leaves() and (passing or not session.port.held)
+                for session in self.sessions()
+            )
+            or (passing and self.departures.passing)
+        )
+
+    async def serve(
+        self,
+        stop: asyncio.Event,
+        ready: Callable[[], None] | None = None,
+        before: Callable[[], Coroutine[Any, Any, None]] | None = None,
+        patience: float = PATIENCE_SECONDS,
+    ) -> None:
+        """Serve until ``stop`` is set; what hosts that have gone had sent is carried out then.
+
+        In real time, that is, as far as it needs no time: the board stops now.
+
+        Args:
+            stop: ends it.
+            ready: called once every link is open and ``before`` has returned.
+            before: what is waited for until then; cancelled by ``stop``.
+            patience: how long hosts that have gone keep the board (s of wall time), where hosts are
+                masters of time.
+
+        Raises:
+            TimeEndedError: chip time has come to its end; every link has been closed.
+        """
+        self.pacer.on_end = stop.set
+        self.start(asyncio.get_running_loop())
+        try:
+            if before is not None:
+                await _unless(stop, before())
+            if ready is not None and not stop.is_set():
+                ready()
+            await stop.wait()
+            last = asyncio.get_running_loop().time() + patience
+            await self.finish(lambda: asyncio.get_running_loop().time() > last, not self.pacer.real)
+        finally:
+            self.stop()
+        self.pacer.check_over()
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody watches the board from another process."""
+        return any(local.connections for local in self.local_sockets[1:2])
+
+    # -- telling about itself -------------------------------------------------------------------
+
+    def _late(self) -> "Lateness":
+        from vbus.views.scope.lanes import Lateness
+
+        return Lateness(self.pacer.lag, self.pacer.overload.times, self.skew())
+
+    def status(self) -> bytes:
+        """Return the statistics as JSON."""
+        return json.dumps(self.statistics()).encode()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what ``vbus ls --json`` shows of this board; times in ps."""
+        board = self.board
+        self.pacer.catch_up()
+        settings = settings_for_decoders(board.chips)
+        return {
+            "board": board.name,
+            "pid": os.getpid(),
+            "core": core(),
+            "policy": board.policy,
+            "state": self.steps.state,
+            "rate": "max" if self.pacer.free else board.rate,
+            "time_ps": board.now,
+            "time_left_ps": END - board.now,
+            "lag_ps": self.pacer.lag,
+            "worst_lag_ps": self.pacer.worst_lag,
+            "slipped_ps": self.pacer.slipped,
+            "overload": self.pacer.overload.times,
+            "worst_overload": self.pacer.overload.worst,
+            "chips": [
+                {
+                    "name": chip.name,
+                    "part": chip.part,
+                    "family": chip.FAMILY,
+                    "bus_settings": settings.get(chip.name, {}),
+                    "clock_hz": chip.clock.hz,
+                    "reads": chip.reads,
+                    "writes": chip.writes,
+                }
+                for chip in board.chips
+            ],
+            "links": [host.status([chip.name for chip in board.chips]) for host in self._hosts],
+            "counters": dict(board.counters),
+            "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
+            "sessions": sum(len(host.sessions) for host in self._hosts),
+            "lag": self.pacer.lags.summary("ps"),
+            "round_trips": self.round_trips.summary("ns"),
+            "metrics": "" if self.metrics is None else self.metrics.url,
+            **self.details(),
+        }
+
+
+def run(
+    board: Board,
+    links: list[LinkSpec],
+    stall: str = "catch_up",
+    on_ready: Callable[[Server], None] | None = None,
+    report: Callable[[str], None] | None = None,
+    metrics: tuple[str, int] | None = None,
+    settle: Callable[[], bool] | None = None,
+    before: "Callable[[Server], Coroutine[Any, Any, None]] | None" = None,
+) -> None:
+    """Serve ``board`` until SIGINT or SIGTERM.
+
+    Raises:
+        TransportError: a link cannot be opened.
+    """
+
+    async def serve(stop: asyncio.Event) -> None:
+        server = Server(board, links, stall, report, metrics, settle=settle)
+        ready = None if on_ready is None else partial(on_ready, server)
+        await server.serve(stop, ready, None if before is None else partial(before, server))
+
+    run_until_signal(serve)
+
+
+async def _unless(stop: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
+    """Wait until something is done, or until ``stop`` is set, which cancels it."""
+    done = asyncio.ensure_future(doing)
+    stopped = asyncio.ensure_future(stop.wait())
+    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    for one in (done, stopped):
+        one.cancel()
+    with suppress(asyncio.CancelledError):
+        await done

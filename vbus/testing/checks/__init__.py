@@ -1,0 +1,1 @@
+"""What the conformance kit asks of a plug-in's chip, plant, protocol or transport."""

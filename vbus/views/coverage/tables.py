@@ -1,0 +1,139 @@
+"""What a host can exercise of a chip, from the chip's tables, and what a packet exercises of it."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+from vbus import plugins
+from vbus.chips.family import Family
+from vbus.chips.packets import STATUS, WHOLE, Packet
+from vbus.chips.tables import Bit
+from vbus.core.signals import Rule
+from vbus.views.tables import ac_rules
+
+COMMANDS: Final = "commands"
+READS: Final = "registers read"
+WRITES: Final = "registers written"
+BITS: Final = "control bits"
+MODES: Final = "modes"
+FLAGS: Final = "flags seen"
+ANSWERS: Final = "error answers"
+RULES: Final = "rules broken"
+LIMITS: Final = "AC limits broken"
+
+GROUPS: Final = (COMMANDS, READS, WRITES, BITS, MODES, FLAGS, ANSWERS, RULES, LIMITS)
+"""In the order of a report."""
+COUNTED: Final = GROUPS[:7]
+"""What makes up the percentage. Broken rules do not: no driver should aim at them."""
+
+Key = tuple[str, str]
+"""Group and name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One thing a host may exercise.
+
+    Attributes:
+        group: one of :data:`GROUPS`.
+        name: the manual's name for it.
+        clause: clause of the specification, or "".
+        title: what it is, in a few words.
+    """
+
+    group: str
+    name: str
+    clause: str = ""
+    title: str = ""
+
+    @property
+    def key(self) -> Key:
+        """Group and name."""
+        return self.group, self.name
+
+
+class Exercises:
+    """Base: what a host can exercise of a chip family, and what one of its packets exercises.
+
+    This much follows from the tables: every command, and every register read and written.
+
+    Args:
+        family: the family.
+    """
+
+    def __init__(self, family: Family) -> None:
+        self.family: Family = family
+        self._commands: frozenset[str] = frozenset(row.name for row in family.commands)
+        self._registers: frozenset[str] = frozenset(row.name for row in family.registers)
+
+    def items(self) -> Iterator[Item]:
+        """Give what a host may exercise, but for broken rules."""
+        for row in self.family.commands:
+            yield Item(COMMANDS, row.name, row.clause, row.title)
+        for group, way in ((READS, "r"), (WRITES, "w")):
+            for register in self.family.registers:
+                if way in register.access:
+                    yield Item(group, register.name, register.clause, register.title)
+
+    def exercised(self, packet: Packet) -> Iterator[Key]:
+        """Give the keys of what one whole packet exercises."""
+        name = packet.name.rpartition(" ")[2]
+        if name in self._registers:
+            yield WRITES if packet.cycles[0].write else READS, name
+        elif packet.name in self._commands:
+            yield COMMANDS, packet.name
+
+
+def low(bit: Bit) -> bool:
+    """Whether a flag says something by being 0."""
+    return "active low" in bit.title
+
+
+def bit_items(group: str, word: str, bits: Iterable[Bit], clause: str) -> Iterator[Item]:
+    """Give an item for each bit of a word."""
+    for bit in bits:
+        level = "=0" if low(bit) else ""
+        yield Item(group, f"{word} {bit.name}{level}", clause, bit.title)
+
+
+def bit_keys(group: str, word: str, bits: Iterable[Bit], value: int) -> Iterator[Key]:
+    """Give the keys of those bits of a word that say something."""
+    for bit in bits:
+        if bool(value & bit.mask) != low(bit):
+            yield group, f"{word} {bit.name}{'=0' if low(bit) else ''}"
+
+
+def first_word(packet: Packet) -> int:
+    """Return the first word after a command byte."""
+    return packet.cycles[1].data << 8 | packet.cycles[2].data
+
+
+def of_rule(rule: Rule) -> Item:
+    """Return what breaking ``rule`` counts as."""
+    group = LIMITS if rule.name in ac_rules() else RULES
+    return Item(group, rule.name, rule.clause, rule.title)
+
+
+@cache
+def exercises_of(family: str) -> Exercises:
+    """Return what says of a chip family what a host can exercise."""
+    found = plugins.family(family)
+    return (found.load("coverage", Exercises) or Exercises)(found)
+
+
+@cache
+def items(family: str) -> tuple[Item, ...]:
+    """Return everything a host can exercise of a chip family; nothing for one without tables."""
+    made = exercises_of(family)
+    if made.family.tables is None:
+        return ()
+    seen: dict[Key, Item] = {}
+    for item in (*made.items(), *map(of_rule, made.family.rules)):
+        seen.setdefault(item.key, item)
+    return tuple(sorted(seen.values(), key=lambda item: GROUPS.index(item.group)))
+
+
+def exercised(family: str, packet: Packet) -> Iterable[Key]:
+    """Return the keys of what one packet exercises; one cut short exercises nothing."""
+    return exercises_of(family).exercised(packet) if packet.kind in (WHOLE, STATUS) else ()

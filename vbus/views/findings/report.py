@@ -1,0 +1,135 @@
+"""The violations of a run, each with the bus cycles around it."""
+
+from collections import deque
+from typing import Final
+
+from msgspec import Struct, field
+
+from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketReader
+from vbus.core.signals import Rule, Violation
+from vbus.views.findings.no_effect import NoEffect
+from vbus.views.findings.suppress import Suppression
+
+CONTEXT: Final = 20
+"""Bus cycles shown on either side of a violation."""
+DETAILED: Final = 100
+"""Violations of one rule by one chip that are kept whole; more are counted."""
+
+
+class CycleLine(Struct):
+    """One bus cycle of a transcript.
+
+    Attributes:
+        when: instant of its latching edge (ps).
+        text: host, chip, and the cycle: ``"host0 x w 0 1F"``.
+        packets: what ended in it.
+    """
+
+    when: int
+    text: str
+    packets: list[str] = field(default_factory=list)
+
+
+class Finding(Struct):
+    """One violation in its surroundings.
+
+    Attributes:
+        violation: what was broken.
+        before: the cycles before it, oldest first.
+        after: the cycle it was found in, and those after it.
+        reason: why it is accepted, or "".
+    """
+
+    violation: Violation
+    before: list[CycleLine]
+    after: list[CycleLine]
+    reason: str = ""
+
+
+class Report(PacketReader):
+    """Collects violations; let it see a board while it runs, or a journal afterwards.
+
+    Args:
+        board: name of the board.
+        families: chip families by name of chip.
+        rules: every rule that could be broken.
+        suppressions: what is accepted.
+        file: name of the board file, for formats that want a place.
+    """
+
+    def __init__(
+        self,
+        board: str,
+        families: dict[str, str],
+        rules: list[Rule],
+        suppressions: list[Suppression] | None = None,
+        file: str = "",
+    ) -> None:
+        self.board: str = board
+        self.file: str = file
+        self.families: dict[str, str] = families
+        self.rules: list[Rule] = rules
+        self.suppressions: list[Suppression] = suppressions or []
+        self.findings: list[Finding] = []
+        self.counts: dict[tuple[str, str], int] = {}
+        """Violations by chip and rule, also of those not kept whole."""
+        self.cycles: int = 0
+        self.no_effect: NoEffect = NoEffect()
+        self.faults: list[tuple[int, str, str, str, str]] = []
+        """Evidence of faults: instant, name, target, what happened, what it changed."""
+        self._ring: deque[CycleLine] = deque(maxlen=CONTEXT)
+        self._open: list[Finding] = []
+        self._ended: list[str] = []
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down what a cycle has said, which comes next."""
+        self.no_effect.add(packet)
+        clause = f"  [{packet.clause}]" if packet.clause else ""
+        self._ended.append(f"{chip} {packet.text}{clause}")
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take down a bus cycle."""
+        self.cycles += 1
+        line = CycleLine(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
+        if self._ended:
+            line.packets = self._ended
+            self._ended = []
+        self._ring.append(line)
+        if self._open:
+            for finding in self._open:
+                finding.after.append(line)
+            if len(self._open[0].after) > CONTEXT:
+                self._open = [f for f in self._open if len(f.after) <= CONTEXT]
+
+    def violation(self, violation: Violation) -> None:
+        """Take down a violation, with what came before it."""
+        key = (violation.chip, violation.rule)
+        self.counts[key] = self.counts.get(key, 0) + 1
+        reason = ""
+        for suppression in self.suppressions:
+            if suppression.covers(violation):
+                suppression.used += 1
+                reason = reason or suppression.reason
+        if self.counts[key] <= DETAILED:
+            finding = Finding(violation, list(self._ring), [], reason)
+            self.findings.append(finding)
+            self._open.append(finding)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Take down the evidence of a fault."""
+        self.faults.append((when, name, target, what, text))
+
+    def left_out(self) -> int:
+        """Return how many violations are counted only."""
+        return sum(self.counts.values()) - len(self.findings)
+
+    def unaccepted(self, severity: str = "error") -> int:
+        """Return how many kept violations of a severity nobody has accepted."""
+        return sum(1 for f in self.findings if not f.reason and f.violation.severity == severity)
+
+    def unused(self) -> list[Suppression]:
+        """Return the suppressions that covered nothing."""
+        return [suppression for suppression in self.suppressions if not suppression.used]

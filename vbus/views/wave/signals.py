@@ -1,0 +1,88 @@
+"""What a waveform can show of a board: nets, values of the chips, commands, violations."""
+
+import fnmatch
+from collections.abc import Sequence
+from typing import Final
+
+from msgspec import Struct
+
+from vbus.board.board import Board
+from vbus.core.errors import VbusError
+from vbus.core.signals import Net, Reading
+from vbus.events.names import net_names
+
+FULL: Final = "full"
+SIGROK: Final = "sigrok"
+PROFILES: Final = (FULL, SIGROK)
+
+
+class Signal(Struct, eq=False):
+    """One thing that changes.
+
+    Attributes:
+        name: ``"x./CS"``, ``"x.real"``, ``"x.packet"``.
+        kind: ``"net"``, ``"value"`` or ``"text"``.
+        net: the net, if it is one.
+    """
+
+    name: str
+    kind: str
+    net: Net | None = None
+
+
+def signals_of(board: Board, patterns: Sequence[str]) -> list[Signal]:
+    """Return everything that is shown, nets first.
+
+    Args:
+        board: the board.
+        patterns: what is shown; see :func:`nets_of`.
+
+    Raises:
+        VbusError: a pattern matches nothing; says what there is.
+    """
+    signals = [Signal(net.name, "net", net) for net in nets_of(board, patterns)]
+    signals += [Signal(name, "value") for name in values_of(board) if _chosen(name, patterns)]
+    signals += [Signal(name, "text") for name in texts_of(board) if _chosen(name, patterns)]
+    return signals
+
+
+def nets_of(board: Board, patterns: Sequence[str]) -> list[Net]:
+    """Return the nets whose own name, or that of a pin on them, matches a pattern.
+
+    Without patterns: the host buses and every pin but those that carry fast waveforms.
+
+    Raises:
+        VbusError: a pattern matches nothing; says what there is.
+    """
+    names = net_names(board)
+    found: list[Net] = []
+    if not patterns:
+        for chip in board.chips:
+            found += [chip.pins[row.name].net for row in chip.pin_rows if not row.wave]
+    for pattern in patterns:
+        matched = [names[name] for name in names if fnmatch.fnmatchcase(name, pattern)]
+        others = [*values_of(board), *texts_of(board)]
+        if not matched and not fnmatch.filter(others, pattern):
+            known = ", ".join([*sorted(names), *others])
+            raise VbusError(f'no signal matches "{pattern}"; there are {known}')
+        found += matched
+    return list(dict.fromkeys(found))
+
+
+def values_of(board: Board) -> dict[str, Reading]:
+    """Return what chips tell of themselves, by ``"chip.name"``; they are up to date after that."""
+    return {
+        f"{chip.name}.{name.replace(' ', '_')}": value
+        for chip in board.chips
+        for name, value in chip.telemetry().items()
+    }
+
+
+def texts_of(board: Board) -> list[str]:
+    """Return the names of what is told in words, ``"chip.packet"`` and ``"chip.violation"``."""
+    return [f"{chip.name}.{what}" for chip in board.chips for what in ("packet", "violation")]
+
+
+def _chosen(name: str, patterns: Sequence[str]) -> bool:
+    """Tell whether something is asked for; without patterns everything is."""
+    return not patterns or any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)

@@ -1,0 +1,268 @@
+"""Waveforms: what happens on a board as a VCD file for GTKWave, Surfer or sigrok."""
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable, Iterable
+from operator import itemgetter
+from typing import Final, TextIO
+
+from vbus.board.board import Board
+from vbus.chips.packets import Packet
+from vbus.circuit.stream import PacketReader, PacketStream
+from vbus.core.errors import PluginError, VbusError
+from vbus.core.kernel import MS
+from vbus.core.signals import Reading, Violation
+from vbus.events.watch import Watch
+from vbus.views.wave.changes import Changes
+from vbus.views.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
+from vbus.views.wave.vcd_file import Change, VcdFile
+
+RING: Final = 1_000_000
+"""Changes kept while a trigger is waited for."""
+
+WAITING: Final = "waiting"
+RECORDING: Final = "recording"
+DONE: Final = "done"
+
+
+class Wave(PacketReader):
+    """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
+
+    A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
+
+    Args:
+        board: the board.
+        file: takes the text.
+        profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
+            (single bits with plain names).
+        signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
+        trigger: the condition that must come to hold; what holds from the beginning must cease
+            to first. "": none.
+        before: how much to show from before the trigger (ps).
+        duration: how long to record (ps); 0 for no limit.
+        sample: how often the chips' own values are looked at (ps).
+        report: takes a sentence when the file takes no more.
+
+    Raises:
+        VbusError: profile, trigger or pattern make no sense; says what does.
+        PluginError: pyvcd is not installed.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: TextIO,
+        profile: str = FULL,
+        signals: Iterable[str] = (),
+        trigger: str = "",
+        before: int = 0,
+        duration: int = 0,
+        sample: int = MS,
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        if profile not in PROFILES:
+            raise VbusError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
+        try:
+            import vcd  # noqa: F401
+        except ImportError:
+            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
+        self.board: Board = board
+        self.state: str = "new"
+        self.error: str = ""
+        """Why the file takes no more, or ""."""
+        self.changes: int = 0
+        """Changes written."""
+        self._file: VcdFile = VcdFile(file, profile)
+        self._report: Callable[[str], None] | None = report
+        self._before: int = before
+        self._duration: int = duration
+        self._end: int = -1
+        self._sample: int = max(1, sample)
+        self._trigger: Watch | None = None
+        if trigger:
+            self._trigger = Watch(trigger, board, "trigger", self._triggered, anew=True)
+        self.signals: list[Signal] = signals_of(board, list(signals))
+        nets = {one.name: one for one in self.signals if one.net}
+        self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
+        self._words: dict[str, Signal] = {}
+        """What shows the packets of a chip, by its name, where they are shown."""
+        if profile == FULL:
+            words = {chip.name: self._others.get(f"{chip.name}.packet") for chip in board.chips}
+            self._words = {name: word for name, word in words.items() if word is not None}
+        told = [chip for chip in board.chips if chip.name in self._words]
+        self._stream: PacketStream = PacketStream.of(told, (self,))
+        """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
+        self._values: dict[Signal, Reading] = {}
+        """Values at the beginning of the ring, and later the latest written."""
+        self._latest: dict[Signal, Reading] = {}
+        """What the chips have told of themselves."""
+        self._changes: Changes = Changes(board.kernel, nets, self._stream)
+        self._ring: deque[Change] = deque()
+        self._timer = board.kernel.onlooker(self._look)
+
+    # -- beginning and end --------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to record, or to wait for the trigger."""
+        if self.state != "new":
+            raise VbusError("a waveform can be started once; make another one")
+        now = self.board.now
+        nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
+        self._values = {signal: net.value for signal, net in nets}
+        told = values_of(self.board)
+        self._values |= {self._others[name]: told[name] for name in told if name in self._others}
+        self._latest = dict(self._values)
+        for _, net in nets:
+            net.observe(self._changes)
+        self.board.observe(self._changes)
+        self._timer.at(now + self._sample)
+        self.state = WAITING
+        if self._trigger is None:
+            self._begin(now, now)
+        else:
+            self._trigger.begin()
+
+    def stop(self) -> None:
+        """End the recording and close the text; the file stays open. May be called again."""
+        if self.state in (WAITING, RECORDING):
+            self.board.catch_up()
+            if self._trigger is not None:
+                self._trigger.flush()
+            self._drain(self.board.now + 1)
+            self._finish(self.board.now)
+
+    def _finish(self, when: int) -> None:
+        if self.state in (WAITING, RECORDING):
+            recording = self.state == RECORDING
+            self.state = DONE
+            self._timer.cancel()
+            if self._trigger is not None:
+                self._trigger.end()
+            self.board.unobserve(self._changes)
+            for signal in self.signals:
+                if signal.net is not None:
+                    signal.net.unobserve(self._changes)
+            if recording and not self.error:
+                self._guarded(lambda: self._file.close(when))
+
+    def _guarded(self, write: Callable[[], None]) -> bool:
+        """Write; tell whether it worked. A file that takes no more ends the recording."""
+        try:
+            write()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"the waveform ends after {self.changes} changes: {reason}"
+            self._finish(self.board.now)
+            if self._report is not None:
+                self._report(self.error)
+            return False
+        return True
+
+    # -- what happens -------------------------------------------------------------------------
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Take down what bus cycles say."""
+        # A packet that was cut short is known to have ended only now.
+        signal, text = self._words[chip], packet.text
+        self._changes.note(self._stream.latest, signal, text)
+        if packet.kind in self._stream.decoders[chip].APART:
+            _, write, address, data = packet.cycles[0]
+            self._changes.say(chip, write, address, data, signal, text)
+
+    def violation(self, violation: Violation) -> None:
+        """Take down a violation."""
+        signal = self._others.get(f"{violation.chip}.violation")
+        if signal is not None:
+            self._changes.note(violation.when, signal, violation.rule)
+
+    def settled(self, now: int) -> None:
+        """Everything before ``now`` has been reported."""
+        self._drain(now)
+
+    def _look(self) -> None:
+        """Look at what the chips tell of themselves; they are up to date after that."""
+        now = self.board.now
+        for name, value in values_of(self.board).items():
+            signal = self._others.get(name)
+            if signal is not None and self._latest.get(signal) != value:
+                self._latest[signal] = value
+                self._changes.note(now, signal, value)
+        self._drain(now)
+        if self.state in (WAITING, RECORDING):
+            self._timer.at(now + self._sample)
+
+    # -- from changes to the file -------------------------------------------------------------
+
+    def _drain(self, now: int) -> None:
+        """Sort out what happened before ``now``: lazy chips report late."""
+        self._changes.drain(now)
+        if self.state == RECORDING and self._end < 0:
+            self._write_until(now)
+            return
+        pending = self._changes.pending
+        done = 0
+        for change in pending:
+            if change[0] >= now:
+                break
+            done += 1
+            self._take(change)
+            if self.state not in (WAITING, RECORDING):
+                break
+        del pending[:done]
+        if self.state == RECORDING:
+            if 0 <= self._end < now:
+                self._finish(self._end)
+            else:
+                self._guarded(self._file.flush)
+
+    def _write_until(self, now: int) -> None:
+        """Write what happened before ``now``: nothing waits for a trigger, or for an end."""
+        pending = self._changes.pending
+        done = bisect_left(pending, now, key=itemgetter(0))
+        changes = pending[:done]
+        del pending[:done]
+        if self._write(changes):
+            self._guarded(self._file.flush)
+
+    def _take(self, change: Change) -> None:
+        when = change[0]
+        if self.state == RECORDING:
+            if 0 <= self._end < when:
+                self._finish(self._end)
+            else:
+                self._write([change])
+            return
+        self._ring.append(change)
+        self._forget(when)
+
+    def _forget(self, when: int) -> None:
+        """Keep of the ring what a recording from instant ``when`` on would show."""
+        ring = self._ring
+        while ring and (ring[0][0] < when - self._before or len(ring) > RING):
+            _, old, kept = ring.popleft()
+            self._values[old] = kept
+
+    def _triggered(self) -> None:
+        """The trigger's condition has come to hold."""
+        now = self.board.now
+        self._drain(now)
+        self._forget(now)
+        if self.state == WAITING:
+            self._begin(max(0, now - self._before), now)
+
+    def _begin(self, first: int, trigger: int) -> None:
+        """Write the head, and what was kept from before the trigger."""
+        self.state = RECORDING
+        if self._duration:
+            self._end = trigger + self._duration
+        if not self._guarded(lambda: self._file.begin(self.signals, self._values, first)):
+            return
+        ring, self._ring = self._ring, deque()
+        self._write([*ring])
+
+    def _write(self, changes: list[Change]) -> bool:
+        """Write some changes in order of time; tell whether it worked."""
+        if not self._guarded(lambda: self._file.write(changes)):
+            return False
+        self.changes += len(changes)
+        return True
