@@ -932,11 +932,6 @@ int main(int argc, char **argv)
     sim.avr->sleep = do_not_sleep;
     find_ports();
     find_levels();
-    if (sim.link.pins.highest > 7) {
-        fprintf(stderr, "vbus-avr: the pin map uses bit %u of a port, and the ports of an %s have"
-                        " bits 0 to 7\n", sim.link.pins.highest, part);
-        return USAGE;
-    }
     if (missing_port() >= 0) {
         fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
                 'A' + missing_port(), part);

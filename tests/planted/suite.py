@@ -35,7 +35,9 @@ def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Out
     text = path.read_text()
     if change is not None:
         before, after = change
-        assert text.count(before) == 1, f"{driver}: {before!r} stands there {text.count(before)} times"
+        assert text.count(before) == 1, (
+            f"{driver}: {before!r} stands there {text.count(before)} times"
+        )
         text = text.replace(before, after)
     names: dict[str, Any] = {}
     exec(compile(text, str(path), "exec"), names)

@@ -3,7 +3,7 @@
 from vbus.chips.lm628.chip import LM628
 from vbus.core.options import Option, Value
 from vbus.faults.row import CHIP, COUNTED, LASTS, ONCE, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 
 class Lm628Upsets(ChipFaults):

@@ -7,7 +7,7 @@ from vbus.core.kernel import NEVER
 from vbus.core.options import Option, Value
 from vbus.core.signals import HIGH
 from vbus.faults.row import CHIP, COUNTED, LASTS, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 STUCK: Final = 10**15
 """Longer than any host waits (ps)."""

@@ -148,7 +148,7 @@ def command(
             raise click.UsageError(
                 f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
-    from vbus.cli.hosted.beside import run_on_board
+    from vbus.cli.hosted.program import run_on_board
 
     runner: Runner = partial(
         run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
