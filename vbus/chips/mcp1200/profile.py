@@ -7,9 +7,8 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.registers import SampledRegisters
-from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
-from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
+from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance, toward
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.state import Names
 
