@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.journal_lines import opened, progress
 from vbus.cli.output import no_progress
+from vbus.cli.sources import opened
 
 if TYPE_CHECKING:
     from vbus.circuit.stream import PacketReader
@@ -48,7 +48,7 @@ def command(
     from vbus.views.findings.report import Report
     from vbus.views.findings.suppress import suppressions_of
 
-    with opened(journal) as reader:
+    with opened(journal, "reading", no_progress) as reader:
         header = reader.header
         report = Report(
             header.board,
@@ -58,8 +58,7 @@ def command(
             header.file,
         )
         readers = [report, *_other_part(report, compatibility)]
-        with progress(journal, reader, "reading", no_progress):
-            play(header, reader, *readers)
+        play(header, reader, *readers)
     click.echo(FORMATS[style](report), nl=False)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)

@@ -13,7 +13,8 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.look.scope_process import start_scope
-from vbus.cli.output import SCOPE_ADDRESS, complain, duration, no_progress
+from vbus.cli.output import SCOPE_ADDRESS, duration, no_progress
+from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core.errors import VbusError
 
 if TYPE_CHECKING:
@@ -247,19 +248,13 @@ def _show(what: str, more: str, address: str) -> None:
 
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
     """Play a journal again for its lanes; say so if it is damaged or differs."""
-    from vbus.cli.journal_lines import opened, progress, recorded_board
+    from vbus.nodes.machine import board_of
     from vbus.views.scope.replayed import replayed
 
-    with opened(path) as reader:
-        board = recorded_board(path, reader.header)
-        with progress(path, reader, "replaying", quiet):
-            recorded = replayed(board, reader, reader.header.families, strobes)
-        damage = reader.damage
-    if damage:
-        complain(f"{path}: {damage}")
-    if recorded.outcome.divergence is not None:
-        complain(f"{path}: the run differs from its journal at entry"
-                  f' {recorded.outcome.divergence.entry}; "vbus replay" shows how')  # fmt: skip
+    with opened(path, "replaying", quiet) as reader:
+        board = board_of(reader.header, str(path))
+        recorded = replayed(board, reader, reader.header.families, strobes)
+        replay_code(path, recorded.outcome, reader.damage)
     return recorded
 
 
@@ -368,7 +363,6 @@ def _serve_boards(
     samples: bool = True,
 ) -> None:
     """Serve running boards by what is made of what they tell."""
-    from vbus.cli.look.feed import boards_of
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.serve.loop import run_until_signal
 

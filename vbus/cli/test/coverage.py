@@ -7,6 +7,7 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, reading
+from vbus.cli.sources import opened
 from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:
@@ -102,10 +103,7 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
         text = start + file.read() if start == b"{" else b""
     if text:
         return from_json(text, str(path))
-    from vbus.cli.journal_lines import opened, progress
-
-    with opened(path) as reader:
+    with opened(path, "reading", quiet) as reader:
         observer = CoverageObserver(reader.header.families, str(path))
-        with progress(path, reader, "reading", quiet):
-            play(reader.header, reader, observer)
-        return observer.coverage
+        play(reader.header, reader, observer)
+    return observer.coverage
