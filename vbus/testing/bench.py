@@ -22,8 +22,7 @@ from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.variant import Variant

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_control import Order
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.cli.look.scope_server import ScopeServer
-    from vbus.views.scope.replayed import Recorded
+    from vbus.views.scope.recording import Recorded
     from vbus.views.scope.stream import Stream
 
     Server = ScopeServer | FoxgloveServer
@@ -249,7 +249,7 @@ def _show(what: str, more: str, address: str) -> None:
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
     """Play a journal again for its lanes; say so if it is damaged or differs."""
     from vbus.nodes.machine import board_of
-    from vbus.views.scope.replayed import replayed
+    from vbus.views.scope.recording import replayed
 
     with opened(path, "replaying", quiet) as reader:
         board = board_of(reader.header, str(path))
@@ -308,7 +308,7 @@ def _page_of_boards(
     from vbus.cli.look.scope_bookmarks import journal_of, keep_with_journal, of_board
     from vbus.cli.look.scope_control import BoardOrders
     from vbus.cli.look.scope_fork import Forks
-    from vbus.views.scope.clauses import clause_frame
+    from vbus.views.clauses import clause_frame
     from vbus.views.scope.stream import Stream
 
     hellos = feeds.hellos

@@ -16,10 +16,9 @@ from typing import Any, Final
 
 import msgspec
 
-from vbus.cli.look.scope_bookmarks import Bookmarks
+from vbus.cli.look.scope_bookmarks import Bookmark, Bookmarks
 from vbus.cli.look.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
 from vbus.core.errors import PluginError, VbusError, listen_errors
-from vbus.views.scope.bookmarks import Bookmark
 from vbus.views.scope.page_file import FIRST, page_file, policy
 from vbus.views.scope.stream import MESSAGE, Stream
 

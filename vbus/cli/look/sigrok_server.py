@@ -13,7 +13,7 @@ from typing import Any, Final
 from vbus.cli.sources import Feed
 from vbus.core.errors import VbusError, listen_errors
 from vbus.core.kernel import SECOND
-from vbus.views.scope.sampling import Sampler
+from vbus.views.scope.pin_recording import Sampler
 
 CHANNELS: Final = (
     "P8_45", "P8_46", "P8_43", "P8_44", "P8_41", "P8_42", "P8_39", "P8_40", "P8_27", "P8_29",

@@ -110,17 +110,15 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
 
 def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: float | None) -> None:
     """Serve until a signal; say what became of it."""
-    from vbus.cli.network.attached_lines import distance, lines_of, losses, round_trips
-    from vbus.cli.ready_lines import READY
+    from vbus.cli.status_lines import READY, attached_lines, distance, losses, round_trips
     from vbus.serve.attach.attachment import Attachment
-    from vbus.serve.loop import run_until_signal
-    from vbus.serve.readiness import tell_ready
+    from vbus.serve.loop import run_until_signal, tell_ready
 
     attachment = Attachment(wanted, board, complain)
 
     def ready() -> None:
         status = attachment.statistics()
-        show(as_json, status, [*lines_of(status, counts=False), READY])
+        show(as_json, status, [*attached_lines(status, counts=False), READY])
         tell_ready()
 
     async def tell(seconds: float) -> None:

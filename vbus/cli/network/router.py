@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.ready_lines import READY
+from vbus.cli.status_lines import READY
 
 if TYPE_CHECKING:
     import asyncio
@@ -122,8 +122,7 @@ def _tell_until_signal(network: "Network", listed: bool) -> None:
     from asyncio import get_running_loop
 
     from vbus.serve.local_socket import LocalSocket, Telling
-    from vbus.serve.loop import run_until_signal
-    from vbus.serve.readiness import tell_ready
+    from vbus.serve.loop import run_until_signal, tell_ready
     from vbus.serve.registry import status_path
 
     def status() -> bytes:

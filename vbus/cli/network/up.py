@@ -153,8 +153,8 @@ class _MachineRun:
             timeout: seconds that each may take to end.
         """
         from vbus.cli.processes import ProcessDiedError, Processes
-        from vbus.cli.ready_lines import READY
-        from vbus.serve.readiness import tell_ready
+        from vbus.cli.status_lines import READY
+        from vbus.serve.loop import tell_ready
 
         ends = "--scenario" in given
         given = ["--json", *given]
@@ -221,7 +221,7 @@ class _MachineRun:
         return children.until(lambda: all(child.ready for child in children.children), may_end)
 
     def _router_says(self, child: "Child", line: str) -> bool:
-        from vbus.cli.ready_lines import READY
+        from vbus.cli.status_lines import READY
 
         if child.ready or line != READY:
             return not child.ready  # its endpoints are said already
@@ -230,7 +230,7 @@ class _MachineRun:
 
     def _node_says(self, child: "Child", line: str) -> bool:
         """Take the line in which a process tells that its nodes are ready."""
-        from vbus.cli.ready_lines import lines_of
+        from vbus.cli.status_lines import ready_lines
 
         if child.ready or not line.startswith('{"nodes":'):
             return False
@@ -239,7 +239,7 @@ class _MachineRun:
             self._told.append(status)
             if not self._json:
                 click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
-                for line in lines_of(status)[1:]:
+                for line in ready_lines(status)[1:]:
                     click.echo(line)
         return True
 

@@ -78,7 +78,7 @@ def command(
     nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
     from vbus.board.config import read_board_file
-    from vbus.cli.ready_lines import READY, lines_of
+    from vbus.cli.status_lines import READY, ready_lines
     from vbus.serve.serving import paced, recorded, serve_read
     from vbus.serve.time.priority import Priority
 
@@ -130,7 +130,7 @@ def command(
 
     def ready(server: "Server") -> None:
         status = server.statistics() | {"priority": str(wanted)}
-        show(as_json, status, [*lines_of(status), READY])
+        show(as_json, status, [*ready_lines(status), READY])
         wanted.pin()
 
     async def show_first(server: "Server") -> None:
