@@ -72,11 +72,7 @@ class BlockingWaits(Waits):
         return open_link(where)
 
 
-_SPECIAL: Final = {
-    "__init__": "__init__",
-    "__aenter__": "__enter__",
-    "__aexit__": "__exit__",
-}
+_SPECIAL: Final = {"__init__": "__init__", "__aenter__": "__enter__", "__aexit__": "__exit__"}
 """The special methods that have a counterpart, and the name of that."""
 _COPIED: Final = ("__doc__", "__module__", "__name__", "__qualname__")
 _COROUTINE: Final = 0x80

@@ -140,10 +140,7 @@ class _Arrival:
     """A host that has come meanwhile: what its transport reads is kept for its session."""
 
     def __init__(
-        self,
-        link: Link,
-        begin: Callable[[Link], None],
-        forget: Callable[["_Arrival"], None],
+        self, link: Link, begin: Callable[[Link], None], forget: Callable[["_Arrival"], None]
     ) -> None:
         self.link: Link = link
         self._begin: Callable[[Link], None] = begin

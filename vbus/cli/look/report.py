@@ -26,21 +26,14 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 @click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
-    "--fail-on",
-    type=click.Choice(_FAIL_ON),
-    default="error",
-    show_default=True,
+    "--fail-on", type=click.Choice(_FAIL_ON), default="error", show_default=True,
     help="Exit with 1 if a violation of this severity or above is not accepted.",
-)
+)  # fmt: skip
 @no_progress
 def command(
-    journal: Path,
-    style: str,
-    compatibility: str | None,
-    suppress: str | None,
-    fail_on: str,
+    journal: Path, style: str, compatibility: str | None, suppress: str | None, fail_on: str,
     no_progress: bool,
-) -> int:
+) -> int:  # fmt: skip
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.check.checks import all_rules
     from vbus.record.view import play
@@ -51,11 +44,7 @@ def command(
     with opened(journal, "reading", no_progress) as reader:
         header = reader.header
         report = Report(
-            header.board,
-            header.families,
-            all_rules(),
-            suppressions_of(suppress or ""),
-            header.file,
+            header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
         )
         readers = [report, *_other_part(report, compatibility)]
         play(header, reader, *readers)

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_control import Order
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.cli.look.scope_server import ScopeServer
+    from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.views.scope.recording import Recorded
     from vbus.views.scope.stream import Stream
 
@@ -282,7 +283,6 @@ def recorded_code(recorded: "Recorded") -> int:
 
 def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
     from vbus.cli.look.scope_bookmarks import of_journal
-    from vbus.cli.look.scope_server import serve
     from vbus.serve.loop import run_until_signal
     from vbus.views.scope.stream import Stream
 
@@ -293,10 +293,7 @@ def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quie
     for part in frames:
         stream.add(part)
 
-    async def show(stop: asyncio.Event) -> None:
-        await serve(place.server(stream, bookmarks), stop.wait)
-
-    run_until_signal(show)
+    run_until_signal(lambda stop: _served(place.server(stream, bookmarks), stop.wait))
     return max(map(recorded_code, recorded))
 
 
@@ -371,13 +368,13 @@ def _serve_boards(
         async def show(stop: asyncio.Event) -> None:
             with ExitStack() as at_end:
                 server, take = made(feeds, at_end)
-                ended = asyncio.Event()
-                await server.start()
-                feeds.follow(asyncio.get_running_loop(), take, ended.set)
-                try:
+
+                async def over() -> None:
+                    ended = asyncio.Event()
+                    feeds.follow(asyncio.get_running_loop(), take, ended.set)
                     await _over(server, stop, ended, stay)
-                finally:
-                    await server.stop()
+
+                await _served(server, over)
 
         run_until_signal(show)
 
@@ -386,16 +383,18 @@ def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) ->
     from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.serve.loop import run_until_signal
 
-    async def show(stop: asyncio.Event) -> None:
-        report = partial(_show, "sigrok", "")
-        server = SigrokServer(board, chip, pins, place.host, place.port, report)
-        await server.start()
-        try:
-            await stop.wait()
-        finally:
-            await server.stop()
+    report = partial(_show, "sigrok", "")
+    server = SigrokServer(board, chip, pins, place.host, place.port, report)
+    run_until_signal(lambda stop: _served(server, stop.wait))
 
-    run_until_signal(show)
+
+async def _served(server: "Server | SigrokServer", over: "Callable[[], Awaitable[Any]]") -> None:
+    """Serve until ``over`` returns."""
+    await server.start()
+    try:
+        await over()
+    finally:
+        await server.stop()
 
 
 async def _over(

@@ -400,12 +400,3 @@ class ScopeServer:
                     await news.wait()
                 if len(message) < MESSAGE:  # else it is still catching up
                     await asyncio.sleep(RATE_SECONDS)
-
-
-async def serve(server: ScopeServer, over: Callable[[], Awaitable[Any]]) -> None:
-    """Serve until ``over`` returns."""
-    await server.start()
-    try:
-        await over()
-    finally:
-        await server.stop()

@@ -31,12 +31,8 @@ NAME: Final = "router"
     "--detach", is_flag=True, help="Return when ready; vbus ls, stop and logs call it router."
 )
 def command(
-    file: str | None,
-    listen: tuple[str, ...],
-    connect: tuple[str, ...],
-    remote: bool,
-    detach: bool,
-) -> int:
+    file: str | None, listen: tuple[str, ...], connect: tuple[str, ...], remote: bool, detach: bool,
+) -> int:  # fmt: skip
     """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
 
     FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
@@ -58,10 +54,7 @@ def command(
         for endpoint in endpoints
     )
     network = Network(
-        endpoints,
-        connect or network.connect,
-        network.security,
-        remote=remote or network.remote,
+        endpoints, connect or network.connect, network.security, remote=remote or network.remote
     )
     if detach:
         from vbus.cli.run.detach import detach as go_on

@@ -41,41 +41,24 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @from_option
 @scope_option
 @click.option(
-    "--patience",
-    type=_SECONDS,
-    default=0,
-    metavar="SECONDS",
+    "--patience", type=_SECONDS, default=0, metavar="SECONDS",
     help="How long the others wait for a node whose link is cut; else it is an error at once.",
-)
+)  # fmt: skip
 @click.option(
-    "--router",
-    metavar="ENDPOINT",
+    "--router", metavar="ENDPOINT",
     help="Start a router there, in place of what the file says; port 0 is a free one.",
-)
+)  # fmt: skip
 @click.option(
-    "--timeout",
-    type=_SECONDS,
-    default=10.0,
-    metavar="SECONDS",
+    "--timeout", type=_SECONDS, default=10.0, metavar="SECONDS",
     help="How long a process may take to end before it is killed; 10 s if not given.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 def command(
-    machine: str,
-    scenario: str | None,
-    trace: str | None,
-    patience: float,
-    router: str | None,
-    timeout: float,
-    as_json: bool,
-    detach: bool,
-    rate: float | None,
-    start: str | None,
-    scope: str | None,
-    metrics: str | None,
-    **record: str | None,
-) -> int:
+    machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
+    timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
+    scope: str | None, metrics: str | None, **record: str | None,
+) -> int:  # fmt: skip
     """Start a machine of nodes on this computer, and end it as one.
 
     MACHINE is a board file with nodes. Each node has a process of its own, or shares one with the
@@ -250,15 +233,9 @@ class _MachineRun:
         """Write the traces of all processes as one, and say its hash."""
         from vbus.serve.nodes.nodes import read_traces
 
-        parts = [self._trace(process) for process in self._processes]
-        lines = [
-            (int(line.split(" ", 2)[0]), int(line.split(" ", 2)[1]), number, line)
-            for part in parts
-            for number, line in enumerate(part.read_text().splitlines(keepends=True))
-        ]
-        file.write("".join(line for *_, line in sorted(lines)).encode())
-        digest, count = read_traces([file.path])
-        click.echo(f"trace hash {digest} of {count} lines")
+        lines, digest = read_traces([self._trace(process) for process in self._processes])
+        file.write("".join(lines).encode())
+        click.echo(f"trace hash {digest} of {len(lines)} lines")
 
 
 def _label(process: "Process") -> str:

@@ -26,26 +26,16 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 @click.option("--all", "every", is_flag=True, help="As text: list also what was exercised.")
 @click.option("--diff", is_flag=True, help="Show what only the first or only the second has.")
 @click.option(
-    "--fail-under",
-    type=click.FloatRange(0, 100),
-    default=0.0,
-    metavar="PERCENT",
+    "--fail-under", type=click.FloatRange(0, 100), default=0.0, metavar="PERCENT",
     help="Exit with 1 if less than this was exercised.",
-)
+)  # fmt: skip
 @click.option("--covers", metavar="NAME", help="Which tests use a command, register, flag.")
 @click.option("--test", metavar="TEST", help="What a test uses, and which rules it breaks.")
 @click.option("--no-progress", is_flag=True, help="Show no bar while journals are read.")
 def command(
-    files: tuple[Path, ...],
-    style: str,
-    output: Path | None,
-    every: bool,
-    diff: bool,
-    fail_under: float,
-    covers: str | None,
-    test: str | None,
-    no_progress: bool,
-) -> int:
+    files: tuple[Path, ...], style: str, output: Path | None, every: bool, diff: bool,
+    fail_under: float, covers: str | None, test: str | None, no_progress: bool,
+) -> int:  # fmt: skip
     """Show which commands, registers, flags and modes a driver has used, and which never.
 
     FILES are journals (vbus run --journal) or coverage files (--format json, pytest

@@ -153,8 +153,8 @@ def _conductors(
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
 
 
-def read_traces(paths: Sequence[str]) -> tuple[str, int]:
-    """Merge trace files of all nodes of a run; return the SHA-256 (hex) and the number of lines.
+def read_traces(paths: Sequence[str | Path]) -> tuple[list[str], str]:
+    """Merge trace files of all nodes of a run; return the lines and their SHA-256 (hex).
 
     Raises:
         VbusError: a file cannot be read, or is no trace.
@@ -170,9 +170,9 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
                 head = Path(path).read_bytes()[:HEAD]
                 raise VbusError(is_none(path, head, "trace of nodes", _TRACED)) from None
     if not lines:
-        raise VbusError(is_none(" and ".join(paths), b"", "trace of nodes", _TRACED))
-    lines.sort()
-    return hash_of(line for *_, line in lines), len(lines)
+        raise VbusError(is_none(" and ".join(map(str, paths)), b"", "trace of nodes", _TRACED))
+    merged_lines = [line for *_, line in sorted(lines)]
+    return merged_lines, hash_of(merged_lines)
 
 
 def serve_nodes(
