@@ -8,7 +8,6 @@ from typing import Any
 
 from vbus.serve.host_limits import HostStuck
 from vbus.testing.bench import Bench
-from vbus.testing.chips import chip_bench
 
 HERE = Path(__file__).parent
 DRIVERS = HERE / "drivers"
@@ -78,4 +77,4 @@ def _fixture(bench: Bench, name: str) -> Any:
     if name == "board":
         tested = bench.main()
         return SimpleNamespace(board=tested.board, clock=tested.clock, bench=bench)
-    return chip_bench(bench, name.upper().replace("MCP1200", "MCP-1200"))
+    return bench.chip(name.upper().replace("MCP1200", "MCP-1200"))

@@ -10,7 +10,7 @@ from typing import Any, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.version_line import version_line
+from vbus.compiled import version_line
 from vbus.core.errors import (
     CaptureError,
     ConfigError,

@@ -52,8 +52,7 @@ COMPILED: Final = (
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "board/card/card_cycle.py", "circuit/glue_cycles.py",
     "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
-    "serve/time/spin_policy.py", "serve/time/spin_turn.py", "serve/time/statistics.py",
-    "serve/time/ticks.py", "serve/time/time_source.py",
+    "serve/time/spin_policy.py", "serve/time/statistics.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
     "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip

@@ -20,10 +20,11 @@ from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
+from vbus.testing.checks.around_chip import ChipBench
+from vbus.testing.in_process import connect_in_process
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.variant import Variant
@@ -206,6 +207,39 @@ class Bench:
         """Whether the test's board has the chips of several fixtures, because nothing is said."""
         named = self._keywords.get("board") or self.variant.part
         return len(self._chips) > 1 and not named
+
+    def chip(self, start: str) -> ChipBench:
+        """Return the first chip of a family on the test's board, out of its reset.
+
+        A test that names no board gets one with a part of the family.
+
+        Args:
+            start: how a part number of the family begins.
+
+        Raises:
+            VbusError: the test's board has no such chip.
+        """
+        family = plugins.family_of(start)
+        part = typical_part(family, start)
+        tested = self.main(part)
+        if tested.served is not None:
+            raise VbusError(
+                f"the board is served on {tested.address}, by vbus_pty: attach to that terminal,"
+                " and take vbus_board to look at chips and plants"
+            )
+        board = tested.board
+        cls = plugins.chip_of(family)
+        kin = [chip for chip in board.chips if isinstance(chip, cls)]
+        chip = next((chip for chip in kin if chip.part.startswith(start)), kin[0] if kin else None)
+        if chip is None:
+            have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
+            raise VbusError(
+                f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no'
+                " board gets one with the chips of all fixtures among its arguments"
+            )
+        board.run_until(max(board.now, chip.ready_at() + self.variant.start))
+        bus = connect_in_process(board, chips=(chip.name,) if self.of_chips else ())
+        return ChipBench.of(board, chip, bus, tested.clock)
 
     @property
     def begun(self) -> TestedBoard | None:

@@ -112,7 +112,7 @@ class TestedBoard:
         """Return what the journal holds as one page for a browser."""
         from vbus.nodes.machine import board_of
         from vbus.views.scope.page_file import one_file
-        from vbus.views.scope.replayed import replayed
+        from vbus.views.scope.recording import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
         board = board_of(reader.header, self.file.path)

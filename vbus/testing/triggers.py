@@ -67,11 +67,7 @@ class Triggers:
         return self._armed(arm, not by_hosts)
 
     def edge(
-        self,
-        pin: str,
-        level: int | None = None,
-        within: int | str = WITHIN,
-        by_hosts: bool = False,
+        self, pin: str, level: int | None = None, within: int | str = WITHIN, by_hosts: bool = False
     ) -> asyncio.Future[int]:
         """Wait for an edge at a pin, ``"x.HI"``; gives its instant (ps).
 

@@ -41,11 +41,7 @@ def handed_over(family: int, address: object) -> socket.socket | None:
     return None
 
 
-KEEP_ALIVE: Final = (
-    (socket.TCP_KEEPIDLE, 10),
-    (socket.TCP_KEEPINTVL, 5),
-    (socket.TCP_KEEPCNT, 3),
-)
+KEEP_ALIVE: Final = ((socket.TCP_KEEPIDLE, 10), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
 BACKLOG: Final = 1024
 """Hosts that may wait to be accepted; all are taken in one turn of the event loop."""

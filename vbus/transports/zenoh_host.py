@@ -230,11 +230,7 @@ def _answering(query: zenoh.Query) -> Iterator[None]:
 
 
 def send_reply(
-    query: zenoh.Query,
-    data: bytes,
-    key: str = "",
-    attachment: bytes | None = None,
-    times: int = 1,
+    query: zenoh.Query, data: bytes, key: str = "", attachment: bytes | None = None, times: int = 1
 ) -> None:
     """Answer a query; a host that has gone meanwhile is nobody's loss.
 

@@ -13,7 +13,6 @@ from vbus.cli.generate import (
     chip_pages,
     command_line,
     documents,
-    faults,
     proofs,
     registers,
     sigrok,
@@ -69,7 +68,7 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/c-client.md", c_interface),
     ("docs/command-line.md", command_line.command_line),
-    ("docs/faults.md", faults.faults),
+    ("docs/faults.md", board_file.faults),
     ("docs/index.md", documents.landing),
     ("docs/text-protocol.md", documents.text_protocol),
 ]

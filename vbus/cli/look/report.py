@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.journal_lines import opened, progress
 from vbus.cli.output import no_progress
+from vbus.cli.sources import opened
 
 if TYPE_CHECKING:
     from vbus.circuit.stream import PacketReader
@@ -26,21 +26,14 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 @click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
-    "--fail-on",
-    type=click.Choice(_FAIL_ON),
-    default="error",
-    show_default=True,
+    "--fail-on", type=click.Choice(_FAIL_ON), default="error", show_default=True,
     help="Exit with 1 if a violation of this severity or above is not accepted.",
-)
+)  # fmt: skip
 @no_progress
 def command(
-    journal: Path,
-    style: str,
-    compatibility: str | None,
-    suppress: str | None,
-    fail_on: str,
+    journal: Path, style: str, compatibility: str | None, suppress: str | None, fail_on: str,
     no_progress: bool,
-) -> int:
+) -> int:  # fmt: skip
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.check.checks import all_rules
     from vbus.record.view import play
@@ -48,18 +41,13 @@ def command(
     from vbus.views.findings.report import Report
     from vbus.views.findings.suppress import suppressions_of
 
-    with opened(journal) as reader:
+    with opened(journal, "reading", no_progress) as reader:
         header = reader.header
         report = Report(
-            header.board,
-            header.families,
-            all_rules(),
-            suppressions_of(suppress or ""),
-            header.file,
+            header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
         )
         readers = [report, *_other_part(report, compatibility)]
-        with progress(journal, reader, "reading", no_progress):
-            play(header, reader, *readers)
+        play(header, reader, *readers)
     click.echo(FORMATS[style](report), nl=False)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)

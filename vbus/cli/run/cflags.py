@@ -93,10 +93,9 @@ PLAIN: Final = Shim((), ("vbus.c",))
 
 @click.command("cflags")
 @click.option(
-    "--shim",
-    type=click.Choice(list(SHIMS)),
+    "--shim", type=click.Choice(list(SHIMS)),
     help="Headers with which sources written for other machines compile as they are.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(shim: str | None, as_json: bool) -> None:
     """Print the compiler options of the C client: include path and source file.

@@ -18,11 +18,10 @@ from vbus.core.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
 from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
-from vbus.nodes.node import Node
+from vbus.nodes.node import Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.nodes.trace import hash_of, merged
-from vbus.serve.loop import done_before, first_of, run_until_signal
+from vbus.serve.loop import done_before, first_of, run_until_signal, tell_ready
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.node_records import join_waves, recording_of
@@ -31,7 +30,6 @@ from vbus.serve.nodes.realtime_nodes import RealTime
 from vbus.serve.nodes.timebase import Timebase
 from vbus.serve.orders.control import Control
 from vbus.serve.output_file import OutputFile
-from vbus.serve.readiness import tell_ready
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import Server
@@ -155,8 +153,8 @@ def _conductors(
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
 
 
-def read_traces(paths: Sequence[str]) -> tuple[str, int]:
-    """Merge trace files of all nodes of a run; return the SHA-256 (hex) and the number of lines.
+def read_traces(paths: Sequence[str | Path]) -> tuple[list[str], str]:
+    """Merge trace files of all nodes of a run; return the lines and their SHA-256 (hex).
 
     Raises:
         VbusError: a file cannot be read, or is no trace.
@@ -172,9 +170,9 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
                 head = Path(path).read_bytes()[:HEAD]
                 raise VbusError(is_none(path, head, "trace of nodes", _TRACED)) from None
     if not lines:
-        raise VbusError(is_none(" and ".join(paths), b"", "trace of nodes", _TRACED))
-    lines.sort()
-    return hash_of(line for *_, line in lines), len(lines)
+        raise VbusError(is_none(" and ".join(map(str, paths)), b"", "trace of nodes", _TRACED))
+    merged_lines = [line for *_, line in sorted(lines)]
+    return merged_lines, hash_of(merged_lines)
 
 
 def serve_nodes(

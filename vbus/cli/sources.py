@@ -1,22 +1,61 @@
-"""What running boards tell whoever watches them: one, or the nodes of a machine together."""
+"""What verbs look at: journals, and boards that run: one, or the nodes of a machine together."""
 
 import io
 import json
 import socket
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from vbus.cli.output import complain
+from vbus.cli import exit_codes
+from vbus.cli.output import bar, complain, reading
 from vbus.core.errors import TransportError, VbusError
+
+if TYPE_CHECKING:
+    from vbus.record.format import JournalReader
+    from vbus.record.replay import Outcome
 
 MOST_WAITING: Final = 1024
 """Requests that may wait for a board that does not read; more are refused."""
 NODES_SECONDS: Final = 2.0
 """How long nodes of a machine may take to begin after the first of them."""
+
+
+@contextmanager
+def opened(path: Path, what: str = "", quiet: bool = True) -> Iterator["JournalReader"]:
+    """Open a journal, and show on a terminal how far it is read.
+
+    Args:
+        path: the journal.
+        what: what is done with it, in a word.
+        quiet: show nothing.
+
+    Raises:
+        JournalError: it is none.
+        VbusError: it cannot be read.
+    """
+    from vbus.record.format import JournalReader
+
+    with reading(path) as file:
+        reader = JournalReader(file)
+        with bar(what, path.stat().st_size, lambda: reader.position, quiet) as reader.moved:
+            yield reader
+
+
+def replay_code(path: Path, outcome: "Outcome", damage: str) -> int:
+    """Return the exit code of a journal that was played again; complain unless it ran as before."""
+    if damage:
+        complain(f"{path}: {damage}")
+    found = outcome.divergence
+    if found is None:
+        return exit_codes.OK
+    complain(f'{path}: the run differs from its journal at entry {found.entry}; "vbus replay" shows'
+             " how")  # fmt: skip
+    return exit_codes.FAILURE
 
 
 class Feed:
