@@ -176,7 +176,7 @@ class Board(Circuit):
         return port
 
     def end_leases(self) -> None:
-        """Somebody is about to touch the board: what was promised to hosts comes true first."""
+        """Carry out the cycles that leases promise, before anything else acts on the board."""
         for port in self.ports:
             port.leases.end()
 

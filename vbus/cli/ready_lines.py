@@ -1,4 +1,4 @@
-"""What people are told of a board that is ready."""
+"""The lines about a board that is ready."""
 
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ DURABLE: Final = {
 
 
 def lines_of(status: dict[str, Any]) -> list[str]:
-    """Return what people are told of a board that is ready."""
+    """Return the lines about a board that is ready."""
     from vbus.core.values.units import show
 
     time = status["policy"]

@@ -20,7 +20,7 @@ _A: Final = (0, 1, 1, 0)
 _B: Final = (0, 0, 1, 1)
 
 MOST_TURNED: Final = float(1 << 26)
-"""Counts beyond which no shaft turns in a period; a position that was kept is checked."""
+"""Counts beyond which no shaft turns in a period; a saved position is checked by it."""
 # The largest float below 1.
 _ALMOST_ONE: Final = 0.99999999999999988898
 
@@ -65,7 +65,7 @@ class Encoder:
     def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
         """Tell whether going from ``start`` to ``end`` enters an index, and at which count.
 
-        ``start`` itself does not count; of several indices the first one on the way is told.
+        ``start`` itself does not count; of several indices the first one on the way is returned.
         """
         if not self.index or start == end:
             return False, 0

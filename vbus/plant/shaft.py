@@ -20,7 +20,7 @@ SHAFT_OPTIONS: Final = (
 """Settings of every motor; defaults of inertia and friction are its own (:func:`mass_options`)."""
 
 MOST_COUNTS: Final = 1e9
-"""Counts a second that no shaft turns; a speed that was kept is checked."""
+"""Counts a second that no shaft turns; a saved speed is checked by it."""
 TWO_PI: Final = 6.283185307179586
 
 LOAD_TORQUE: Final = Value("load torque", "_load", unit="N*m", key="load", lane="load", step=1e-6)

@@ -1,4 +1,4 @@
-"""Telling whoever started this process that the board is ready, such as systemd."""
+"""Reports to the parent process, such as systemd, that the board is ready."""
 
 import contextlib
 import os

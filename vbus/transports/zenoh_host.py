@@ -76,7 +76,7 @@ class ZenohLink(MessageLink):
         )
 
     def _send(self, send: Callable[[], None]) -> None:
-        """Send a reply; a host that does not read its replies holds nobody else up."""
+        """Send a reply; a host that does not read its replies must not hold others up."""
         if self.exchange.unacknowledged <= DIRECT:
             send()
             return
@@ -107,7 +107,7 @@ class ZenohLink(MessageLink):
         )
 
     def _publish(self, number: int, code: str, data: bytes, times: int) -> None:
-        """Publish it as often as it is to arrive; a host that has gone is nobody's loss.
+        """Publish it as often as it is to arrive; a host that has gone is no error.
 
         One that does not read loses it: it is stored until the host acknowledges it, and sent again
         when the host repeats its message.
@@ -134,7 +134,7 @@ class ZenohLink(MessageLink):
         return self.exchange.leave()
 
     def push(self, data: bytes) -> None:
-        """Send events to the host, and to nobody else."""
+        """Send events to the host, and to no other."""
         self._traffic.pass_on(EVENT, self.session, lambda times: self._event(data, times))
 
     def _event(self, data: bytes, times: int) -> None:
@@ -195,7 +195,7 @@ def send_reply(
     attachment: bytes | None = None,
     times: int = 1,
 ) -> None:
-    """Answer a query; a host that has gone meanwhile is nobody's loss.
+    """Answer a query; a host that has gone meanwhile is no error.
 
     Args:
         query: the query.

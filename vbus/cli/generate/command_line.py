@@ -54,7 +54,7 @@ def _command(command: click.Command, path: str) -> Iterator[str]:
 
 
 def _paragraphs(text: str) -> Iterator[str]:
-    """Give the help text; what click is told to leave as it is stays as it is."""
+    """Give the help text; blocks that click does not wrap stay as they are."""
     for paragraph in text.split("\n\n"):
         if paragraph.startswith("\b\n"):
             yield from ("```text", paragraph.removeprefix("\b\n"), "```", "")

@@ -1,14 +1,14 @@
-"""What people are told of an attachment: where it leads, its links, how far away the board is."""
+"""The lines about an attachment: where it leads, its links, how far away the board is."""
 
 from typing import Any
 
 
 def lines_of(status: dict[str, Any], counts: bool = True) -> list[str]:
-    """Return what people are told of an attachment.
+    """Return the lines about an attachment.
 
     Args:
         status: what ``vbus ls --json`` shows of it.
-        counts: whether what has passed is told.
+        counts: whether they count what has passed.
     """
     attached = status["attached"]
     gone = "" if attached["state"] == "ready" else f", {attached['state']}"

@@ -9,9 +9,9 @@ TICK: Final = 10 * MS
 SHORTEST_TICK: Final = 5 * MS
 LONGEST_TICK: Final = 200 * MS
 WATCHED_TICK: Final = 50 * MS
-"""The longest tick while somebody looks on."""
+"""The longest tick while the board is observed."""
 RESTING_TICK: Final = 1_000 * MS
-"""The longest tick while nothing moves, nobody looks on and no host asks."""
+"""The longest tick while nothing moves, no observer is there and no host asks."""
 CHEAP_NS: Final = 50_000
 DEAR_NS: Final = 200_000
 """A chip that is brought up to date in less or more than this is looked after less or more often:
@@ -55,7 +55,7 @@ class Tick:
         Args:
             took: wall time of it (ns).
             chips: how many were brought up to date.
-            watched: whether somebody looks on.
+            watched: whether the board is observed.
         """
         each = took // max(chips, 1)
         if each < CHEAP_NS:
