@@ -50,12 +50,12 @@ def reason_for_silence(
             )
         if len(chunks) == 4:
             return (
-                f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: nobody'
+                f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: no process'
                 f" answers at the key {bus_key}; its link must reach that chip (vbus ls)"
             )
         return f'the board "{board}" on the network of {at} answers no more'
     return (
-        f'no board called "{board}" is on the network of {at}: nobody answers at the key'
+        f'no board called "{board}" is on the network of {at}: no process answers at the key'
         f" {bus_key}; is it running, and connected there? (vbus ls --zenoh {endpoints[0]})"
     )
 

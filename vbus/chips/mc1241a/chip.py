@@ -36,7 +36,7 @@ from vbus.chips.mc1241a.datasheet import (
     VALUES,
 )
 from vbus.chips.mc1241a.encoder import AxisInputs
-from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
+from vbus.chips.mc1241a.interrupts import NO_AXIS, Interrupts
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import PacketPort
@@ -158,7 +158,7 @@ class MC1241A(ChipSet):
         status = 0xFF
         if self.kernel.now < self.port.busy_until:
             status &= ~STATUS_READY
-        if self.interrupts.axis != NOBODY:
+        if self.interrupts.axis != NO_AXIS:
             status &= ~STATUS_NO_INTERRUPT
         return status
 
@@ -297,7 +297,7 @@ class MC1241A(ChipSet):
         due = self._next_due()
         if self.cycles.heard:
             due = min(due, self.cycles.boundary)
-        if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
+        if self.interrupts.axis == NO_AXIS and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
         if kind == POLL and self.port.busy_until > self.kernel.now:
             due = min(due, self.port.busy_until)  # PMD-BUS-12
@@ -311,7 +311,7 @@ class MC1241A(ChipSet):
     # -- neighbours ---------------------------------------------------------------------------
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen to an output."""
+        """An output has its first listener, or none any more."""
         self.advance()
         self.output.listen(self.cycles.clk_from(self.kernel.now))
         self.cycles.choose_slots()
@@ -369,7 +369,7 @@ class MC1241A(ChipSet):
             text = f"no checksum of {self.port.unchecked} packets was read"
             found.append((CHECKSUM_UNREAD, text))
         number = self.interrupts.axis
-        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+        if number != NO_AXIS and self.pins["~HostIntrpt"].net.heard:
             found.append(
                 (INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
             )

@@ -155,7 +155,7 @@ class Pwm:
         return self.start + self.length
 
     def steady(self) -> bool:
-        """Whether every further frame is the same level throughout, as long as nobody writes."""
+        """Whether every further frame is the same level throughout, as long as no host writes."""
         command = self._registers.pwm
         if 0 < self.high < self.length or self.sign != sign_of(command):
             return False

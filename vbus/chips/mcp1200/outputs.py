@@ -17,7 +17,7 @@ NOTHING: Final = -1
 class OutputPins:
     """Puts the pins to the levels that registers and clocks give.
 
-    PWM and step edges are only worked out for the instants somebody looks at, or while Pulse or
+    PWM and step edges are only computed for instants that are observed, or while Pulse or
     Sign are listened to.
 
     Args:
@@ -81,7 +81,7 @@ class OutputPins:
         return LOW if low else HIGH
 
     def may_move(self) -> bool:
-        """Whether samples, and what comes of them, can move an output that somebody listens to."""
+        """Whether samples, and what comes of them, can move an output that has a listener."""
         axis = self._axis
         if axis.asked():
             return True

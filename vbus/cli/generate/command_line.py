@@ -20,7 +20,7 @@ _HEAD: Final = """\
 `-h` and `--help`.
 
 A shell completes commands, options, names of running boards, part numbers, faults, demonstrations,
-board files and journals, once it is told so, in `~/.bashrc`, `~/.zshrc` or
+board files and journals, with one line in `~/.bashrc`, `~/.zshrc` or
 `~/.config/fish/completions/vbus.fish`:
 
 ```bash

@@ -16,7 +16,7 @@ class Recorded:
     """The lanes of a run that is over.
 
     Attributes:
-        description: what a page is told first.
+        description: what a page gets first.
         frames: all that happened.
         outcome: what came of the replay.
     """
