@@ -82,7 +82,7 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board.kernel.timer(lambda: None).at(SECOND)
     board.run_until(5 * MS)
     bus = connect_in_process(board)
-    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and was told nothing"):
+    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and read nothing"):
         polled(bus, 3 * LOOK, 0)
     assert watch.cycles == 2 * LOOK + 1
 

@@ -98,12 +98,12 @@ def draw(
     deep = max(map(len, columns.values()), default=0)
     if lanes != LANES or not deep:
         _chosen("lane", lanes, there)
-    drawn: dict[LaneTold, list[tuple[int, float]]] = {
+    courses: dict[LaneTold, list[tuple[int, float]]] = {
         lane: [] for panels in columns.values() for panel in panels for lane in panel
     }
     for when, lane, value in rows.take(b"".join(frames)):
-        if lane in drawn:
-            drawn[lane].append((when, value))
+        if lane in courses:
+            courses[lane].append((when, value))
     first = begin or 0
     last = rows.now if end is None else end
     if not first < last:
@@ -118,7 +118,7 @@ def draw(
             drawn[0][number].set_title(f"{description['board']}: {axis}", loc="right")
             for place, panel in enumerate(panels):
                 _draw_panel(drawn[place][number], panel, units, [
-                    _between(drawn[lane], first, last) for lane in panel
+                    _between(courses[lane], first, last) for lane in panel
                 ], per)  # fmt: skip
             for rest in drawn[len(panels) :, number]:
                 rest.set_visible(False)

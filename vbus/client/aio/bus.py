@@ -375,9 +375,9 @@ class Bus(ChipCycles):
                         if not (paused or before):  # who goes on has time to answer, too
                             raise self._late(message)
                         deadline = monotonic() + self._patience()
-                    paused = self._wire.paused
+                    was = self._wire.paused
                     self._receive()
-                    if self._wire.paused != paused:
+                    if self._wire.paused != was:
                         deadline = monotonic() + self._patience()
                     rest = self._send(rest)
             finally:

@@ -109,8 +109,8 @@ class Wave(PacketReader):
         now = self.board.now
         nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
         self._values = {signal: net.value for signal, net in nets}
-        now = values_of(self.board)
-        self._values |= {self._others[name]: now[name] for name in now if name in self._others}
+        values = values_of(self.board)
+        self._values |= {self._others[k]: value for k, value in values.items() if k in self._others}
         self._latest = dict(self._values)
         for _, net in nets:
             net.observe(self._changes)
