@@ -17,7 +17,7 @@ from vbus.protocols.port import PortError
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
 MOST_CYCLES: Final = 4096
-"""So many different bus cycles are kept as edges."""
+"""Most different bus cycles that are remembered as edges."""
 
 
 class CycleEdge:

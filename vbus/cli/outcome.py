@@ -9,7 +9,7 @@ from vbus.core.signals import Observer
 
 _DRIVES: Final = ("drive", "command")
 _SIZES: Final = ("error", "velocity", "profile")
-"""Lanes of which the greatest size is told."""
+"""Lanes whose greatest size is reported."""
 _REVERSALS: Final = 6
 """Turns to and fro after which an axis is said to oscillate."""
 _NOISE: Final = 2
@@ -32,7 +32,7 @@ class _AxisPath:
         reversals: how often it has turned.
         desired: the profile's position at the last look.
         idle: looks in a row that found the profile running and no drive.
-        idled: whether they were enough to be told.
+        idled: whether they were enough to be reported.
         undriven: why the chip could not move it at the last look; "" if it could.
         in_vain: the same at looks between which its profile ran.
         largest: the greatest size at any look, by lane (:data:`_SIZES`).

@@ -17,13 +17,13 @@ from vbus.views.findings.no_effect import NoEffect
 from vbus.views.latest_lines import LatestLines
 
 KEPT: Final = 40
-"""Lines of a transcript that are kept."""
+"""Lines of a transcript that are stored."""
 AGAIN: Final = "the same polls again"
-"""What is told of several polls in turn that tell nothing new, so that they hide no other line."""
+"""The line for several polls in turn that read nothing new, so that they hide no other line."""
 UNBOUNDED: Final = 1 << 62
 """More than any host does."""
 IN_VAIN: Final = 10_000
-"""Polls that tell nothing new, after which a host hangs that could be told nothing else."""
+"""Polls that read nothing new, after which a host hangs if nothing on its board can change."""
 POLLING: Final = 10.0
 """Seconds of wall time after which one hangs that might be, where time is the wall clock's."""
 PATIENCE: Final = 120.0
@@ -72,7 +72,7 @@ class HostWatch(Observer):
         times: begin each line with the instant of its first packet's end.
 
     Attributes:
-        over: what is called; somebody else may take its place while the board runs.
+        over: called at a bound; may be replaced while the board runs.
         ended: whether the host must not go on.
         stuck: which bound was passed first, as a sentence; "" if none was.
         slow: whether that is one of wall time on a board whose time is virtual.
@@ -181,7 +181,7 @@ class HostWatch(Observer):
             self._read_kept()
         if self.cycles > self._most:
             beside = self._most - self._limits.cycles
-            but = f", beside {beside} of polls that told it nothing new" if beside > 0 else ""
+            but = f", beside {beside} of polls that gave it nothing new" if beside > 0 else ""
             self.pass_bound(f"it made more than {self._limits.cycles} bus cycles{but}")
 
     @property
@@ -197,16 +197,16 @@ class HostWatch(Observer):
         self.pass_bound(f"it was not done after {self._limits.chip_time / SECOND:g} s of chip time")
 
     def _look(self) -> None:
-        """Many polls have told nothing new: find out whether more of them could."""
+        """Many polls have read nothing new: find out whether more of them could."""
         polls, limits = self._polls, self._limits
         if polls.count >= limits.polls and self._unchanging():
             self.pass_bound(
-                f"it polled {polls.count} times and was told nothing new, and nothing on the board"
+                f"it polled {polls.count} times and read nothing new, and nothing on the board"
                 f" can change any more: {polls}"
             )
         elif polls.seconds() > limits.polling:
             self.pass_wall(
-                f"it has polled for {limits.polling:g} s of wall time and was told nothing new (if"
+                f"it has polled for {limits.polling:g} s of wall time and read nothing new (if"
                 ' it may: let time pass between polls, or raise its budget of "polling"):'
                 f" {polls}"
             )
@@ -298,7 +298,7 @@ class HostWatch(Observer):
             raise HostStuck(self.told())
 
     def told(self) -> str:
-        """Return what is told of a host that hangs."""
+        """Return the report about a host that hangs."""
         return "\n".join([self.verdict("the host hangs"), *self.details])
 
     def verdict(self, hangs: str) -> str:

@@ -92,7 +92,7 @@ class TestedBoard:
     def axes(self) -> list[str]:
         """Return what became of each axis: by the journal, so that a test that passes pays nothing.
 
-        It is ended. Of a run of more than :data:`MOST_PLAYED` cycles nothing is told.
+        It is ended. A run of more than :data:`MOST_PLAYED` cycles gives no lines.
         """
         from vbus.cli.outcome import AxisOutcomes
         from vbus.nodes.machine import board_of

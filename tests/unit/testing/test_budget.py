@@ -49,7 +49,7 @@ def test_polls_in_vain_end_a_host_where_nothing_can_change(
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     polled(bus, 700, address)
-    with pytest.raises(HostStuck, match="it polled 700 times and was told nothing new, and noth"):
+    with pytest.raises(HostStuck, match="it polled 700 times and read nothing new, and noth"):
         polled(bus, 1, address)
     assert f"can change any more: {told}" in watch.stuck
     assert watch.cycles == 701
@@ -82,7 +82,7 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board.kernel.timer(lambda: None).at(SECOND)
     board.run_until(5 * MS)
     bus = connect_in_process(board)
-    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and was told nothing"):
+    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and read nothing"):
         polled(bus, 3 * LOOK, 0)
     assert watch.cycles == 2 * LOOK + 1
 
@@ -154,7 +154,7 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
         bus.write(0, RSTI)
     assert watch.cycles == 1500 + 4 * LOOK + 1
     assert watch.stuck == (
-        "it made more than 1500 bus cycles, beside 4000 of polls that told it nothing new"
+        "it made more than 1500 bus cycles, beside 4000 of polls that gave it nothing new"
     )
 
 
@@ -357,9 +357,9 @@ def test_budgets_end_tests_of_every_kind(suite: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(
         [
             "*test_host*",
-            "E*the host hangs: it polled 300 times and was told nothing new, and nothing on the*",
+            "E*the host hangs: it polled 300 times and read nothing new, and nothing on the*",
             "*test_swallowed*",
-            "the host hung: it polled 300 times and was told nothing new, and nothing on the*",
+            "the host hung: it polled 300 times and read nothing new, and nothing on the*",
             "*test_program*",
             "E*the host hangs: it polled *",
             "about to wait",
@@ -429,7 +429,7 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
     result.stdout.fnmatch_lines(
         [
             "*left behind what hung on its terminal, and it goes on in the thread mine at *.py:*",
-            "*HostStuck: the host hangs: it polled 1000 times and was told nothing new, and noth*",
+            "*HostStuck: the host hangs: it polled 1000 times and read nothing new, and noth*",
         ]
     )
     outcomes = result.parseoutcomes()

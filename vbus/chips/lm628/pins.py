@@ -88,7 +88,7 @@ class BusPins(BusFrontEnd):
         self._kernel = chip.kernel
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
-        # What is shown changes at its instant, though nobody looks: the net keeps that instant.
+        # The byte shown changes at its instant, observed or not: the net stores that instant.
         self._live = chip.kernel.timer(self._changes, saved=False)
         self._limits: dict[str, int] = _limits(chip.clock.hz)
         self._late: bool = self._strict("T10")

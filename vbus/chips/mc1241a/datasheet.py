@@ -634,7 +634,7 @@ OPTIONS: Final = (
 )  # fmt: skip
 """Keys a board file may give to the chip set."""
 
-# -- Values: registers that commands load and read, and what is told of the chip set ------------
+# -- Values: registers that commands load and read, and telemetry -------------------------------
 
 _STATUS: Final = "status"
 _POSITION: Final = "position"

@@ -525,7 +525,7 @@ OPTIONS: Final = (
            clause="MCP-TIM-9"),
 )  # fmt: skip
 
-# -- Values: what is told of the chip; its other registers are found as the map names them ------
+# -- Values: telemetry; the other registers are found as the map names them ------
 
 VALUES: Final = ValueTable(
     Value("mode", "mode()", key="mode", text=True),

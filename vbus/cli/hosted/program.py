@@ -137,7 +137,7 @@ def run_on_board(
     """Run a program on a board that lives as long as the program; return its exit code.
 
     The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
-    served as well. What was broken is told at the end, on stderr; if the file asks for records, so
+    served as well. Violations are listed at the end, on stderr; if the file asks for records, so
     is where they are and what became of each axis.
 
     Args:
@@ -146,7 +146,7 @@ def run_on_board(
         host: what the program reaches: chips, card, pin map.
         command: gives program and arguments, for the address of the link.
         transcript: file that takes the bus cycles.
-        summary: whether what was broken is told.
+        summary: whether violations are listed.
         limit: chip time it may take (ps), and it may not poll in vain either; None: it may go on
             as it likes.
         scope: where the board is shown in a browser; else where its file says.

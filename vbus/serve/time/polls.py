@@ -77,8 +77,8 @@ class Polls:
     def seconds(self) -> float:
         """Return the wall time of polls in which this was asked about them, since the last write.
 
-        It is at most twice the time that the processor had for them: on a busy machine nobody hangs
-        sooner.
+        It is at most twice the time that the processor had for them: on a busy machine no host
+        hangs sooner.
         """
         if not self._begun:
             self._begun, self._worked = monotonic(), process_time()

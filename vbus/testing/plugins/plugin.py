@@ -314,8 +314,8 @@ def pytest_runtest_makereport(
     if call.when != "teardown":
         item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
-    told = report.failed and not item.stash.get(SEARCHING, False)
-    if bench is not None and bench.boards and told and not bench.reported:
+    shown = report.failed and not item.stash.get(SEARCHING, False)
+    if bench is not None and bench.boards and shown and not bench.reported:
         failure = bench.failure_report()
         report.sections.append(("vbus", "\n".join(failure.lines)))
         report.user_properties += failure.properties
