@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from vbus.serve.host_limits import HostStuck
 from vbus.testing.bench import Bench
 from vbus.testing.chips import chip_bench
+from vbus.testing.execute import Execute
+from vbus.testing.in_process import connect_in_process
 
 HERE = Path(__file__).parent
 DRIVERS = HERE / "drivers"
@@ -35,7 +36,9 @@ def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Out
     text = path.read_text()
     if change is not None:
         before, after = change
-        assert text.count(before) == 1, f"{driver}: {before!r} stands there {text.count(before)} times"
+        assert text.count(before) == 1, (
+            f"{driver}: {before!r} stands there {text.count(before)} times"
+        )
         text = text.replace(before, after)
     names: dict[str, Any] = {}
     exec(compile(text, str(path), "exec"), names)
@@ -44,6 +47,28 @@ def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Out
         if name.startswith("test_"):
             run_test(function, names.get("BOARD", ""), name, folder, outcome)
     return outcome
+
+
+def run_c(chip: str, number: int, folder: Path) -> Outcome:
+    """Run the C driver of a chip with a mistake, as ``vbus_exec`` does, and look at its motor."""
+    part, rest = BOARDS[chip]
+
+    def test_the_program_moves_its_axis(board: Any) -> None:
+        done = board.execute(DRIVERS / "drivers.c", chip, str(number), flags="-O0")
+        assert done.code == 0, done.errors
+        plant = next(iter(board.board.axes.values()))
+        assert abs(plant.count - rest) <= 6
+
+    outcome = Outcome()
+    run_test(test_the_program_moves_its_axis, part, "test_c", folder, outcome)
+    return outcome
+
+
+BOARDS = {
+    "lm629": ("LM629N-8", -3000),
+    "mcp1200": ("MCP-1200", -4000),
+    "mc1241a": ("MC1241A", -312),
+}
 
 
 def run_test(
@@ -72,8 +97,21 @@ def run_test(
     bench.close()
 
 
+class _Fixtures:
+    """What a test has that takes no fixture of a chip."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.board = bench.main().board
+        self.execute = Execute(bench)
+
+    @property
+    def bus(self) -> Any:
+        """A client's bus on the board, whose chips have come out of their reset."""
+        self.board.run_until(max(chip.ready_at() for chip in self.board.chips))
+        return connect_in_process(self.board)
+
+
 def _fixture(bench: Bench, name: str) -> Any:
     if name == "board":
-        tested = bench.main()
-        return SimpleNamespace(board=tested.board, clock=tested.clock, bench=bench)
+        return _Fixtures(bench)
     return chip_bench(bench, name.upper().replace("MCP1200", "MCP-1200"))

@@ -1,6 +1,6 @@
 """What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -22,6 +22,8 @@ from vbus.chips.mcp1200.timer import FAR
 from vbus.core.kernel import Clock
 from vbus.core.options import Value
 from vbus.core.state import Names
+
+_RESET_GAINS: Final = tuple(ds.REGISTERS[name].reset for name in ("KP", "KI", "KD"))
 
 
 class ClockedAxis(Blocks):
@@ -286,7 +288,11 @@ class ClockedAxis(Blocks):
         lacking = "" if registers.step_mode else loop.lacking()
         if lacking:
             self.report(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
-        if registers.feature & ds.PID and registers.ki and not registers.integral_limit & 0x7FFF:
+        gains = (int(registers.kp), int(registers.ki), int(registers.kd))
+        if not registers.feature & ds.PID and gains != _RESET_GAINS:
+            text = "control begins with the lead filter, and gains of the PID filter are loaded"
+            self.report(ds.PID_UNUSED, cycle, 0, text)
+        elif registers.ki and not registers.integral_limit & 0x7FFF:
             self.report(
                 ds.NO_INTEGRAL, cycle, 0, "control begins with a Ki above 0 and R66:R65 at 0"
             )
