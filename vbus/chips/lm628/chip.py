@@ -408,6 +408,16 @@ class LM628(FrontEndHost):
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
 
+    def hint(self, rule: str, when: int) -> str:
+        """Return that a write came into the reset at power-on, in which busy reads 0 (LM-RST-4)."""
+        if rule != ds.RESET_WRITE.name or when > int(self.settings["reset_time"]):
+            return ""
+        return (
+            f"hint: {self.name} is in the reset that follows power-on, and its busy bit is 0"
+            " meanwhile (LM-RST-4): wait until the status byte is 84H or C4H, or write power_on ="
+            ' "done" in [board], and the board starts after that reset'
+        )
+
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
         self.advance()
