@@ -421,19 +421,22 @@ class LM628(FrontEndHost):
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
         self.advance()
-        axis = self.axis
+        axis, host = self.axis, self.host
+        # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
+        code, step, word = host.next_step() if host.busy else (-1, 0, 0)
+        flags = axis.kept_flags(word) if code == ds.RSTI and step else int(axis.flags)
         found = []
-        if axis.interrupt() and (self._hi.net.heard or axis.interrupts_wanted):
-            flags = flag_names(int(axis.flags & axis.mask))
+        if flags & axis.mask and (self._hi.net.heard or axis.interrupts_wanted):
             unseen = ", and no status byte was read since it rose" if self._unseen else ""
-            text = f"HI is high at the end{unseen}: {flags}; RSTI lets it fall"
+            names = flag_names(int(flags & axis.mask))
+            text = f"HI is high at the end{unseen}: {names}; RSTI lets it fall"
             found.append((ds.HI_STANDS, text))
-        errors = flag_names(int(axis.flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR)))
+        errors = flag_names(flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
         if errors:
             found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
-        if axis.pid.waits():
+        if code != ds.UDF and (axis.pid.waits() or (code == ds.LFIL and step > 1)):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
-        if axis.profile.waits():
+        if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
         return found
 

@@ -221,7 +221,7 @@ class StepperAxis:
 
     def loaded(self) -> bool:
         """Whether the buffer has what no update has taken."""
-        buffer, active = self.buffer, self.active
+        buffer, active = self.buffer, self._taken if self._update_pending else self.active
         return (
             buffer.differs(active)
             or (self.motor_command_given and buffer.motor_command != active.motor_command)

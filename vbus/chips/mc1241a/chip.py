@@ -34,6 +34,7 @@ from vbus.chips.mc1241a.datasheet import (
     STATUS_BITS,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
+    UPDATES,
     VALUES,
 )
 from vbus.chips.mc1241a.encoder import AxisInputs
@@ -383,7 +384,7 @@ class MC1241A(ChipSet):
             if axis.unread:
                 text = f"{axis.unread_errors()}, and no status word has shown it to the host"
                 found.append((ERROR_UNREAD, text))
-            if axis.loaded():
+            if axis.loaded() and self.port.coming not in UPDATES:
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
                 found.append((LEFT_LOADED, text))
         return found
