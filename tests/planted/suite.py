@@ -40,8 +40,7 @@ def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Out
             f"{driver}: {before!r} stands there {text.count(before)} times"
         )
         text = text.replace(before, after)
-    names: dict[str, Any] = {}
-    exec(compile(text, str(path), "exec"), names)
+    names = _module(text, driver)
     outcome = Outcome()
     for name, function in list(names.items()):
         if name.startswith("test_"):
@@ -71,6 +70,14 @@ BOARDS = {
 }
 
 
+def unusual(name: str, folder: Path) -> tuple[Outcome, set[str]]:
+    """Run one of the unusual things that right drivers do; return its outcome and what is noted."""
+    module = _module((DRIVERS / "unusual.py").read_text(), "unusual")
+    outcome = Outcome()
+    run_test(module[name], "", name, folder, outcome)
+    return outcome, module["NOTED"].get(name, set())
+
+
 def run_test(
     function: Callable[..., None], board: str, name: str, folder: Path, outcome: Outcome
 ) -> None:
@@ -95,6 +102,12 @@ def run_test(
         found = [*judged.failing, *judged.notes, *tested.board.left_over()]
         outcome.rules |= {one.rule for one in found}
     bench.close()
+
+
+def _module(text: str, name: str) -> dict[str, Any]:
+    names: dict[str, Any] = {}
+    exec(compile(text, str(DRIVERS / f"{name}.py"), "exec"), names)
+    return names
 
 
 class _Fixtures:

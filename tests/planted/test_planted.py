@@ -1,5 +1,6 @@
 """Planted mistakes: how many make the driver's own test red, or are named by a rule."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, Final
@@ -7,7 +8,7 @@ from typing import Any, Final
 import pytest
 
 from tests.exec.conftest import require
-from tests.planted.suite import HERE, Outcome, run_c, run_python
+from tests.planted.suite import DRIVERS, HERE, Outcome, run_c, run_python, unusual
 
 MISTAKES: Final[dict[str, list[dict[str, str]]]] = tomllib.loads(
     (HERE / "mistakes.toml").read_text()
@@ -19,6 +20,8 @@ ROWS: Final = [
     for driver, rows in MISTAKES.items()
     for number, row in enumerate(rows, 1)
 ]
+
+UNUSUAL: Final = re.findall(r"^def (test_\w+)", (DRIVERS / "unusual.py").read_text(), re.M)
 
 
 @pytest.fixture(scope="session")
@@ -51,6 +54,13 @@ def test_a_mistake_comes_to_what_the_table_says(
     else:
         assert not outcome.red
         assert row["comes_to"] in (SILENT, *outcome.rules)
+
+
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_what_a_right_driver_may_do_is_no_violation(name: str, folder: Path) -> None:
+    outcome, noted = unusual(name, folder)
+    assert outcome.red == []
+    assert outcome.rules - {"mc1241a.checksum-unread"} == noted
 
 
 @pytest.mark.parametrize("driver", MISTAKES)
