@@ -337,12 +337,12 @@ class HostWatch(Observer):
             if values:
                 yield f"{chip.name} has {values}"
         yield from self._ahead
-        for left in self._board.left_over():
-            yield f"{left.chip} notes {left.rule}: {left.detail}"
         if self._polls.commands:
             yield "commands before:"
         for line in self._polls.commands:
             yield f"    {format_instant(line.when)} {line.counted()}"
+        for left in self._board.left_over():
+            yield f"{left.chip} notes {left.rule}: {left.detail}"
 
     def check(self) -> None:
         """End a host that must not go on.
