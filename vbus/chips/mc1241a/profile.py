@@ -4,9 +4,8 @@ from typing import ClassVar, Final
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters
-from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
-from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.chips.motion.trapezoid import arrived, next_velocity, toward
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.state import Names
 
