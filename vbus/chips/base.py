@@ -245,6 +245,14 @@ class Chip:
         """
         return []
 
+    def hint(self, rule: str, when: int) -> str:
+        """Return what a host should know of a rule it has broken at an instant (ps); "" if nothing.
+
+        Returns:
+            a sentence for people, which names the setting or command that helps.
+        """
+        return ""
+
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
 

@@ -16,6 +16,7 @@ from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.core.errors import ConfigError, VbusError
 from vbus.core.runtime import private_runtime
+from vbus.core.signals import Violation
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 from vbus.serve.server import LinkSpec
@@ -364,6 +365,7 @@ class Bench:
         judged = self.judged(tested)
         if tested.strict or self.judge.violations == FAIL:
             lines += by_rule(judged.failing[failing:])
+            lines += tested.board.hints(judged.failing[failing:])
         if self.judge.after_fault == FAIL:
             lines += by_rule(judged.after_fault[after_fault:], ", after a fault")
         return lines
@@ -443,18 +445,27 @@ class Bench:
         judged = self.judged(tested)
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
+        yield from (f"    {line}" for line in tested.board.hints(judged.failing))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        notes = self._notes(tested)
         if notes:
             yield f"notes: {len(notes)}"
             yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
+
+    def _notes(self, tested: TestedBoard) -> list[Violation]:
+        return [*self.judged(tested).notes, *tested.call(tested.board.left_over)]
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Return each rule that is noted, and what it says first: of a test that has passed."""
+        found = [note for tested in self.boards for note in self._notes(tested)]
+        return [(note.rule, f"{note.chip}: {note.detail}") for note in found]
 
     def _keep(self, tested: TestedBoard, suffix: str, content: bytes) -> Path:
         number = self.boards.index(tested)

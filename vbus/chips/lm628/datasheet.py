@@ -73,6 +73,10 @@ RESET: Final = COMMANDS["RESET"].code
 
 MSKI: Final = COMMANDS["MSKI"].code
 RSTI: Final = COMMANDS["RSTI"].code
+LFIL: Final = COMMANDS["LFIL"].code
+UDF: Final = COMMANDS["UDF"].code
+LTRJ: Final = COMMANDS["LTRJ"].code
+STT: Final = COMMANDS["STT"].code
 
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",

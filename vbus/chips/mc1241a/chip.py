@@ -8,7 +8,7 @@ from mypy_extensions import i64
 from vbus.chips.base import CHANGE, POLL, SAMPLE
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.axis import NOBODY, Interrupts, StepperAxis
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
@@ -134,7 +134,7 @@ class MC1241A(ChipSet):
         status = 0xFF
         if self.kernel.now < self.port.busy_until:
             status &= ~ds.STATUS_READY
-        if self.interrupts.axis != NOBODY:
+        if self.interrupts.axis != NO_AXIS:
             status &= ~ds.STATUS_NO_INTERRUPT
         return status
 
@@ -358,7 +358,7 @@ class MC1241A(ChipSet):
             if axis.unread:
                 text = f"{axis.unread_errors()}, and no status word has shown it to the host"
                 found.append((ds.ERROR_UNREAD, text))
-            if axis.loaded():
+            if axis.loaded() and self.port.coming not in ds.UPDATES:
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
                 found.append((ds.LEFT_LOADED, text))
         return found

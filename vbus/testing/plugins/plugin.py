@@ -37,6 +37,8 @@ CALLED: pytest.StashKey[bool] = pytest.StashKey()
 """Whether a test has passed, as far as its call."""
 COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
+NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
+"""What is noted of a test that has passed."""
 
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
@@ -297,6 +299,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     complaints = bench.complaints() if bench else []
     if complaints:
         pytest.fail("\n".join(complaints), pytrace=False)
+    if bench is not None:
+        item.stash[NOTES] = bench.notes()
     return result
 
 
@@ -311,6 +315,8 @@ def pytest_runtest_makereport(
 
         call.excinfo = cut_short(call.excinfo)
     report = yield
+    if call.when == "call" and report.passed:
+        report.__dict__["vbus_notes"] = item.stash.get(NOTES, [])
     if call.when != "teardown":
         item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
@@ -353,9 +359,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was exercised."""
+    """Say what was noted of tests that passed, and what was exercised."""
     coverage = config.stash.get(COVERAGE, None)
     short = config.stash.get(SHORT, "")
+    noted: dict[str, list[str]] = {}
+    for report in terminalreporter.stats.get("passed", []):
+        for rule, text in dict(getattr(report, "vbus_notes", [])).items():
+            noted.setdefault(rule, []).append(f"{report.nodeid}: {text}")
+    if noted:
+        terminalreporter.section("vbus notes of tests that passed")
+        for rule, texts in sorted(noted.items()):
+            tests = "1 test" if len(texts) == 1 else f"{len(texts)} tests, first"
+            terminalreporter.line(f"{rule} in {tests} {texts[0]}")
     if coverage is not None:
         terminalreporter.section("vbus coverage")
         for line in coverage.lines():
