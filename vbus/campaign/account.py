@@ -227,6 +227,10 @@ _NEAR: Final = 4
 """Counts by which a position may differ."""
 
 
+FLAGS: Final = -1
+"""In place of a tolerance: the value is made of bits, in some of which specimens differ."""
+
+
 @cache
 def _rows(
     table: ValueTable, axes: int
@@ -239,7 +243,8 @@ def _rows(
             continue
         for axis in row.of_axes(axes):
             at = f".{axis + 1}" if axes > 1 and "{}" in row.place else ""
-            rows.append((f"{at} {row.name}", _NEAR if row.lane in ("desired", "real") else 0))
+            near = _NEAR if row.lane in ("desired", "real") else FLAGS if row.fields else 0
+            rows.append((f"{at} {row.name}", near))
             places.append(row.number(axis))
     return rows, reader(f"[{', '.join(places)}]")
 

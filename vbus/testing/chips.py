@@ -36,6 +36,6 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
             f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no board'
             " gets one with the chips of all fixtures among its arguments"
         )
-    board.run_until(max(board.now, chip.ready_at() + bench.variant.start))
+    board.run_until(max(board.now, chip.ready_at() + bench.variant.world.ahead))
     bus = connect_in_process(board, chips=(chip.name,) if bench.of_chips else ())
     return ChipBench.of(board, chip, bus, tested.clock)

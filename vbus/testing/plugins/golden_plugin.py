@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
-from vbus.testing.plugins.matrix_plugin import SEARCHING
+from vbus.testing.plugins.worlds_plugin import SEARCHING
 
 if TYPE_CHECKING:
     from vbus.testing.bench import Bench
