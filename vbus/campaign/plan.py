@@ -182,7 +182,7 @@ def _phases(made: Plan, board: Board, phases: int) -> Iterator[Planned]:
 def specimens(file: BoardFile, seed: int, most: int = SPECIMENS) -> Iterator[World]:
     """Give specimens that the manual allows: each extreme alone, then some drawn by the seed."""
     settings = extremes(file)
-    for chip, key, values in settings:
+    for chip, key, values in reversed(settings):
         for value in values:
             if most > 0:
                 most -= 1

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import pytest
 from _pytest.runner import runtestprotocol
 
-from vbus.core.wall_clock import monotonic
-
 if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
@@ -291,6 +289,7 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     from vbus.campaign.verdict import FOUND, SILENT, Campaign, judge
     from vbus.campaign.world import REFERENCE
     from vbus.cli.hosted.campaign_runs import limits_of
+    from vbus.core.wall_clock import monotonic
 
     tally = item.config.stash[TALLY]
     until = monotonic() + (seconds or 0) / max(len(item.session.items), 1)
