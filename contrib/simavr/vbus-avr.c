@@ -905,7 +905,7 @@ int main(int argc, char **argv)
                         " what it knows\n", part);
         return USAGE;
     }
-    error = pin_link_open(&sim.link, link);
+    error = pin_link_open(&sim.link, link, 8);
     if (error < 0) {
         fprintf(stderr, "vbus-avr: %s: %s\n", link,
                 error == VBUS_E_SYSTEM ? strerror(sim.link.bus.system) : pin_link_strerror(error));

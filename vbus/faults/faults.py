@@ -14,8 +14,8 @@ from vbus.core.signals import Observer
 from vbus.core.state import Names
 from vbus.core.values.settings import allowed, among, check_value, quoted
 from vbus.core.values.units import DIMENSIONS
-from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
+from vbus.faults.effects import FaultEffects
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
@@ -112,7 +112,7 @@ class Faults(Observer):
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
-        self.acts: Acts = Acts(board, self.later, self._armed)
+        self.acts: FaultEffects = FaultEffects(board, self.later, self._armed)
         self._queue: list[tuple[int, int, int, int]] = []
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from vbus import plugins
 from vbus.core.options import Option
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 _COUNTS: Final = float(1 << 30)
 _LEVEL: Final = Option("level", "count", 1, "electrical level it shows", low=0, high=1)
@@ -161,7 +161,7 @@ def faults() -> dict[str, Fault]:
     limited = tuple(one.name for one in families if one.limits)
     chips: dict[str, Fault] = {}
     for one in families:
-        upsets = one.load("upsets", Upsets)
+        upsets = one.load("upsets", ChipFaults)
         for row in upsets.FAULTS if upsets is not None else ():
             other = chips.get(row.name, row)
             named = (*other.families, one.name)

@@ -3,10 +3,10 @@
 from vbus.chips.lm628.chip import LM628
 from vbus.core.options import Option, Value
 from vbus.faults.row import CHIP, COUNTED, LASTS, ONCE, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 
-class Lm628Upsets(Upsets):
+class Lm628Upsets(ChipFaults):
     """Its encoder's plant, its resets, its busy times and its clock."""
 
     FAULTS = (

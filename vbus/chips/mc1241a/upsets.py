@@ -7,13 +7,13 @@ from vbus.core.kernel import NEVER
 from vbus.core.options import Option, Value
 from vbus.core.signals import HIGH
 from vbus.faults.row import CHIP, COUNTED, LASTS, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 STUCK: Final = 10**15
 """Longer than any host waits (ps)."""
 
 
-class Mc1241aUpsets(Upsets):
+class Mc1241aUpsets(ChipFaults):
     """The plants of its axes, HostRdy and its clock."""
 
     FAULTS = (

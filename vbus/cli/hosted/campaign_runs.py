@@ -23,7 +23,7 @@ from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import Planned
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import World, begin, of_world
-from vbus.cli.hosted.beside import Ran, run_beside
+from vbus.cli.hosted.program import Ran, run_beside
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND

@@ -148,7 +148,7 @@ def command(
             raise click.UsageError(
                 f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
-    from vbus.cli.hosted.beside import run_on_board
+    from vbus.cli.hosted.program import run_on_board
 
     runner: Runner = partial(
         run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
@@ -189,8 +189,8 @@ def _join(link: str, program: list[str]) -> int:
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
-    from vbus.cli.hosted.beside import run_program
     from vbus.cli.hosted.preload import environment, warn_of
+    from vbus.cli.hosted.program import run_program
     from vbus.client import connect
 
     with connect(link) as bus:
@@ -215,7 +215,7 @@ def run_own(
 ) -> int:
     """Run a program on the board of a file, by what takes the arguments of ``run_on_board``."""
     from vbus.board.config import read_board_file
-    from vbus.cli.hosted.beside import host_of
+    from vbus.cli.hosted.program import host_of
     from vbus.core.errors import ConfigError
     from vbus.serve.serving import recorded
 

@@ -217,8 +217,8 @@ def _replay(
     """Run a program in one world; say what it was and what came of it."""
     from vbus.board.board import Board
     from vbus.campaign.world import begin, of_world, read_world
-    from vbus.cli.hosted.beside import run_beside
     from vbus.cli.hosted.campaign_runs import limits_of
+    from vbus.cli.hosted.program import run_beside
     from vbus.cli.outcome import AxisOutcomes
     from vbus.serve.serving import recorded
 

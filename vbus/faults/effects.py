@@ -28,7 +28,7 @@ _PLACED: Final = ("wire", "glue")
 """Families of faults that are about one wire or one part."""
 
 
-class Acts:
+class FaultEffects:
     """Begins and ends faults on axes, chips, buses, wires and links.
 
     Args:

@@ -13,9 +13,10 @@ from typing import Any, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.card.cards import outputs_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
-from vbus.cli import ending, exit_codes
+from vbus.cli import child_processes, exit_codes
 from vbus.cli.hosted import preload
 from vbus.cli.hosted.at_rest import LOOK, AtRest
 from vbus.cli.look.scope import place_of
@@ -353,17 +354,17 @@ def not_started(program: str, error: OSError) -> ProgramError:
 
 def _interrupts(board: Board, outputs: str) -> str:
     """Name the outputs that interrupt a program, and when one of them moved last."""
-    nets = [board.find_pin(output).net for output in outputs.split()]
+    nets = [board.find_pin(output).net for output, _ in outputs_of(outputs)]
     when = max((net.changed_at for net in nets), default=0)
     return (
         f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
     )
 
 
-def _slay(offspring: ending.Offspring, watch: HostWatch, _: str) -> None:
+def _kill(offspring: child_processes.ChildProcesses, watch: HostWatch, _: str) -> None:
     """End a program that has passed a bound; say what it was doing."""
     watch.add_threads(what_hangs(offspring.there()))
-    offspring.slay()
+    offspring.kill()
 
 
 async def _look_on(look: Callable[[], None]) -> None:
@@ -425,7 +426,7 @@ async def run_program(
     running: list[int] = []
     came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
-    offspring = ending.Offspring()
+    offspring = child_processes.ChildProcesses()
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
@@ -434,7 +435,7 @@ async def run_program(
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if not asked:
-                asked.append(loop.call_later(ending.PATIENCE, offspring.kill, number))
+                asked.append(loop.call_later(child_processes.PATIENCE, offspring.overdue, number))
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
@@ -449,27 +450,27 @@ async def run_program(
             raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
-            watch.over = partial(_slay, offspring, watch)
+            watch.over = partial(_kill, offspring, watch)
             if limit:
                 look = AtRest(offspring.there, watch, note, limit).look
                 at_end.callback(asyncio.ensure_future(_look_on(look)).cancel)
-        loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        loop.add_signal_handler(signal.SIGCHLD, offspring.reap, process.pid)
         # A loop that closes has no pipe for a child that dies then, and its handler still.
         at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
         for early in tuple(came):  # while it was being started
             pass_on(early)
         code = await process.wait()
-        until = asked[0].when() if asked else loop.time() + ending.PATIENCE
+        until = asked[0].when() if asked else loop.time() + child_processes.PATIENCE
         for handle in asked:
             handle.cancel()
         if watch is not None:
             watch.over = None
         left = offspring.there()
         if left and alone and not came and not (watch is not None and watch.ended):
-            ending.say_left(left)
+            child_processes.say_left(left)
         if left and (alone or came):
             await offspring.end(until)
     if "VBUS_EXEC" in environment:
         found = re.search(r";signal=(\d+);", environment["VBUS_EXEC"])
-        ending.explain(code, note, int(found[1]) if found else 0, interrupts())
+        child_processes.explain(code, note, int(found[1]) if found else 0, interrupts())
     return code if code >= 0 else 128 - code
