@@ -4,6 +4,7 @@ from typing import Final
 
 from vbus.chips.lm628.calls import Lm628Calls
 from vbus.chips.lm628.datasheet import (
+    ACCELERATION_LOADED,
     COEFFICIENT_MAX,
     FORWARD,
     LOADS,
@@ -18,7 +19,7 @@ from vbus.chips.lm628.datasheet import (
 )
 from vbus.client.aio.access import READY_POLLS, words_of
 from vbus.client.aio.bus import Bus, Chip
-from vbus.core.errors import NotReadyError
+from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 _STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
@@ -35,14 +36,18 @@ class Lm628(Lm628Calls):
         chip: the chip's name on the board; None if there is only one.
         ready: how busy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip is given up.
+        checked: look after every packet for a command error (LM-AMB-12), after a load of the
+            trajectory at the signals register, and after a move at the desired position: all that
+            the chip tells of what it has taken. It does not tell coefficients and rates.
     """
 
     def __init__(
-        self, bus: Bus, chip: str | None = None, *, ready: str = "poll", polls: int = READY_POLLS
-    ) -> None:
+        self, bus: Bus, chip: str | None = None, *, ready: str = "poll",
+        polls: int = READY_POLLS, checked: bool = False,
+    ) -> None:  # fmt: skip
         self.bus: Bus = bus
         self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
-        super().__init__(self.chip, ready=ready, polls=polls)
+        super().__init__(self.chip, ready=ready, polls=polls, checked=checked)
 
     async def check_reset(self, longest: str = "10ms") -> int:
         """Make the check of a fresh reset that most drivers make; return the last status byte.
@@ -146,8 +151,21 @@ class Lm628(Lm628Calls):
             control |= bit | (bit >> 1 if relative else 0)
             words.extend(words_of(value))
         await self.ltrj(control, *words)
+        if self.checked:
+            await self._check_signals(ACCELERATION_LOADED if acc is not None else 0, 0)
         if start:
             await self.stt()
+        if start and self.checked:
+            way = FORWARD if velocity_mode else 0
+            await self._check_signals(control & (VELOCITY_MODE | way), VELOCITY_MODE | way)
+
+    async def _check_signals(self, wanted: int, mask: int) -> None:
+        signals = await self.rdsigs()
+        if signals & (mask | wanted) != wanted:
+            raise ReadBackError(
+                f"signals register {signals:04X}h after a load of the trajectory: of the bits"
+                f" {mask | wanted:04X}h, {wanted:04X}h must be set"
+            )
 
     async def stop(self, how: str = "smoothly") -> None:
         """Stop ``"smoothly"``, ``"abruptly"``, or by turning the motor ``"off"`` (LM-TRJ-5).
@@ -191,10 +209,14 @@ class Lm628(Lm628Calls):
 
         Raises:
             NotReadyError: the trajectory has not ended after ``longest`` of chip time.
+            ReadBackError: it has ended elsewhere (``checked``).
         """
+        begun = await self.rddp() if self.checked and relative else 0
         await self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
         if acc is not None or vel is not None:
             await self.load_trajectory(acc=acc, vel=vel)
         await self.load_trajectory(pos=pos, relative=relative, start=True)
         await self.wait_status(TRAJECTORY_COMPLETE, longest)
+        if self.checked and (desired := await self.rddp()) != begun + pos:
+            raise ReadBackError(f"the move has ended at {desired}; {begun + pos} was asked for")
         return await self.rdrp()

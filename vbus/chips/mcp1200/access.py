@@ -2,12 +2,19 @@
 
 from typing import Final
 
-from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
+from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED, REGISTERS
 from vbus.client.aio.access import RegisterCycles
 from vbus.client.aio.bus import ChipCycles
+from vbus.core.errors import ReadBackError
 
 FIRST_EXTENDED: Final = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
+_STORED: Final = {
+    row.addresses
+    for row in REGISTERS
+    if row.access == "rw" and not (row.on_read or row.on_write or row.moves)
+}
+"""Registers that read as they were written."""
 
 
 class Mcp1200Access(RegisterCycles):
@@ -16,10 +23,12 @@ class Mcp1200Access(RegisterCycles):
     Args:
         cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
             with one chip.
+        checked: read back every register that reads as it was written.
     """
 
-    def __init__(self, cycles: ChipCycles) -> None:
+    def __init__(self, cycles: ChipCycles, *, checked: bool = False) -> None:
         super().__init__(cycles)
+        self.checked: bool = checked
         self._extended: bool = False
 
     async def extend(self) -> None:
@@ -27,6 +36,8 @@ class Mcp1200Access(RegisterCycles):
         config = await self.cycles.read(CONFIG)
         if not config & EXTENDED:
             await self.cycles.write(CONFIG, config | EXTENDED)
+            if self.checked and not await self.cycles.read(CONFIG) & EXTENDED:
+                raise ReadBackError("R02H: extended addressing is off after it was switched on")
         self._extended = True
 
     async def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
@@ -38,10 +49,18 @@ class Mcp1200Access(RegisterCycles):
         """Write the register at ``addresses``, by extended addressing if need be.
 
         Raises:
+            ReadBackError: the register reads otherwise (``checked``).
             ValueError: the value does not fit.
         """
         await self._reach(addresses)
         await super().write_bytes(addresses, value)
+        if self.checked and addresses in _STORED:
+            found = await super().read_bytes(addresses)
+            written = value & (1 << 8 * len(addresses)) - 1
+            if found != written:
+                raise ReadBackError(
+                    f"R{addresses[0]:02X}H reads {found:X}h after {written:X}h was written"
+                )
         if addresses == (CONFIG,):
             self._extended = bool(value & EXTENDED)
 

@@ -19,7 +19,7 @@ from vbus.chips.mcp1200.datasheet import (
     SOFT_RESET_CODE,
 )
 from vbus.client.aio.bus import Bus, Chip
-from vbus.core.errors import NotReadyError
+from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import parse_duration
 
 PROFILE: Final = 0
@@ -39,12 +39,14 @@ class Mcp1200(Mcp1200Calls):
     Args:
         bus: the session.
         chip: the chip's name on the board; None if there is only one.
+        checked: read back every register that reads as it was written, and flags after they are
+            set or cleared.
     """
 
-    def __init__(self, bus: Bus, chip: str | None = None) -> None:
+    def __init__(self, bus: Bus, chip: str | None = None, *, checked: bool = False) -> None:
         self.bus: Bus = bus
         self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
-        super().__init__(self.chip)
+        super().__init__(self.chip, checked=checked)
 
     async def wait_flags(self, bits: int, level: int, longest: str = "10s") -> int:
         """Read the flag register until ``bits`` of it are ``level``; return it.
@@ -76,10 +78,19 @@ class Mcp1200(Mcp1200Calls):
     async def set_flag(self, number: int) -> None:
         """Set a mode flag by number: :data:`PROFILE`, :data:`VELOCITY` and so on."""
         await self.write_flag(8 | number)
+        if self.checked and number != PROFILE:  # a profile that has ended has cleared its own
+            await self._check_flag(number, 1)
+
+    async def _check_flag(self, number: int, level: int) -> None:
+        flags = await self.read_flag()
+        if flags >> number & 1 != level:
+            raise ReadBackError(f"flag F{number} is not {level} in R00H, {flags:02X}h")
 
     async def clear_flag(self, number: int) -> None:
         """Clear a mode flag by number."""
         await self.write_flag(number)
+        if self.checked:
+            await self._check_flag(number, 0)
 
     async def feature(self, **switches: bool) -> None:
         """Switch features on or off, others stay: ``pid``, ``s_curve``, ``unipolar`` …
@@ -109,6 +120,7 @@ class Mcp1200(Mcp1200Calls):
 
         Raises:
             NotReadyError: the profile has not ended after ``longest`` of chip time.
+            ReadBackError: the command position has ended elsewhere (``checked``).
         """
         await self.feature(s_curve=jerk is not None, high_resolution=True)
         if jerk is not None:
@@ -118,6 +130,8 @@ class Mcp1200(Mcp1200Calls):
         await self.write_final_position(final)
         await self.set_flag(PROFILE)
         await self.wait_flags(F0 | F2, 0, longest)
+        if self.checked and (ended := await self.read_command_position()) != final:
+            raise ReadBackError(f"the profile has ended at {ended}; {final} was asked for")
         return await self.read_actual_position()
 
     async def home(
