@@ -17,7 +17,7 @@ class Lm628Packets(Packets):
             with one chip.
         ready: how busy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip is given up.
-        checked: look after every packet whether the chip has taken it for an error (LM-STA-1).
+        checked: look after every packet whether the chip has taken it for an error (LM-AMB-12).
     """
 
     checked: bool
@@ -235,7 +235,7 @@ class Lm628(Lm628Calls):
         chip: the chip's name on the board; None if there is only one.
         ready: how busy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip is given up.
-        checked: look after every packet for a command error (LM-STA-1), after a load of the
+        checked: look after every packet for a command error (LM-AMB-12), after a load of the
             trajectory at the signals register, and after a move at the desired position: all that
             the chip tells of what it has taken. It does not tell coefficients and rates.
     """

@@ -17,7 +17,7 @@ from vbus.chips.lm628.datasheet import (
     TURN_OFF,
     VELOCITY_MODE,
 )
-from vbus.client.aio.access import READY_POLLS, words_of
+from vbus.client.aio.access import READY_POLLS, twice, words_of
 from vbus.client.aio.bus import Bus, Chip
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import format_instant, parse_duration
@@ -156,8 +156,8 @@ class Lm628(Lm628Calls):
         if start:
             await self.stt()
         if start and self.checked:
-            way = FORWARD if velocity_mode else 0
-            await self._check_signals(control & (VELOCITY_MODE | way), VELOCITY_MODE | way)
+            modes = VELOCITY_MODE | FORWARD
+            await self._check_signals(control & modes, modes)
 
     async def _check_signals(self, wanted: int, mask: int) -> None:
         signals = await self.rdsigs()
@@ -219,4 +219,4 @@ class Lm628(Lm628Calls):
         await self.wait_status(TRAJECTORY_COMPLETE, longest)
         if self.checked and (desired := await self.rddp()) != begun + pos:
             raise ReadBackError(f"the move has ended at {desired}; {begun + pos} was asked for")
-        return await self.rdrp()
+        return await twice(self.rdrp) if self.checked else await self.rdrp()

@@ -3,7 +3,7 @@
 from typing import Final
 
 from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED, REGISTERS
-from vbus.client.aio.access import RegisterCycles
+from vbus.client.aio.access import RegisterCycles, twice
 from vbus.client.aio.bus import ChipCycles
 from vbus.core.errors import ReadBackError
 
@@ -33,11 +33,16 @@ class Mcp1200Access(RegisterCycles):
 
     async def extend(self) -> None:
         """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
-        config = await self.cycles.read(CONFIG)
+        if self.checked:
+            config = await twice(lambda: self.cycles.read(CONFIG), 0)
+        else:
+            config = await self.cycles.read(CONFIG)
         if not config & EXTENDED:
             await self.cycles.write(CONFIG, config | EXTENDED)
-            if self.checked and not await self.cycles.read(CONFIG) & EXTENDED:
-                raise ReadBackError("R02H: extended addressing is off after it was switched on")
+            if self.checked and (found := await self.cycles.read(CONFIG)) != config | EXTENDED:
+                raise ReadBackError(
+                    f"R02H reads {found:02X}h after {config | EXTENDED:02X}h was written"
+                )
         self._extended = True
 
     async def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:

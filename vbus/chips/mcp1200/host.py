@@ -18,6 +18,7 @@ from vbus.chips.mcp1200.datasheet import (
     INDEX_RISING,
     SOFT_RESET_CODE,
 )
+from vbus.client.aio.access import twice
 from vbus.client.aio.bus import Bus, Chip
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import parse_duration
@@ -98,7 +99,7 @@ class Mcp1200(Mcp1200Calls):
         Raises:
             ValueError: no such feature; says which there are.
         """
-        value = await self.read_feature()
+        value = await (twice(self.read_feature, 0) if self.checked else self.read_feature())
         for name, on in switches.items():
             if name not in _FEATURES:
                 raise ValueError(f"no feature {name!r}; there are {', '.join(_FEATURES)}")
@@ -132,7 +133,8 @@ class Mcp1200(Mcp1200Calls):
         await self.wait_flags(F0 | F2, 0, longest)
         if self.checked and (ended := await self.read_command_position()) != final:
             raise ReadBackError(f"the profile has ended at {ended}; {final} was asked for")
-        return await self.read_actual_position()
+        read = self.read_actual_position
+        return await (twice(read) if self.checked else read())
 
     async def home(
         self, *, velocity: int, acceleration: int, rising: bool = False, longest: str = "60s"
