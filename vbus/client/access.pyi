@@ -1,15 +1,12 @@
 # Made from aio/access.py by vbus.cli.generate; change that.
 """How a host moves words and register values to and from a chip, blocking."""
 
-from collections.abc import Awaitable, Callable
 from typing import Final
 
 from vbus.client.blocking import Blocking
 from vbus.client.bus import ChipCycles
 
 READY_POLLS: Final = 1000
-READS: Final = 4
-NEAR: Final = 20
 READY_TIME: Final = "10ms"
 
 class Packets(Blocking):
@@ -95,10 +92,3 @@ class RegisterCycles(Blocking):
         Raises:
             ValueError: the value does not fit.
         """
-
-def twice(read: Callable[[], Awaitable[int]], near: int = NEAR) -> int:
-    """Read a value until two reads in a row are within ``near``; return the last.
-
-    Raises:
-        ReadBackError: five reads all differ.
-    """

@@ -17,8 +17,9 @@ from vbus.chips.lm628.datasheet import (
     TURN_OFF,
     VELOCITY_MODE,
 )
-from vbus.client.aio.access import READY_POLLS, twice, words_of
+from vbus.client.aio.access import READY_POLLS, words_of
 from vbus.client.aio.bus import Bus, Chip
+from vbus.client.aio.twice import twice
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import format_instant, parse_duration
 

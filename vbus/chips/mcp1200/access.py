@@ -3,8 +3,9 @@
 from typing import Final
 
 from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED, REGISTERS
-from vbus.client.aio.access import RegisterCycles, twice
+from vbus.client.aio.access import RegisterCycles
 from vbus.client.aio.bus import ChipCycles
+from vbus.client.aio.twice import twice
 from vbus.core.errors import ReadBackError
 
 FIRST_EXTENDED: Final = 0x40

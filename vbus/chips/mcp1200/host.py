@@ -18,8 +18,8 @@ from vbus.chips.mcp1200.datasheet import (
     INDEX_RISING,
     SOFT_RESET_CODE,
 )
-from vbus.client.aio.access import twice
 from vbus.client.aio.bus import Bus, Chip
+from vbus.client.aio.twice import twice
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import parse_duration
 

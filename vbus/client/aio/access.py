@@ -8,13 +8,10 @@ from vbus.chips.tables import Command, Register
 from vbus.client.aio.bus import ChipCycles
 from vbus.client.aio.waits import Core
 from vbus.core.bits import sign_extend
-from vbus.core.errors import NotReadyError, ReadBackError
+from vbus.core.errors import NotReadyError
 
 READY_POLLS: Final = 1000
 """Status reads after which a chip that is still busy is given up."""
-READS: Final = 4
-NEAR: Final = 20
-"""Counts that an axis may move between two reads of where it is, at rest."""
 READY_TIME: Final = "10ms"
 """The same where the board waits for us: far above every busy time, and a reset."""
 
@@ -171,21 +168,6 @@ class RegisterCycles(Core):
         async with self.cycles.batch() as batch:
             for place, address in enumerate(addresses):
                 batch.write(address, value >> (bits - 8 - 8 * place) & 0xFF)
-
-
-async def twice(read: Callable[[], Awaitable[int]], near: int = NEAR) -> int:
-    """Read a value until two reads in a row are within ``near``; return the last.
-
-    Raises:
-        ReadBackError: five reads all differ.
-    """
-    before = await read()
-    for _ in range(READS):
-        value = await read()
-        if abs(value - before) <= near:
-            return value
-        before = value
-    raise ReadBackError(f"{READS + 1} reads of one value all differ; the last is {before}")
 
 
 # -- one call for each row of a table -----------------------------------------------------------
