@@ -197,11 +197,16 @@ static avr_cycle_count_t look_at_outputs(avr_t *avr, avr_cycle_count_t when, voi
 
 /* --- ports ---------------------------------------------------------------------------------------- */
 
+static unsigned taken_by_the_bus(unsigned port);
+
 static void port_moved(struct port *port)
 {
     avr_t *avr = sim.avr;
     unsigned drive = avr->data[port->port->r_ddr], level = avr->data[port->port->r_port];
+    unsigned taken = taken_by_the_bus(port->number);
 
+    drive &= ~taken;
+    level &= ~taken;
     if (sim.stop)
         return;
     if (sim.link.pins.drive[port->number] == drive && sim.link.pins.level[port->number] == level)
@@ -492,6 +497,30 @@ static unsigned on_the_bus(unsigned address)
     unsigned mine = count == 7 ? 0 : 0xFF >> count, port = sim.avr->data[PORTC] & sim.avr->data[DDRC];
 
     return (address & 0xFF) | ((address >> 8 & mine) | (port & ~mine & 0xFF)) << 8;
+}
+
+/* The bits of a port that are the memory interface while it is on: port A, the address lines of port C
+ * that XMM does not free, and /WR, /RD and ALE on port G. They are no port bits then. */
+static unsigned taken_by_the_bus(unsigned port)
+{
+    unsigned count;
+
+    if (sim.link.card.count == 0 || !(sim.avr->data[XMCRA] & SRE))
+        return 0;
+    count = sim.avr->data[XMCRB] & 7;
+    return port == 0 ? 0xFF : port == 2 ? (count == 7 ? 0 : 0xFF >> count) : port == 6 ? 0x07 : 0;
+}
+
+static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    static const unsigned PORTS[] = {0, 2, 6};
+    unsigned turn;
+
+    (void)param;
+    avr->data[address] = value;
+    for (turn = 0; turn < sizeof PORTS / sizeof *PORTS; turn++)
+        if (sim.ports[PORTS[turn]].port != NULL)
+            port_moved(&sim.ports[PORTS[turn]]);
 }
 
 /* One clock cycle more than internal memory, and the wait states of the sector. */
@@ -932,6 +961,10 @@ int main(int argc, char **argv)
     sim.avr->sleep = do_not_sleep;
     find_ports();
     find_levels();
+    if (sim.link.card.count > 0) {
+        avr_register_io_write(sim.avr, XMCRA, write_control, NULL);
+        avr_register_io_write(sim.avr, XMCRB, write_control, NULL);
+    }
     if (missing_port() >= 0) {
         fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
                 'A' + missing_port(), part);

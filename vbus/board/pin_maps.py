@@ -130,7 +130,7 @@ def wiring(
 
     Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
     control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and
-    RELEASE, SAMPLE).
+    RELEASE, SAMPLE). The same holds for the lines of a card's connector.
 
     Args:
         pin_map: the map; None: there is none.
@@ -150,7 +150,9 @@ def wiring(
     roles_of = {chip.name: roles(chip) for chip in chips}
     for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
         role = roles_of.get(wire.chip, {}).get(wire.pin)
-        if role is not None and by_name[wire.chip] not in decoded:
+        chip = by_name.get(wire.chip)
+        behind = chip is not None and (chip in decoded or chip.CONNECTOR)
+        if role is not None and not behind:
             entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
             continue
         if role is not None and role[0] == DATA:
