@@ -231,7 +231,7 @@ def test_a_card_of_ports_does_not_fit_a_pin_map(run: Run, tmp_path: Path) -> Non
     with pytest.raises(ConfigError, match="both only if the card is the memory bus"):
         run(tmp_path / "none.elf", spec=MEGA, board=BOARD.replace("memory = true\n", ""))
     both = BOARD.replace('PE2 = "/RST"', 'PE2 = "/RD"')
-    with pytest.raises(ConfigError, match='"x" cannot be reached: .*, or leave out all of its bus'):
+    with pytest.raises(ConfigError, match="or leave out all of its bus: a card reaches it, too"):
         run(tmp_path / "none.elf", spec=MEGA, board=both)
 
 

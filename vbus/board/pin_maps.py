@@ -150,8 +150,8 @@ def wiring(
     roles_of = {chip.name: roles(chip) for chip in chips}
     for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
         role = roles_of.get(wire.chip, {}).get(wire.pin)
-        chip = by_name.get(wire.chip)
-        behind = chip is not None and (chip in decoded or chip.CONNECTOR)
+        owner = by_name.get(wire.chip)
+        behind = owner is not None and (owner in decoded or owner.CONNECTOR)
         if role is not None and not behind:
             entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
             continue
