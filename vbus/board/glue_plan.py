@@ -201,7 +201,7 @@ class _Planner:
         if not blocks:
             self._fail(path, f"no output is wired: it does nothing; it has {listed(outputs)}")
         for block in blocks:
-            lacking = [pin for pin in block.inputs if pin not in have]
+            lacking = [pin for pin in block.inputs if pin not in have and pin not in block.outputs]
             if lacking:
                 self._fail(
                     path,
