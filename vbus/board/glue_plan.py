@@ -375,6 +375,9 @@ class _Planner:
                 named[name] = NetSection(
                     name=name, pins=(*known.pins, *more), rest=known.rest, delay=known.delay
                 )
+        for name, net in named.items():
+            if not net.pins:
+                self._fail(("nets", name), "a net joins at least one pin, of glue perhaps")
         self._plan.nets = [*named.values(), *added]
 
     def _fights(self, pins: list[str]) -> None:

@@ -2,7 +2,9 @@
 
 import pytest
 
+from tests.unit.glue.test_cards import FOLDER, Slot
 from tests.unit.glue.test_parts import Bench
+from vbus.board.snapshot import restore, take
 from vbus.core.signals import Z
 from vbus.glue.part import bundled
 
@@ -125,6 +127,26 @@ def test_a_quadrature_counter_holds_both_bytes_from_the_high_one_on() -> None:
 def test_a_quadrature_counter_lets_go_of_the_bus() -> None:
     chip = Counter()
     assert [chip.part.pins[name].level for name in DATA] == [Z] * 8
+
+
+def test_a_card_with_a_port_chip_and_a_counter_has_both_at_its_addresses() -> None:
+    slot = Slot((FOLDER / "ppi_card.toml").read_text())
+    slot.outb(0x363, 0x82)
+    assert slot.inb(0x363) == 0x82
+    found = []
+    for counts in (0, 5):
+        for a, b in ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0), (1, 0))[: counts + 1]:
+            for name, level in (("wheel.CHA", a), ("wheel.CHB", b)):
+                slot.port.pin(slot.port.pin_number(name), level)
+        found.append(slot.inb(0x364) << 8 | slot.inb(0x365))
+    assert found[1] - found[0] == 5
+    slot.outb(0x363, 0x0D)  # PC6: no reset any more
+    assert slot.board.find_pin("x./RST").net.value == 1
+    saved = take(slot.board)
+    slot.outb(0x363, 0x0C)
+    restore(slot.board, saved)
+    assert slot.board.find_pin("x./RST").net.value == 1
+    assert slot.inb(0x362) == 0x40
 
 
 class Expander(Bench):

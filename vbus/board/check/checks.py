@@ -175,7 +175,7 @@ class _Checks:
         for net in self._file.nets:
             found: list[PinRow] = []
             output = ""
-            if not net.pins:
+            if not net.pins and not self._file.has_glue:  # glue may be wired to it
                 yield ("nets", net.name), "a net joins at least one pin"
             for place, name in enumerate(net.pins):
                 path: Path = ("nets", net.name, place)
