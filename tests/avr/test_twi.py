@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.avr.conftest import Compile
-from tests.avr.test_firmware import UNO, Run, run, transcript
+from tests.avr.test_firmware import Run, run, transcript
 
 __all__ = ["run", "transcript"]
 

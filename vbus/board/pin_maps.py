@@ -126,7 +126,8 @@ def wiring(
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
     with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is
-    side pin 3 (PIN), ``o2`` output line 2; a pin that goes both ways is both. See :class:`MappedPin` for the source.
+    side pin 3 (PIN), ``o2`` output line 2; a pin that goes both ways is both. See
+    :class:`MappedPin` for the source.
 
     Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
     control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and
