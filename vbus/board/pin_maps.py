@@ -15,8 +15,9 @@ from vbus.glue.part import GluePart
 if TYPE_CHECKING:
     from vbus.circuit.host_pins import HostPins
 
-PORT_BIT: Final = re.compile(r"[PR]([A-L])(1[0-5]|[0-9])")
-"""A port bit as an AVR (``PB3``), an STM32 (``PB12``) or a PIC (``RB3``) calls it."""
+_PORT_BIT: Final = re.compile(r"(?:[PR]([A-L])|IRQ)(1[0-5]|[0-9])")
+INTERRUPTS: Final = "M"
+"""The port that the interrupt inputs of a processor without ports are to a pin decoder."""
 
 DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 """Names of the single wires of D0-D7."""
@@ -24,6 +25,15 @@ DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
 LINE, BUS = "cb"
 """A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
+
+
+def port_bit(name: str) -> str:
+    """Return a port bit as the wiring text has it, such as ``B3``; empty if ``name`` is none.
+
+    An AVR or STM32 calls it ``PB3``, a PIC ``RB3``; ``IRQ5`` is an interrupt input of a processor.
+    """
+    match = _PORT_BIT.fullmatch(name)
+    return "" if match is None else (match[1] or INTERRUPTS) + match[2]
 
 
 class MappedPin(Struct, frozen=True):
@@ -77,10 +87,10 @@ def wires(
                 yield MappedPin("!" * inverted + source, chip, pin if dot else owner, path)
 
     for bit, names in pin_map.pins.items():
-        match = PORT_BIT.fullmatch(bit)
+        source = port_bit(bit)
         for path, name in below(bit, names):
-            if match is not None:
-                yield from ends(match[1] + match[2], name, path)
+            if source:
+                yield from ends(source, name, path)
     for key, level, tied in (("low", "0", pin_map.low), ("high", "1", pin_map.high)):
         for place, name in enumerate(tied):
             yield from ends(level, name, (key, place))

@@ -35,7 +35,7 @@ class Family(Struct, frozen=True):
         packets: what reads cycles in the manual's words, a ``Decoder``; made from the register map
             if left out.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
-        upsets: what faults can do inside its chips, an ``Upsets``.
+        upsets: what faults can do inside its chips, an ``ChipFaults``.
         limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.

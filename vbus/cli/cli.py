@@ -51,6 +51,7 @@ _GROUPS: Final = {
         "coverage": "Show what a driver has used.",
         "conform": "Compare a capture of a chip.",
         "fault": "Break a board on schedule.",
+        "campaign": "A program in broken worlds.",
     },
     "Network": {
         "attach": "A board elsewhere as a PTY.",

@@ -151,13 +151,6 @@ class AxisOutcomes(Observer):
                 speed = chip.VALUES.lane("velocity")
                 course.unit = speed.unit if speed is not None else ""
 
-    def lines(self, sizes: bool = True) -> list[str]:
-        """Return a sentence for each axis.
-
-        Args:
-            sizes: whether it has the greatest error and speed, which hang on when was looked.
-        """
-        if not sizes:
-            for course in self._courses.values():
-                course.largest.clear()
+    def lines(self) -> list[str]:
+        """Return a sentence for each axis."""
         return [f"{axis}: {course.sentence()}" for axis, course in self._courses.items()]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import IO, Final
 
-from vbus.cli.ending import end_with_parent
+from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
 from vbus.core.errors import VbusError
 

@@ -53,10 +53,11 @@ COMPILED: Final = (
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "board/card/card_cycle.py", "circuit/glue_cycles.py",
-    "serve/direct.py", "serve/time/pace.py", "serve/time/pacer.py", "serve/time/patience.py",
-    "serve/session.py", "serve/time/statistics.py", "serve/time/ticks.py", "serve/time/turns.py",
+    "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
+    "serve/time/spin_policy.py", "serve/time/spin_turn.py", "serve/time/statistics.py",
+    "serve/time/ticks.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
-    "views/scope/lane.py", "views/scope/look.py",
+    "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
 ``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""

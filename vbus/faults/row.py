@@ -58,6 +58,11 @@ class Fault(Struct, frozen=True):
         """Whether it is about a chip or an axis of one."""
         return self.target in (AXIS, CHIP)
 
+    @property
+    def of_cycles(self) -> bool:
+        """Whether it may be about one bus cycle alone."""
+        return self.target == CHIP and self.acts == COUNTED
+
     def exists_for(self, family: str) -> bool:
         """Whether chips of ``family`` can have it."""
         return not self.families or family in self.families

@@ -113,7 +113,7 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
             next = NULL;
         if (next == NULL || (*next != ' ' && *next != '\0'))
             return (int)(text - wiring) + 1;
-        if (place->bit > decoder->widest)
+        if (place->kind == PORT_BIT && place->bit > decoder->widest)
             decoder->widest = place->bit;
         text = next + (*next == ' ');
     }

@@ -23,7 +23,7 @@
 extern "C" {
 #endif
 
-#define PIN_PORTS 12 /* A to L, of up to 16 bits */
+#define PIN_PORTS 13 /* A to L of up to 16 bits, and M: interrupt inputs of a processor */
 #define PIN_BITS 16
 #define PIN_CHIPS 16
 #define PIN_SIDES 64
@@ -87,7 +87,7 @@ void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word);
 /* Look at the data buses behind glue that are wired to a port: call it before pin_decoder_input. */
 void pin_decoder_look(struct pin_decoder *decoder, unsigned port);
 
-/* What the microcontroller reads at a port. */
+/* What the microcontroller reads at a port; of one of 8 bits the low byte counts. */
 unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port);
 
 #ifdef __cplusplus

@@ -14,7 +14,7 @@ from vbus.core.signals import EdgeTaker
 from vbus.core.values.settings import listed, suggestion
 from vbus.core.wall_clock import monotonic
 from vbus.events.names import Names
-from vbus.events.watch import Watch, not_met
+from vbus.events.watch import Watch, not_met, passing
 from vbus.protocols.quantities import format_instant
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
@@ -256,6 +256,10 @@ class Triggers:
 
     def _step(self) -> None:
         """Let time pass to where something may happen next."""
-        board = self._board
+        board, kernel = self._board, self._board.kernel
+
+        def next_look() -> int:
+            return min(kernel.next_stop, board.now + STRIDE)
+
         with self._tested.watch.excused():
-            board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
+            next(passing(lambda: self._come_now, next_look, board.run_until), None)

@@ -115,10 +115,12 @@ def test_the_role_of_each_bus_pin_follows_from_the_chips_own_cycles(
 
 
 MISTAKES = [
-    ("PD4 =", "XD4 =", 'b.toml:17: pinmaps.uno.pins.XD4: "XD4" is no port bit; write PB3 (AVR),'
-     " PB12 (STM32) or RB3 (PIC), with ports A to L and bits 0 to 15"),
-    ("PD4 =", "PD16 =", 'b.toml:17: pinmaps.uno.pins.PD16: "PD16" is no port bit; write PB3 (AVR),'
-     " PB12 (STM32) or RB3 (PIC), with ports A to L and bits 0 to 15"),
+    ("PD4 =", "XD4 =", 'b.toml:17: pinmaps.uno.pins.XD4: "XD4" is no port bit; write PB3 (AVR,'
+     " STM32) or RB3 (PIC), with ports A to L and bits 0 to 15, or IRQ5, an interrupt input of a"
+     " processor"),
+    ("PD4 =", "PD16 =", 'b.toml:17: pinmaps.uno.pins.PD16: "PD16" is no port bit; write PB3 (AVR,'
+     " STM32) or RB3 (PIC), with ports A to L and bits 0 to 15, or IRQ5, an interrupt input of a"
+     " processor"),
     ("PB1 =", "PB0 =", "b.toml:22: pinmaps.uno.pins.PB0: PB0 is the same port bit as RB0; write"
      " one of them"),
     ('"/PS"', '"/SP"', 'b.toml:26: pinmaps.uno.pins.PC1: no chip of this map has a pin "/SP";'

@@ -254,7 +254,7 @@ def test_a_port_may_have_16_bits(decoder: Path) -> None:
 @pytest.mark.parametrize(
     ("wiring", "place"),
     [
-        ("0r=M0", 1), ("0r=A16", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
+        ("0r=N0", 1), ("0r=A16", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
         ("0r=A0 0w", 7), ("0r=A0 0w=", 7), ("0r=A0,0w=A1", 1), ("o32=A0", 1), ("p=A0", 1),
         ("0r=!", 1), ("0r", 1),
     ],

@@ -6,7 +6,16 @@ from msgspec.structs import replace
 
 from vbus.board.card.card_interrupt import ACK, INT
 from vbus.board.check.glue_checks import GlueEnds
-from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, below, missing, roles, targets, wires
+from vbus.board.pin_maps import (
+    DATA_WIRES,
+    INTERRUPTS,
+    below,
+    missing,
+    port_bit,
+    roles,
+    targets,
+    wires,
+)
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
@@ -67,15 +76,15 @@ class PinMapChecks:
         ends: list[tuple[Path, str]] = []
         for bit, names in section.pins.items():
             ends += below(bit, names)
-            match = PORT_BIT.fullmatch(bit)
-            if match is None:
+            source = port_bit(bit)
+            if not source:
                 yield (
                     (*path, "pins", bit),
-                    f"{quoted(bit)} is no port bit; write PB3 (AVR), PB12 (STM32) or RB3 (PIC),"
-                    " with ports A to L and bits 0 to 15",
+                    f"{quoted(bit)} is no port bit; write PB3 (AVR, STM32) or RB3 (PIC), with ports"
+                    " A to L and bits 0 to 15, or IRQ5, an interrupt input of a processor",
                 )
-            elif bits.setdefault(match[1] + match[2], bit) != bit:
-                other = bits[match[1] + match[2]]
+            elif bits.setdefault(source, bit) != bit:
+                other = bits[source]
                 message = f"{bit} is the same port bit as {other}; write one of them"
                 yield (*path, "pins", bit), message
         for key, tied in (("low", section.low), ("high", section.high)):
@@ -168,4 +177,5 @@ class PinMapChecks:
 def _bit_name(source: str) -> str:
     if source.lstrip("!") in ("0", "1"):
         return "ground" if source.endswith("0") else "the supply"
-    return f"P{source.lstrip('!')}"
+    bit = source.lstrip("!")
+    return f"IRQ{bit[1:]}" if bit[0] == INTERRUPTS else f"P{bit}"

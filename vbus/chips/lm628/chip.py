@@ -70,7 +70,7 @@ class LM628(FrontEndHost):
         *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_hi",)
-    DERIVED: ClassVar[Names] = ("_due_at",)
+    DERIVED: ClassVar[Names] = ("_due_at", "_unseen")
 
     def __init__(
         self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
@@ -99,6 +99,8 @@ class LM628(FrontEndHost):
         driven = tuple(self.pins[name] for name in drivers)
         self._outputs: ServoOutputPins = ServoOutputPins(self.output, clock, driven)
         self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
+        self._unseen: bool = False
+        """HI has risen, and no status byte was read since; no part of the saved state."""
         self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
@@ -222,6 +224,7 @@ class LM628(FrontEndHost):
         self.advance()
         host = self.host
         if host.reading_status():
+            self._unseen = False
             return self.status()
         if host.unasked():
             self.axis.flags |= ds.COMMAND_ERROR
@@ -379,6 +382,7 @@ class LM628(FrontEndHost):
         """Bring the output pins up to now, and find when anything is due next."""
         hi = HIGH if self.axis.interrupt() else LOW
         if hi != self._hi.level:
+            self._unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
         if self._front.driving:
@@ -409,9 +413,14 @@ class LM628(FrontEndHost):
         self.advance()
         axis = self.axis
         found = []
-        if axis.interrupt() and self._hi.net.heard:
+        if axis.interrupt() and (self._hi.net.heard or axis.interrupts_wanted):
             flags = flag_names(int(axis.flags & axis.mask))
-            found.append((ds.HI_STANDS, f"HI is high at the end: {flags}; RSTI lets it fall"))
+            unseen = ", and no status byte was read since it rose" if self._unseen else ""
+            text = f"HI is high at the end{unseen}: {flags}; RSTI lets it fall"
+            found.append((ds.HI_STANDS, text))
+        errors = flag_names(int(axis.flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR)))
+        if errors:
+            found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
         if axis.pid.waits():
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
         if axis.profile.waits():

@@ -49,6 +49,7 @@ class StepperAxis:
         "active: part", "profile: part", "limits: part", "encoder: part", "stepper: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_report", "_shared", "number")
+    DERIVED: ClassVar[Names] = ("unread",)
 
     def __init__(
         self,
@@ -84,6 +85,8 @@ class StepperAxis:
         """SET_BUF_MTR_CMD was given since the last update (NOTES 6)."""
         self._motor_command_taken: bool = False
         self._motor_command_from: int = UPDATED
+        self.unread: int = 0
+        """Errors that no status word has shown the host; no part of the saved state."""
         self.interrupt_mask: int = 0
         self.breakpoint_mode: int = ds.BRK_OFF
         self.breakpoint_value: int = 0
@@ -197,6 +200,7 @@ class StepperAxis:
         error = self._expected() - self.encoder.counted - self._error_offset
         self.position_error = max(-32_768, min(32_767, error))
         if self._has_motion_error():
+            self.unread |= ds.MOTION_ERROR & ~self.events
             self.events |= ds.MOTION_ERROR
             if self.auto_stop and self.motor_on:
                 self.disable()
@@ -280,6 +284,12 @@ class StepperAxis:
                 return
         if profile.start(self.active, given):
             self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-12
+        elif given and profile.stuck(self.active):
+            self._report(
+                ds.NO_RATE,
+                f"axis {self.number + 1}: the update of a move with velocity {self.active.velocity}"
+                f" and acceleration {self.active.acceleration}: it does not begin",
+            )
 
     def _copy(self, buffer: ProfileRegisters) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
@@ -317,6 +327,7 @@ class StepperAxis:
             )
 
     def _refuse(self, why: str) -> None:
+        self.unread |= ds.COMMAND_ERROR & ~self.events
         self.events |= ds.COMMAND_ERROR
         self._report(ds.COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
 
@@ -384,7 +395,16 @@ class StepperAxis:
         """Clear the events whose bits in ``keep`` are 0, but no lasting error (PMD-STA-4)."""
         if self._has_motion_error():
             keep |= ds.MOTION_ERROR
+        if self.unread & ~keep:
+            text = f"{self.unread_errors()} is cleared, and no status word has shown it to the host"
+            self._report(ds.ERROR_UNREAD, text)
+            self.unread &= keep
         self.events &= keep & ds.EVENTS
+
+    def unread_errors(self) -> str:
+        """Return the axis and what of :attr:`unread` is set, in words."""
+        names = [bit.name for bit in ds.STATUS_BITS if self.unread & bit.mask]
+        return f"axis {self.number + 1}: {', '.join(names)}"
 
     # -- rest ---------------------------------------------------------------------------------
 

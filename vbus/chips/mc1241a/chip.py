@@ -19,6 +19,7 @@ from vbus.chips.mc1241a.datasheet import (
     COMMAND_ERROR,
     COMMAND_PORT,
     DATA_PORT,
+    ERROR_UNREAD,
     ERRORS_STAND,
     FAMILY,
     INTERRUPT_STANDS,
@@ -379,6 +380,9 @@ class MC1241A(ChipSet):
             if names:
                 text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
                 found.append((ERRORS_STAND, text))
+            if axis.unread:
+                text = f"{axis.unread_errors()}, and no status word has shown it to the host"
+                found.append((ERROR_UNREAD, text))
             if axis.loaded():
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
                 found.append((LEFT_LOADED, text))

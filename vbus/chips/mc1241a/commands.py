@@ -6,6 +6,7 @@ from vbus.chips.mc1241a.axis import StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.mc1241a.datasheet import (
+    AXIS_SHIFT,
     COMMANDS,
     IDLE_UPDATE,
     KEEPS_INTERRUPT,
@@ -127,6 +128,10 @@ class Commands:
         axis.request_update()
 
     # -- interrupts ---------------------------------------------------------------------------
+
+    def shown(self, word: int) -> None:
+        """The host reads a status word: it has seen the errors in it (PMD-STA-1)."""
+        self._axes[word >> AXIS_SHIFT & 1].unread &= ~word
 
     def interrupting_status(self) -> int:
         """Return the status of the interrupting axis, else of the current one (PMD-CMD-42)."""

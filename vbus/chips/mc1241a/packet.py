@@ -172,6 +172,8 @@ class PacketPort:
         elif self._taken < self._reads:
             self._word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
             self._word_is_data = True
+            if self._code in ds.STATUS_READERS:
+                self._commands.shown(self._word)
         else:
             self._word = self._checksum
             self.unchecked = -1

@@ -195,6 +195,12 @@ class Profile:
         # What cannot begin has not ended either (NOTES 21).
         return not moves and (way == 0 or running)
 
+    def stuck(self, active: ProfileRegisters) -> bool:
+        """Whether a trapezoid that has been started stands, away from its destination."""
+        if self.mode != ds.TRAPEZOIDAL or self._state == RUNNING:
+            return False
+        return self.position != active.position << 32 and not _can_begin(active)
+
     def settled(self, active: ProfileRegisters) -> bool:
         """Whether :meth:`start` would leave a point-to-point move as it is: under way, or over."""
         if self.mode in (ds.VELOCITY, ds.GEAR):

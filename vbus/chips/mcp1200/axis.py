@@ -286,6 +286,10 @@ class ClockedAxis(Blocks):
         lacking = "" if registers.step_mode else loop.lacking()
         if lacking:
             self.report(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
+        if registers.feature & ds.PID and registers.ki and not registers.integral_limit & 0x7FFF:
+            self.report(
+                ds.NO_INTEGRAL, cycle, 0, "control begins with a Ki above 0 and R66:R65 at 0"
+            )
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""

@@ -151,7 +151,9 @@ class ControlLoop:
         registers = self.registers
         if not registers.feature & ds.PID:
             return "" if registers.lead_gain else "R22, the gain of the lead filter, 0"
-        gains = registers.kp | registers.ki | registers.kd
+        gains = registers.kp | registers.kd
+        if registers.integral_limit & 0x7FFF:
+            gains |= registers.ki
         forward = registers.kv | registers.ka | registers.feed_forward
         return "" if gains or forward else "all gains of the PID filter 0"
 

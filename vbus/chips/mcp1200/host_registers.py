@@ -16,6 +16,8 @@ _STORED_CAPTURE_BITS: Final = (
 )
 _CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
 _COMMAND_MSB, _COMMAND_CSB = ds.REGISTERS["COMMAND_POSITION"].addresses[:2]
+_FINAL_POSITION: Final = ds.REGISTERS["FINAL_POSITION"].addresses
+_SATURATION: Final = ds.REGISTERS["SATURATION"].low
 _ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses[1:]
 
 
@@ -30,6 +32,7 @@ class HostRegisters:
 
     STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
     WIRING: ClassVar[Names] = ("_blocks", "_encoder_pins", "_registers", "_side")
+    DERIVED: ClassVar[Names] = ("_position_bytes", "_late_bytes")
 
     def __init__(self, blocks: Blocks, side: SidePins, encoder_pins: ChannelPins) -> None:
         self._blocks: Blocks = blocks
@@ -39,6 +42,11 @@ class HostRegisters:
         self._held_msb: int = 0
         self._held_csb: int = 0
         self._noted: set[int] = set()
+        self._position_bytes: int = 0
+        """Bytes of a final position written since F0 was set last, a bit each, whole at 7; like
+        the next no part of the saved state."""
+        self._late_bytes: int = 0
+        """Those that were not written when it was set, although others were."""
 
     def map(self, address: int) -> int:
         """Register a bus address selects: 6 bits of it, or 7 (MCP-BUS-9)."""
@@ -76,6 +84,9 @@ class HostRegisters:
                 ds.LISTED_RANGE, cycle, data,
                 f"R{address:02X} = {data:02X}H: the manual lists 00H to {most:02X}H",
             )  # fmt: skip
+        if address == _SATURATION and data in ds.FORCELESS:
+            text = f"R4B = {data:02X}H: a saturated DAC port gives 800H, which is no force"
+            self._blocks.report(ds.NO_FORCE, cycle, data, text)
         hook = _WRITES.get(address)
         if hook is None:
             self._note(address, cycle)
@@ -104,9 +115,31 @@ class HostRegisters:
     def store(self, address: int, data: int, cycle: int) -> None:
         """A byte of storage; with the last one some registers take effect."""
         self._registers.put(address, data)
+        if address in _FINAL_POSITION:
+            self._note_position(address, cycle)
         loaded = _LOADED.get(address)
         if loaded is not None:
             loaded(self, cycle)
+
+    def _note_position(self, address: int, cycle: int) -> None:
+        """A byte of the final position has come: perhaps one that F0 has not waited for."""
+        bit = 1 << address - _FINAL_POSITION[-1]
+        if not self._late_bytes & bit or not self._registers.flag & ds.F0:
+            self._late_bytes = 0
+            self._position_bytes = bit | self._position_bytes % 7  # 7 is a whole one
+            return
+        self._late_bytes &= ~bit
+        text = f"R{address:02X} is written after F0 was set, and other bytes before"
+        self._blocks.report(ds.SPLIT_POSITION, cycle, address, text)
+
+    def _judge_position(self, cycle: int) -> None:
+        """F0 is set: say so if the final position has been written in part."""
+        written, self._position_bytes = self._position_bytes, 0
+        self._late_bytes = ~written & 7 if written else 0
+        if self._late_bytes:
+            names = [f"R{_FINAL_POSITION[-1] + n:02X}" for n in range(3) if not written >> n & 1]
+            text = f"of the final position {' and '.join(names)} stayed as before"
+            self._blocks.report(ds.PART_POSITION, cycle, written, text)
 
     def ignore(self, address: int, data: int, cycle: int) -> None:
         """A register that cannot be written."""
@@ -134,6 +167,7 @@ class HostRegisters:
             blocks.report(ds.TOO_EARLY, cycle, flag, "R00 is written before R05 = 03 is obeyed")
         if flag != ds.F0:
             return
+        self._judge_position(cycle)
         fine = registers.feature & ds.HIGH_RESOLUTION
         low = registers.profile_velocity
         velocity, other = (registers.velocity, low) if fine else (low, registers.velocity)

@@ -12,7 +12,7 @@ from typing import Final
 from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import absent
-from vbus.cli.hosted.beside import run_on_board, run_program
+from vbus.cli.hosted.program import run_on_board, run_program
 from vbus.core.errors import ConfigError, ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 from vbus.core.values.settings import among, listed

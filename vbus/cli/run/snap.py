@@ -128,7 +128,7 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
     """
     from vbus.board.snapshot import take, write
     from vbus.cli.journal_lines import line, opened, recorded_board
-    from vbus.events.watch import Holds
+    from vbus.events.watch import ConditionTracker
     from vbus.record.history import History
     from vbus.record.view import Sessions
 
@@ -136,7 +136,7 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
         header = reader.header
         entries = list(reader)
     history = History(lambda: recorded_board(journal, header), entries)
-    holds = Holds(condition, history.board)
+    holds = ConditionTracker(condition, history.board)
     found = history.first(holds, holds.stays)
     if found is None:
         never = f"{condition}: never in {len(entries)} entries"

@@ -16,16 +16,16 @@ from vbus.serve.attach.far_port import FarPort
 from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
+from vbus.serve.detached_waits import DetachedWaits
+from vbus.serve.disconnects import DisconnectPoller
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import LocalSocket, Telling
 from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.registry import control_path, status_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.pace import Pace
+from vbus.serve.time.spin_turn import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.serve.time.turns import Turns
+from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link
 from vbus.transports.runtime import mark_pause
 
@@ -104,7 +104,7 @@ class Attachment:
         ]
         self._last: dict[HostEntry, Upstream] = {}
         self._upstreams: set[Upstream] = set()
-        self._turns: Turns = Turns()
+        self._turns: SpinTurn = SpinTurn()
         self._looking: asyncio.Task[None] | None = None
         self._failure: TransportError | None = None
         self._stop: asyncio.Event = asyncio.Event()
@@ -123,9 +123,9 @@ class Attachment:
         loop = asyncio.get_running_loop()
         with ExitStack() as closing:
             self._open_local_sockets(loop, closing)
-            self._hang_ups: HangUps = HangUps(loop)
-            self._hang_ups.open()
-            closing.callback(self._hang_ups.close)
+            self._disconnects: DisconnectPoller = DisconnectPoller(loop)
+            self._disconnects.open()
+            closing.callback(self._disconnects.close)
             closing.callback(self._close_links)
             self._open_links(loop)
             self.served = True
@@ -165,8 +165,8 @@ class Attachment:
             TransportError: one cannot be opened; none is open then.
         """
         serving = Serving(
-            loop, Pace(), self._turns, Histogram(ROUND_TRIP_NS), self._hang_ups,
-            Departures(Pace()), self._session_ended,
+            loop, TimeSource(), self._turns, Histogram(ROUND_TRIP_NS), self._disconnects,
+            DetachedWaits(TimeSource()), self._session_ended,
         )  # fmt: skip
         with ExitStack() as opened:
             for host in self._hosts:

@@ -99,7 +99,7 @@ class RelaySession(Session):
     def _finish(self) -> None:
         """The host will send no more, and may be there for what it has asked for."""
         self._move(FINISH)
-        if self._hang_ups.gone_of([self.link.fd]):
+        if self._disconnects.gone_of([self.link.fd]):
             self._leave()
         else:
             self._relay.finish()

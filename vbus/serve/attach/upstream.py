@@ -14,7 +14,7 @@ from vbus.client.ready import until_ready
 from vbus.core.errors import TransportError, VbusError
 from vbus.core.wall_clock import monotonic, monotonic_ns
 from vbus.serve.attach.meter import Meter
-from vbus.serve.time.pace import nothing
+from vbus.serve.time.time_source import nothing
 from vbus.transports.sockets import KEEP_ALIVE
 
 T = TypeVar("T")

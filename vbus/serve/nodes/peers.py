@@ -23,7 +23,7 @@ from vbus.serve.nodes.ordering import (
     read_answer,
     read_request,
 )
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 TICK: Final = 0.1
 """Seconds between signs of life."""
@@ -156,7 +156,7 @@ class Peers(Receiver):
         """Return where time stands, for an error message."""
         raise NotImplementedError
 
-    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+    def pacer(self, node: Node, part: BoardFile) -> WallClockPacer:
         """Return what moves the board of a node of this process, once it is :attr:`agreed`.
 
         Args:

@@ -16,10 +16,10 @@ from vbus.core.errors import TimeEndedError
 from vbus.core.kernel import END, FAR, MS, NEVER, SECOND
 from vbus.core.wall_clock import monotonic_ns
 from vbus.serve.time.overload import Overload
-from vbus.serve.time.pace import Pace, chip_time, nothing
-from vbus.serve.time.slices import SLICE_NS, Slices
 from vbus.serve.time.statistics import LAG_PS, Histogram
 from vbus.serve.time.ticks import Tick
+from vbus.serve.time.time_slicer import SLICE_NS, TimeSlicer
+from vbus.serve.time.time_source import TimeSource, chip_time, nothing
 from vbus.transports.linux import TimerFd
 
 AHEAD: Final = 2 * MS
@@ -43,7 +43,7 @@ log = logging.getLogger("vbus")
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Pacer(Pace):
+class WallClockPacer(TimeSource):
     """Moves a board's time with the wall clock.
 
     One anchor ties wall time to chip time and never moves, so nothing drifts; except with
@@ -100,7 +100,7 @@ class Pacer(Pace):
         self._use_rate()
         self._slice: int = SLICE
         self._slicing: bool = False
-        self._slices: Slices = Slices(board, clock)
+        self._slices: TimeSlicer = TimeSlicer(board, clock)
         self._epoch: int = epoch
         self._anchor_ns: int = clock()
         self._anchor_ps: int = board.now

@@ -345,7 +345,7 @@ def pytest_runtest_makereport(
     """Let the report of a failing test carry what its boards saw."""
     whole = item.config.getoption("fulltrace") or item.stash.get(BENCH, None) is None
     if call.excinfo is not None and not whole:
-        from vbus.testing.plugins.own_lines import cut_short
+        from vbus.testing.plugins.traceback_filter import cut_short
 
         call.excinfo = cut_short(call.excinfo)
     report = yield

@@ -12,6 +12,7 @@ from vbus.board.board import Board
 from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
 from vbus.circuit.stream import PacketReader, decoder_of
 from vbus.core.signals import Violation
+from vbus.views.scope.axis_sampler import AxisSampler, SampleSchedule
 from vbus.views.scope.frames import (  # fmt: skip
     ALL,
     CHIPS,
@@ -29,7 +30,6 @@ from vbus.views.scope.frames import (  # fmt: skip
 )
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import GAP_MARK, MARK_LANE, Lanes, Lateness
-from vbus.views.scope.look import Look, LookTimes
 
 COMMAND: Final = 0
 WRITTEN: Final = 1
@@ -69,12 +69,12 @@ class Recorder(PacketReader):
         self._edges: bool = edges
         self._running: bool = False
         self._at_samples: bool = True
-        self._looks: dict[str, Look] = {}
-        times = LookTimes(board.kernel)
+        self._looks: dict[str, AxisSampler] = {}
+        times = SampleSchedule(board.kernel)
         for chip in board.chips:
             mine = {pin.net.name for pin in chip.pins.values()} if not edges else ()
             levels = [row for name, row in self.lanes.nets.items() if name in mine]
-            self._looks[chip.name] = look = Look(board, times, chip, self.lanes, levels)
+            self._looks[chip.name] = look = AxisSampler(board, times, chip, self.lanes, levels)
             look.on_interrupt = self._interrupt
         self._labels: dict[tuple[str, str], int] = {}
         self._new: list[tuple[str, str]] = []

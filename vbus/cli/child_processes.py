@@ -25,7 +25,7 @@ _SUBREAPER: Final = 36
 """What the system call prctl is asked for: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER."""
 
 
-class Offspring:
+class ChildProcesses:
     """The program and the processes that come from it, also where their parents have ended.
 
     Those become children of this process, as long as this object is in use.
@@ -50,23 +50,23 @@ class Offspring:
         """Return those that run, the youngest last."""
         return offspring(child for child in children(os.getpid()) if child not in self._others)
 
-    def bury(self, program: int = 0) -> None:
+    def reap(self, program: int = 0) -> None:
         """Take notice of the ends of orphans; of the program's somebody else does."""
         for child in children(os.getpid()):
             if child not in self._others and child != program:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
 
-    def slay(self) -> None:
+    def kill(self) -> None:
         """Kill those that run."""
         for pid in self.there():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
-    def kill(self, number: int) -> None:
+    def overdue(self, number: int) -> None:
         """Kill what has not ended after signal ``number``, and say what it was doing."""
         hangs = what_hangs(self.there())
-        self.slay()
+        self.kill()
         _say(
             f"{signal.Signals(number).name} has not ended the program within {PATIENCE:g} s; it is"
             " killed",
@@ -81,9 +81,9 @@ class Offspring:
                 os.kill(pid, signal.SIGTERM)
         while self.there() and loop.time() < until:
             await asyncio.sleep(_LOOK)
-            self.bury()
+            self.reap()
         if self.there():
-            self.kill(signal.SIGTERM)
+            self.overdue(signal.SIGTERM)
 
 
 def end_with_parent() -> Callable[[], None]:

@@ -30,7 +30,7 @@ _END: Final[i64] = int(END)
 """As machine words: a compiled core keeps literals this large as objects."""
 
 
-class LookTimes:
+class SampleSchedule:
     """When each chip is looked at next: one timer for all, one entry for those due together.
 
     Args:
@@ -42,9 +42,9 @@ class LookTimes:
         self._timer: Timer = kernel.onlooker(self._look)
         self._dues: list[int] = []
         """Instants in a heap, each once."""
-        self._looks: dict[int, list[Look]] = {}
+        self._looks: dict[int, list[AxisSampler]] = {}
 
-    def at(self, look: "Look", when: i64) -> None:
+    def at(self, look: "AxisSampler", when: i64) -> None:
         """Look at ``when`` (ps); an earlier setting is forgotten."""
         if when == look.due:
             return
@@ -82,7 +82,7 @@ def take_down(lanes: list[Lane], when: object, steps: list[int | float]) -> None
             lane.note(when, step)  # type: ignore[arg-type]
 
 
-class Behind:
+class PlantLanes:
     """The mechanics behind an axis, and the lanes of what they tell.
 
     Args:
@@ -105,7 +105,7 @@ class Behind:
         take_down(self.lanes, now if self.lanes[0].untold else ahead, self._steps(self.plant))
 
 
-class Look:
+class AxisSampler:
     """Looks at one chip, its plants and its pins.
 
     Args:
@@ -117,20 +117,20 @@ class Look:
 
     Attributes:
         registers: what is in the chip.
-        due: when it is looked at next (ps); for :class:`LookTimes`.
+        due: when it is looked at next (ps); for :class:`SampleSchedule`.
         on_interrupt: takes what is said of an interrupt as it comes.
     """
 
     def __init__(
         self,
         board: Board,
-        times: LookTimes,
+        times: SampleSchedule,
         chip: Chip,
         lanes: Lanes,
         levels: list[tuple[Net, Lane]],
     ) -> None:
         self._kernel: Kernel = board.kernel
-        self._times: LookTimes = times
+        self._times: SampleSchedule = times
         self.due: i64 = _NEVER
         self._chip: Chip = chip
         self.registers: ChipRegisters = ChipRegisters(chip, lanes)
@@ -139,8 +139,8 @@ class Look:
         """What was read last, and where, if such a read does nothing to the chip."""
         self._lanes: list[Lane] = lanes.values[chip.name]
         self._steps: Callable[[Chip], list[int | float]] = chip.VALUES.steps(chip.axis_count)
-        self._plants: list[Behind] = [
-            Behind(plant, behind) for plant, behind in lanes.plants[chip.name] if behind
+        self._plants: list[PlantLanes] = [
+            PlantLanes(plant, behind) for plant, behind in lanes.plants[chip.name] if behind
         ]
         self._levels: list[tuple[Net, Lane]] = levels
         self._rest: int = 0

@@ -15,7 +15,7 @@ from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.glue import Placed, glue_fault
 from vbus.faults.messages import MESSAGES, concerned
-from vbus.faults.row import AXIS, LASTS, LINK, WIRE
+from vbus.faults.row import AXIS, LINK, ONCE, WIRE
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
 
@@ -28,7 +28,7 @@ _PLACED: Final = ("wire", "glue")
 """Families of faults that are about one wire or one part."""
 
 
-class Acts:
+class FaultEffects:
     """Begins and ends faults on axes, chips, buses, wires and links.
 
     Args:
@@ -124,7 +124,7 @@ class Acts:
                 bus.end()
         elif armed.name in CLOCKS:
             return self.clock(armed.target).end(armed.number)
-        elif fault.acts == LASTS:
+        elif fault.acts != ONCE:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
 

@@ -8,7 +8,7 @@ from typing import Final
 from vbus.core.kernel import NEVER, SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.time.pace import Pace, nothing
+from vbus.serve.time.time_source import TimeSource, nothing
 from vbus.transports.base import Link
 
 LONGEST: Final = 60 * SECOND
@@ -28,7 +28,7 @@ class Departed(typing.Protocol):
         """Carry out no more of what it waits for."""
 
 
-class Departures:
+class DetachedWaits:
     """What hosts have left under way that have gone.
 
     A host's end is orderly: the complete requests it had sent are carried out, in their order,
@@ -51,8 +51,8 @@ class Departures:
         closed: whether the board stops, and nothing more is carried out.
     """
 
-    def __init__(self, pacer: Pace) -> None:
-        self._pacer: Pace = pacer
+    def __init__(self, pacer: TimeSource) -> None:
+        self._pacer: TimeSource = pacer
         self.under_way: list[Departed] = []
         self._arrivals: list[_Arrival] = []
         self.closed: bool = False

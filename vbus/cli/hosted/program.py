@@ -9,14 +9,14 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TextIO
+from typing import Any, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.card.cards import outputs_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
-from vbus.cli import ending, exit_codes
+from vbus.cli import child_processes, exit_codes
 from vbus.cli.hosted import preload
 from vbus.cli.hosted.at_rest import LOOK, AtRest
 from vbus.cli.look.scope import place_of
@@ -185,6 +185,7 @@ class Ran:
         findings: what was broken.
         outcome: what became of each axis.
         hangs: why it was ended, if it hung.
+        slow: whether that says nothing of it, because the machine was too slow.
         lost: why files have not all they should have; it has been said.
     """
 
@@ -192,6 +193,7 @@ class Ran:
     findings: FirstViolations
     outcome: AxisOutcomes
     hangs: list[str]
+    slow: bool
     lost: list[str]
 
 
@@ -201,9 +203,9 @@ def run_beside(
     host: HostSection,
     command: Callable[[str], list[str]],
     transcript: str | TextIO | None = None,
-    ahead: int = 0,
-    stdout: BinaryIO | None = None,
     limit: int | None = None,
+    cycles: int = UNBOUNDED,
+    prepare: Callable[[Board], None] | None = None,
     show: Show | None = None,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
@@ -214,16 +216,16 @@ def run_beside(
         host: what the program reaches.
         command: gives program and arguments, for the address of the link.
         transcript: takes the bus cycles; a file, or the name of one.
-        ahead: how long the board runs before the program begins (ps).
-        stdout: takes what the program says; else it goes where this process's goes.
         limit: chip time that it may take (ps).
+        cycles: bus cycles that it may make, if it has a limit.
+        prepare: is called with the board before the program begins, and changes it.
         show: shows the board of this name, and is waited for before the program begins.
     """
     address = metrics_of(file)
     board = build(file, source)
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
-    watched = stdout is not None or bool(_files(file, None))
+    watched = bool(_files(file, None))
     if watched:
         board.observe(outcome)
     with ExitStack() as stack:
@@ -232,7 +234,7 @@ def run_beside(
         note = folder / "fault"
         stack.enter_context(own_board(board.name))
         mine, environment = link_of_program(board, file, host, link, note, limit or 0)
-        if mine.card is not None and mine.pin_map is None and not ahead:
+        if mine.card is not None and mine.pin_map is None and prepare is None:
             preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
@@ -248,14 +250,15 @@ def run_beside(
             board.observe(written)
         links, stall = [mine, *others], file.board.stall
         server = Server(board, links, stall, complain, address, settle=recording.settle)
-        board.run_until(board.now + ahead)
+        if prepare is not None:
+            prepare(board)
         watch = None
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
             polling = POLLING if board.policy == "realtime" else PATIENCE
-            watch = HostWatch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
+            watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch,
+            server, recording, command(link), environment, note, watch,
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
             mine.card.interrupt if mine.card is not None else "",
             show,
@@ -273,7 +276,8 @@ def run_beside(
     hangs = []
     if watch and watch.stuck:
         hangs = [watch.verdict("the program hangs"), *watch.details]
-    return Ran(code, findings, outcome, hangs, recording.failures)
+    slow = watch is not None and watch.slow
+    return Ran(code, findings, outcome, hangs, slow, recording.failures)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -295,7 +299,6 @@ async def _run_beside(
     command: list[str],
     environment: dict[str, str],
     note: Path,
-    stdout: BinaryIO | None,
     watch: HostWatch | None,
     limit: int,
     interrupt: str,
@@ -314,7 +317,7 @@ async def _run_beside(
         if show is not None:
             await show(server.board.name)
         code = await run_program(
-            command, environment, note, True, stdout, watch, limit,
+            command, environment, note, True, watch, limit,
             partial(_interrupts, server.board, interrupt),
         )  # fmt: skip
         code = await _finish(server, watch, code)
@@ -358,10 +361,10 @@ def _interrupts(board: Board, outputs: str) -> str:
     )
 
 
-def _slay(offspring: ending.Offspring, watch: HostWatch, _: str) -> None:
+def _kill(offspring: child_processes.ChildProcesses, watch: HostWatch, _: str) -> None:
     """End a program that has passed a bound; say what it was doing."""
     watch.add_threads(what_hangs(offspring.there()))
-    offspring.slay()
+    offspring.kill()
 
 
 async def _look_on(look: Callable[[], None]) -> None:
@@ -397,7 +400,6 @@ async def run_program(
     environment: dict[str, str],
     note: Path,
     alone: bool = False,
-    stdout: BinaryIO | None = None,
     watch: HostWatch | None = None,
     limit: int = 0,
     interrupts: Callable[[], str] = lambda: "see interrupt of the card",
@@ -412,7 +414,6 @@ async def run_program(
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
         alone: whether the board ends with the program, and so what the program leaves behind.
-        stdout: takes what the program says.
         watch: kills it when it passes a bound.
         limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
             what cannot come, or computes for as long; 0: it is not.
@@ -425,7 +426,7 @@ async def run_program(
     running: list[int] = []
     came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
-    offspring = ending.Offspring()
+    offspring = child_processes.ChildProcesses()
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
@@ -434,7 +435,7 @@ async def run_program(
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if not asked:
-                asked.append(loop.call_later(ending.PATIENCE, offspring.kill, number))
+                asked.append(loop.call_later(child_processes.PATIENCE, offspring.overdue, number))
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
@@ -444,33 +445,32 @@ async def run_program(
                 *command,
                 env={**os.environ, **environment},
                 preexec_fn=offspring.die_with_parent,
-                stdout=stdout,
             )
         except OSError as error:
             raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
-            watch.over = partial(_slay, offspring, watch)
+            watch.over = partial(_kill, offspring, watch)
             if limit:
                 look = AtRest(offspring.there, watch, note, limit).look
                 at_end.callback(asyncio.ensure_future(_look_on(look)).cancel)
-        loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        loop.add_signal_handler(signal.SIGCHLD, offspring.reap, process.pid)
         # A loop that closes has no pipe for a child that dies then, and its handler still.
         at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
         for early in tuple(came):  # while it was being started
             pass_on(early)
         code = await process.wait()
-        until = asked[0].when() if asked else loop.time() + ending.PATIENCE
+        until = asked[0].when() if asked else loop.time() + child_processes.PATIENCE
         for handle in asked:
             handle.cancel()
         if watch is not None:
             watch.over = None
         left = offspring.there()
         if left and alone and not came and not (watch is not None and watch.ended):
-            ending.say_left(left)
+            child_processes.say_left(left)
         if left and (alone or came):
             await offspring.end(until)
     if "VBUS_EXEC" in environment:
         found = re.search(r";signal=(\d+);", environment["VBUS_EXEC"])
-        ending.explain(code, note, int(found[1]) if found else 0, interrupts())
+        child_processes.explain(code, note, int(found[1]) if found else 0, interrupts())
     return code if code >= 0 else 128 - code

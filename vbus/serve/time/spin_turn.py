@@ -9,7 +9,7 @@ LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
 where others keep it busy, who gives way comes back later than who is woken."""
 
 
-class Turns:
+class SpinTurn:
     """Whom a server served last: only a host alone is looked for, which takes time from others.
 
     Attributes:

@@ -18,7 +18,7 @@ SHORT_NS: Final = 1_000_000
 """Stretches that take longer are halved, shorter ones doubled."""
 
 
-class Slices:
+class TimeSlicer:
     """Moves a board and brings its lazy chips up to date, a slice at a time.
 
     Args:

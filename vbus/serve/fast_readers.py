@@ -9,7 +9,7 @@ _MOST_EVENTS: Final = 64
 _OUT: Final = select.EPOLLOUT
 
 
-class DirectReaders:
+class FastReaders:
     """Calls the callbacks of *direct* descriptors as soon as they are readable.
 
     A host's message then costs one ``epoll_wait`` and one call. The event loop's own bookkeeping,

@@ -5,7 +5,7 @@ import select
 from collections.abc import Callable, Iterable
 
 
-class HangUps:
+class DisconnectPoller:
     """One descriptor for all sessions that wait.
 
     Args:

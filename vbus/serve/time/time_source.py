@@ -30,7 +30,7 @@ def nothing() -> None:
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Pace:
+class TimeSource:
     """Time as a session knows it; by itself that of chips elsewhere, which nobody here moves.
 
     Args:
