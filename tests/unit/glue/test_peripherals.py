@@ -39,42 +39,42 @@ class Ports(Bench):
 
 
 def test_an_82c55_begins_with_inputs_and_its_control_word_turns_ports_round() -> None:
-    chip = Ports()
-    assert chip.read(3) == 0x9B
-    assert not any(chip.driven("A") + chip.driven("B") + chip.driven("C"))
-    chip.set(PB3=0, PB4=0)
-    assert chip.read(1) == 0xE7
-    chip.write(3, 0x83)  # A and the upper half of C are outputs
-    chip.write(0, 0xA5)
-    chip.write(2, 0x5F)
-    assert (chip.port("A"), chip.read(0)) == (0xA5, 0xA5)
-    assert chip.driven("C") == [False] * 4 + [True] * 4
-    assert chip.port("C") >> 4 == 0x5
-    chip.set(PC0=0)
-    assert (chip.read(2), chip.read(1), chip.read(3)) == (0x5E, 0xE7, 0x83)
+    bench = Ports()
+    assert bench.read(3) == 0x9B
+    assert not any(bench.driven("A") + bench.driven("B") + bench.driven("C"))
+    bench.set(PB3=0, PB4=0)
+    assert bench.read(1) == 0xE7
+    bench.write(3, 0x83)  # A and the upper half of C are outputs
+    bench.write(0, 0xA5)
+    bench.write(2, 0x5F)
+    assert (bench.port("A"), bench.read(0)) == (0xA5, 0xA5)
+    assert bench.driven("C") == [False] * 4 + [True] * 4
+    assert bench.port("C") >> 4 == 0x5
+    bench.set(PC0=0)
+    assert (bench.read(2), bench.read(1), bench.read(3)) == (0x5E, 0xE7, 0x83)
 
 
 def test_an_82c55_sets_single_bits_of_port_c_and_a_new_mode_clears_its_latches() -> None:
-    chip = Ports()
-    chip.write(3, 0x80)
-    chip.write(0, 0xFF)
+    bench = Ports()
+    bench.write(3, 0x80)
+    bench.write(0, 0xFF)
     for bit, level in ((0, 1), (7, 1), (3, 1), (3, 0)):
-        chip.write(3, bit << 1 | level)
-    assert chip.port("C") == 0x81
-    chip.write(3, 0x80)
-    assert (chip.port("A"), chip.port("C")) == (0, 0)
-    chip.write(2, 0x33)
-    chip.set(RESET=1)
-    chip.set(RESET=0)
-    assert (chip.read(3), any(chip.driven("C"))) == (0x9B, False)
+        bench.write(3, bit << 1 | level)
+    assert bench.port("C") == 0x81
+    bench.write(3, 0x80)
+    assert (bench.port("A"), bench.port("C")) == (0, 0)
+    bench.write(2, 0x33)
+    bench.set(RESET=1)
+    bench.set(RESET=0)
+    assert (bench.read(3), any(bench.driven("C"))) == (0x9B, False)
 
 
 def test_an_82c55_takes_nothing_without_its_select() -> None:
-    chip = Ports()
-    chip.set(A0=1, A1=1, **{d: 0x80 >> n & 1 for n, d in enumerate(DATA)})
-    chip.pulse("/WR")
-    chip.set(**dict.fromkeys(DATA, Z))
-    assert chip.read(3) == 0x9B
+    bench = Ports()
+    bench.set(A0=1, A1=1, **{d: 0x80 >> n & 1 for n, d in enumerate(DATA)})
+    bench.pulse("/WR")
+    bench.set(**dict.fromkeys(DATA, Z))
+    assert bench.read(3) == 0x9B
 
 
 class Counter(Bench):
@@ -101,32 +101,32 @@ class Counter(Bench):
 
 
 def test_a_quadrature_counter_counts_every_edge_both_ways() -> None:
-    chip = Counter()
-    chip.turn(300)
-    assert chip.read() == 300
-    chip.turn(-301)
-    assert chip.read() == 0xFFFF
-    chip.set(CHA=1 - chip.hands["CHA"].level, CHB=1 - chip.hands["CHB"].level)  # no such step
-    assert chip.read() == 0xFFFF
-    chip.set(nRST=0)
-    chip.set(nRST=1)
-    assert chip.read() == 0
+    bench = Counter()
+    bench.turn(300)
+    assert bench.read() == 300
+    bench.turn(-301)
+    assert bench.read() == 0xFFFF
+    bench.set(CHA=1 - bench.hands["CHA"].level, CHB=1 - bench.hands["CHB"].level)  # no such step
+    assert bench.read() == 0xFFFF
+    bench.set(nRST=0)
+    bench.set(nRST=1)
+    assert bench.read() == 0
 
 
 def test_a_quadrature_counter_holds_both_bytes_from_the_high_one_on() -> None:
-    chip = Counter()
-    chip.turn(255)
-    assert chip.byte(0) == 0x00
-    chip.set(nOE=1)
-    chip.turn(2)
-    assert chip.byte(1) == 0xFF
-    chip.set(nOE=1)
-    assert chip.read() == 257
+    bench = Counter()
+    bench.turn(255)
+    assert bench.byte(0) == 0x00
+    bench.set(nOE=1)
+    bench.turn(2)
+    assert bench.byte(1) == 0xFF
+    bench.set(nOE=1)
+    assert bench.read() == 257
 
 
 def test_a_quadrature_counter_lets_go_of_the_bus() -> None:
-    chip = Counter()
-    assert [chip.part.pins[name].level for name in DATA] == [Z] * 8
+    bench = Counter()
+    assert [bench.part.pins[name].level for name in DATA] == [Z] * 8
 
 
 def test_a_card_with_a_port_chip_and_a_counter_has_both_at_its_addresses() -> None:
@@ -214,62 +214,62 @@ class Expander(Bench):
     [("PCF8574", 0x21), ("PCF8574A", 0x39), ("PCA9554", 0x21), ("PCA9554A", 0x39)],
 )
 def test_an_expander_acknowledges_its_own_address_alone(part: str, address: int) -> None:
-    chip = Expander(part, address)
-    assert chip.write() == [True]
+    bench = Expander(part, address)
+    assert bench.write() == [True]
     for other in (address ^ 1, address ^ 0x18):
         assert Expander(part, other).write() == [False]
-    assert chip.part.pins["SDA"].net.value == 1
+    assert bench.part.pins["SDA"].net.value == 1
 
 
 def test_a_pcf8574_pulls_low_where_a_zero_is_written_and_reads_its_pins() -> None:
-    chip = Expander("PCF8574")
-    assert chip.port == 0xFF
-    assert chip.write(0xF0, 0xA5) == [True, True, True]
-    assert chip.port == 0xA5
-    chip.set(P7=0)
-    assert chip.read(2) == [0x25, 0x25]
-    assert [chip.part.pins[f"P{bit}"].level for bit in (0, 1)] == [Z, 0]
+    bench = Expander("PCF8574")
+    assert bench.port == 0xFF
+    assert bench.write(0xF0, 0xA5) == [True, True, True]
+    assert bench.port == 0xA5
+    bench.set(P7=0)
+    assert bench.read(2) == [0x25, 0x25]
+    assert [bench.part.pins[f"P{bit}"].level for bit in (0, 1)] == [Z, 0]
 
 
 def test_a_pcf8574_interrupts_until_its_pins_are_read_or_are_as_before() -> None:
-    chip = Expander("PCF8574")
-    chip.set(P2=0)
-    assert chip.interrupts
-    chip.set(P2=Z)
-    assert not chip.interrupts
-    chip.set(P2=0)
-    assert chip.read() == [0xFB]
-    assert not chip.interrupts
-    chip.set(P2=1)
-    assert chip.interrupts
-    chip.write(0xFF)
-    assert not chip.interrupts
+    bench = Expander("PCF8574")
+    bench.set(P2=0)
+    assert bench.interrupts
+    bench.set(P2=Z)
+    assert not bench.interrupts
+    bench.set(P2=0)
+    assert bench.read() == [0xFB]
+    assert not bench.interrupts
+    bench.set(P2=1)
+    assert bench.interrupts
+    bench.write(0xFF)
+    assert not bench.interrupts
 
 
 def test_a_pca9554_has_four_registers_behind_its_command_byte() -> None:
-    chip = Expander("PCA9554")
-    assert [chip.read(command=number) for number in range(4)] == [[0xFF], [0xFF], [0x00], [0xFF]]
-    chip.write(1, 0x5A)
-    assert chip.port == 0xFF  # all are inputs
-    chip.write(3, 0x0F)
-    assert chip.port == 0x5F
-    chip.set(P0=0)
-    chip.write(2, 0x03)
-    assert chip.read(2, command=0) == [0x5D, 0x5D]
-    assert chip.read() == [0x5D]
-    assert [chip.part.pins[f"P{bit}"].level for bit in (3, 4, 5)] == [Z, 1, 0]
-    assert chip.read(command=1) == [0x5A]
+    bench = Expander("PCA9554")
+    assert [bench.read(command=number) for number in range(4)] == [[0xFF], [0xFF], [0x00], [0xFF]]
+    bench.write(1, 0x5A)
+    assert bench.port == 0xFF  # all are inputs
+    bench.write(3, 0x0F)
+    assert bench.port == 0x5F
+    bench.set(P0=0)
+    bench.write(2, 0x03)
+    assert bench.read(2, command=0) == [0x5D, 0x5D]
+    assert bench.read() == [0x5D]
+    assert [bench.part.pins[f"P{bit}"].level for bit in (3, 4, 5)] == [Z, 1, 0]
+    assert bench.read(command=1) == [0x5A]
 
 
 def test_a_pca9554_interrupts_until_its_input_register_is_read() -> None:
-    chip = Expander("PCA9554")
-    chip.write(3, 0xF0)
-    assert not chip.interrupts
-    chip.set(P7=0)
-    assert chip.interrupts
-    chip.read(command=1)
-    assert chip.interrupts
-    chip.read(command=0)
-    assert not chip.interrupts
-    chip.write(1, 0x00)  # outputs do not interrupt
-    assert not chip.interrupts
+    bench = Expander("PCA9554")
+    bench.write(3, 0xF0)
+    assert not bench.interrupts
+    bench.set(P7=0)
+    assert bench.interrupts
+    bench.read(command=1)
+    assert bench.interrupts
+    bench.read(command=0)
+    assert not bench.interrupts
+    bench.write(1, 0x00)  # outputs do not interrupt
+    assert not bench.interrupts
