@@ -47,3 +47,8 @@ def example(name: str, output: Path) -> Path:
                drivers[1] / "mcp1200_driver.c"]  # fmt: skip
     flags = [*(f"-I{driver}" for driver in drivers), "-T", str(folder / "stm32f103.ld")]
     return build(output, [*ARM, *flags], *sources, Path("-lgcc"))
+
+
+M68K = ["m68k-linux-gnu-gcc", "-m68000", "-Os", "-Wall", "-Wextra", "-Werror", "-ffreestanding",
+        "-nostdlib", "-static", "-fno-pic", "-fno-stack-protector",
+        "-Wl,--build-id=none"]  # fmt: skip

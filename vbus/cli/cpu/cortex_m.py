@@ -116,7 +116,13 @@ class CortexM(Processor):
         frame = (stack - 32) & ~7
         values = [get(register) for register in _FRAME]
         saved = (xpsr & ~_ALIGNED) | (_ALIGNED if (stack - 32) & 4 else 0) | _THUMB
-        self._write(frame, struct.pack("<8I", *values, self.here(), saved))
+        if not self.machine.poke(frame, struct.pack("<8I", *values, self.here(), saved)):
+            at = self.machine.image.place(self.here())
+            raise Stopped(
+                exit_codes.FAILURE,
+                f"stack overflow: an exception has no RAM for its frame at {frame:08X}h; the"
+                f" instruction at {at}",
+            )
         put(self.SP, frame)
         back = 0xFFFFFFF1
         if not self.active:
@@ -135,17 +141,6 @@ class CortexM(Processor):
             )
         put(arm.UC_ARM_REG_LR, back)
         put(self.PC, handler)
-
-    def _write(self, address: int, data: bytes) -> None:
-        try:
-            self.machine.engine.mem_write(address, data)
-        except self.machine.error:
-            at = self.machine.image.place(self.here())
-            raise Stopped(
-                exit_codes.FAILURE,
-                f"stack overflow: an exception has no RAM for its frame at {address:08X}h; the"
-                f" instruction at {at}",
-            ) from None
 
     def _end(self, back: int) -> None:
         """Return from an exception as EXC_RETURN says."""

@@ -44,7 +44,7 @@ class Image(Struct):
     def place(self, address: int) -> str:
         """Return an address, and where it is in the program if that is known."""
         at = bisect_right(self.places, address) - 1
-        beyond = address - self.places[at]
+        beyond = address - self.places[at] if at >= 0 else address
         if at < 0 or beyond >= (self.sizes[at] or _UNKNOWN):
             return f"{address:08X}h"
         return f"{address:08X}h ({self.names[at]}{f'+{beyond:X}h' if beyond else ''})"

@@ -26,6 +26,8 @@ _NEAR: Final = 0x400
 """An access so near the stack pointer is one of the stack."""
 _PORTS: Final = 13
 _COUNTERS: Final = 24
+INTERRUPTS: Final = 12
+"""The port that interrupt inputs of a processor without ports are to the pin decoder."""
 
 
 class PortBits(ctypes.Structure):
@@ -275,6 +277,18 @@ class Machine:
                 return ctypes.string_at(at + address - start, size)
         return b""
 
+    def poke(self, address: int, data: bytes) -> bool:
+        """Write bytes into memory that the processor may write; return whether it may."""
+        try:
+            self.engine.mem_write(address, data)
+        except self.error:
+            return False
+        return True
+
+    def wired_levels(self, port: int) -> int:
+        """Return the levels at those bits of a port to which anything is wired."""
+        return int(self.native.cpu_input(port) & self.native.cpu_wired(port))
+
     def load(self) -> None:
         """Put the image into memory.
 
@@ -456,7 +470,6 @@ class Machine:
         Raises:
             Stopped: it cannot begin.
         """
-        self.shared.big_endian = self.big_endian
         for row, (mask, value, after) in zip(
             self.shared.opcodes, self.processor.OPCODES, strict=False
         ):
@@ -482,8 +495,6 @@ class Machine:
             if self.native.cpu_close() < 0 and end.code == exit_codes.OK:
                 return exit_codes.NO_LINK
             return end.code
-
-    big_endian = False
 
     def statistics(self) -> str:
         """Return how much was done, and how fast."""

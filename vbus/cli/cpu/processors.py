@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from vbus.boardfile.cpu import CpuSection
-from vbus.cli.cpu.image import ARM, Image, read_elf
+from vbus.cli.cpu.image import ARM, M68K, Image, read_elf
 from vbus.cli.cpu.machine import Machine
 
 
@@ -39,6 +39,11 @@ def _arm(path: str) -> Image:
     return read_elf(path, ARM, "arm-none-eabi-gcc")
 
 
+def _m68k(path: str) -> Image:
+    return read_elf(path, M68K, "m68k-linux-gnu-gcc")
+
+
+_VME: Final = (0, 0x40000, 0x100000, 0x40000)
 _M: Final = (0x08000000, 0x100000, 0x20000000, 0x20000)
 PROCESSORS: Final = {
     "cortex-m3": Kind(
@@ -47,6 +52,8 @@ PROCESSORS: Final = {
     "cortex-m4": Kind(
         "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M4", _arm, _M, "stm32f4"
     ),
+    "68000": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, "68000"),
+    "68020": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, "68020"),
 }
 
 
