@@ -32,7 +32,7 @@ class CortexM(Processor):
     """The processor's own part: what waits, what is active, and the frames on the stack."""
 
     OPCODES = ((0xFFFC, 0xB660, 1), (0xFFF0, 0xF380, 1))  # CPSIE; MSR
-    SPIN = b"\xfe\xe7"
+    SPIN, WAKES_MASKED = b"\xfe\xe7", True
     PC, SP, RESULT = arm.UC_ARM_REG_PC, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_R0
 
     def __init__(self, machine: Machine) -> None:
@@ -83,6 +83,10 @@ class CortexM(Processor):
     def waiting(self) -> bool:
         """Whether an enabled exception waits."""
         return bool(self.pending & self.enabled)
+
+    def wakes(self) -> bool:
+        """Whether WFI is over: also if the exception is masked."""
+        return self.waiting()
 
     def _priority(self, number: int) -> int:
         return self.priorities.get(number, 0)

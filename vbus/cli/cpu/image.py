@@ -125,3 +125,19 @@ def _read(path: str, data: bytes, order: str) -> Image:
         path, entry, segments, end, places, [functions[at][0] for at in places],
         [functions[at][1] for at in places],
     )  # fmt: skip
+
+
+def read_dos(path: str) -> Image:
+    """Read a .COM or .EXE file; where it is loaded is decided later.
+
+    Raises:
+        ProgramError: it cannot be read, or is none.
+    """
+    data = read_file(path)
+    exe, second = data[:2] == b"MZ", int.from_bytes(data[0x3C:0x40], "little")
+    if exe and second and data[second : second + 2] in (b"PE", b"NE", b"LE"):
+        raise ProgramError(f"{path}: a program for Windows, and this is DOS", False)
+    if data[:4] == b"\x7fELF" or not data or (len(data) < 28 if exe else len(data) > 0xFE00):
+        made = "nasm -f bin or bcc makes one"
+        raise ProgramError(is_none(path, data[:HEAD], "DOS program (.COM or .EXE)", made), False)
+    return Image(path, 0, [(0, data)], 0, [], [], [])

@@ -74,13 +74,17 @@ class M68000(Processor):
         """Whether an interrupt is asked for."""
         return self._edge or 0 < self._level < 7
 
+    def wakes(self) -> bool:
+        """Whether STOP is over."""
+        return self._edge or self._level > self._masked()
+
     def deaf(self) -> bool:
         """Whether all levels but 7 are masked."""
         return self._masked() == 7
 
     def enter(self) -> None:
         """Begin the interrupt, if it is above the mask."""
-        if self._edge or self._level > self._masked():
+        if self.wakes():
             self._edge = False
             self._begin(_AUTOVECTOR + self._level, self.here(), self._level)
 

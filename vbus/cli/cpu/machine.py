@@ -132,11 +132,13 @@ class Processor(ABC):
             instructions it comes.
         PC: the emulator's number of the program counter.
         SPIN: an instruction that jumps to itself, as bytes.
+        WAKES_MASKED: an interrupt that is masked ends the instruction that waits, too.
         RESULT: the emulator's number of the register that has the exit code at the end.
     """
 
     OPCODES: ClassVar[tuple[tuple[int, int, int], ...]] = ()
     SPIN: ClassVar[bytes] = b""
+    WAKES_MASKED: ClassVar[bool] = False
     PC: int
     SP: int
     RESULT: int
@@ -151,6 +153,10 @@ class Processor(ABC):
     @abstractmethod
     def waiting(self) -> bool:
         """Whether an interrupt waits, be it masked or not."""
+
+    @abstractmethod
+    def wakes(self) -> bool:
+        """Whether one ends the instruction that waits for interrupts."""
 
     @abstractmethod
     def enter(self) -> None:
@@ -386,6 +392,17 @@ class Machine:
         self.look()
         return 0
 
+    def guarded(self, function: Callable[..., int | None]) -> Callable[..., int]:
+        """Return a function that the emulator may call: it raises nothing."""
+
+        def call(*arguments: object) -> int:
+            try:
+                return function(*arguments) or 0
+            except BaseException as error:
+                return self._fail(error)
+
+        return call
+
     def look(self) -> None:
         """Stop before the next instruction: an interrupt may wait, or an event be nearer."""
         self.shared.due = self.shared.clock
@@ -580,26 +597,31 @@ class Machine:
         if self._traps:
             processor.trap(self._traps[0])
         elif shared.clock < shared.due:
-            self._wait("waits for an interrupt")
+            self._wait(False)
         elif wanted == shared.due and self._spins():
-            self._wait("jumps to itself")
+            self._wait(True)
 
     def _spins(self) -> bool:
         spin = self.processor.SPIN
         return self.peek(self.processor.here(), len(spin)) == spin
 
-    def _wait(self, what: str) -> None:
-        """Let time pass until an interrupt waits; without one the run is over."""
+    def _wait(self, spins: bool) -> None:
+        """Let time pass until an interrupt comes; without one the run is over.
+
+        Args:
+            spins: the processor jumps to itself; else it has executed an instruction that waits.
+        """
         processor, shared = self.processor, self.shared
-        spins = what.startswith("jumps")
-        while not (processor.waiting() and not (spins and processor.deaf())):
-            if (spins and processor.deaf()) or not self.events.keys() - {"limit"}:
+        deaf = processor.deaf() and (spins or not processor.WAKES_MASKED)
+        while deaf or not processor.wakes():
+            if deaf or not self.events.keys() - {"limit"}:
                 if spins:
                     raise Stopped(self.get(processor.RESULT) & 0xFF)
-                if "limit" not in self.events:
+                if deaf or "limit" not in self.events:
                     at = self.image.place(processor.here())
                     raise Stopped(
-                        exit_codes.FAILURE, f"the firmware {what} that cannot come, at {at}"
+                        exit_codes.FAILURE,
+                        f"the firmware waits for an interrupt that cannot come, at {at}",
                     )
             due = min(when for when, _ in self.events.values())
             behind = max(0, due - shared.clock)

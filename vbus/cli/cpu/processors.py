@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from vbus.boardfile.cpu import CpuSection
-from vbus.cli.cpu.image import ARM, M68K, Image, read_elf
+from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
 from vbus.cli.cpu.machine import Machine
 
 
@@ -54,6 +54,7 @@ PROCESSORS: Final = {
     ),
     "68000": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, "68000"),
     "68020": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, "68020"),
+    "8086": Kind("pc", "X86", ("16",), "", read_dos, (0, 0, 0, 0)),
 }
 
 
