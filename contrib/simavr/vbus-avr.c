@@ -525,7 +525,7 @@ static unsigned bus_access(struct access access, unsigned data)
         = card_table_find(&sim.link.card, address, access.kind == STORE);
 
     if (port == NULL) {
-        say_once("nobody answers on the external memory bus", address);
+        say_once("no chip answers on the external memory bus", address);
         return 0xFF;
     }
     if (port->answers && access.kind == STORE)
@@ -905,7 +905,7 @@ int main(int argc, char **argv)
                         " what it knows\n", part);
         return USAGE;
     }
-    error = pin_link_open(&sim.link, link);
+    error = pin_link_open(&sim.link, link, 8);
     if (error < 0) {
         fprintf(stderr, "vbus-avr: %s: %s\n", link,
                 error == VBUS_E_SYSTEM ? strerror(sim.link.bus.system) : pin_link_strerror(error));
@@ -932,11 +932,6 @@ int main(int argc, char **argv)
     sim.avr->sleep = do_not_sleep;
     find_ports();
     find_levels();
-    if (sim.link.pins.highest > 7) {
-        fprintf(stderr, "vbus-avr: the pin map uses bit %u of a port, and the ports of an %s have"
-                        " bits 0 to 7\n", sim.link.pins.highest, part);
-        return USAGE;
-    }
     if (missing_port() >= 0) {
         fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
                 'A' + missing_port(), part);

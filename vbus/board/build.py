@@ -176,7 +176,7 @@ def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
 
 
 def rest_of(net: NetSection) -> int | None:
-    """Return the level of a net that nobody drives; None: as its first pin rests."""
+    """Return the level of a net that no pin drives; None: as its first pin rests."""
     return _RESTS.get(net.rest)
 
 

@@ -1,4 +1,4 @@
-"""Whole bus cycles as edges on the nets, for when somebody watches the bus."""
+"""Whole bus cycles as edges on the nets, for observed buses."""
 
 from collections import deque
 from typing import ClassVar

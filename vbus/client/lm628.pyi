@@ -1,17 +1,9 @@
-# Made from vbus/chips/lm628 (access, calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/lm628 (calls, host) by vbus.cli.generate; change that.
 """The client of the LM628 and LM629."""
 
-from vbus.chips.lm628.datasheet import (
-    TRAJECTORY_COMPLETE,
-)
+from vbus.chips.lm628 import datasheet as lm
 from vbus.client.access import READY_POLLS, Packets
 from vbus.client.bus import Bus, Chip
-
-class Lm628Packets(Packets):
-    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
-
-    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
-    """
 
 class Lm628Calls(Lm628Packets):
     """A call for each row of the chip's tables, under the manual's name in lower case.
@@ -198,6 +190,12 @@ class Lm628Calls(Lm628Packets):
         Returns 16 bits, two's complement.
         """
 
+class Lm628Packets(Packets):
+    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
+
+    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
+    """
+
 class Lm628(Lm628Calls):
     """One axis on an LM628 or LM629.
 
@@ -285,7 +283,7 @@ class Lm628(Lm628Calls):
         """
 
     def wait_status(
-        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = lm.TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the status until one of ``bits`` is set; return it.
 

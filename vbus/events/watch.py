@@ -1,6 +1,6 @@
 """Watching a board for a condition: what is looked at, and when; and the loop that waits for it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from vbus.chips.base import CHANGE
@@ -14,15 +14,15 @@ from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
 from vbus.protocols.quantities import format_instant
 
 LOOK: Final = MS
-"""How often at least a chip is looked into that somebody outside may wake at any time."""
+"""Longest time between two looks at a chip that an input may wake at any time (ps)."""
 
 
 class Watch(PacketReader):
     """Looks at a board for a condition.
 
     Edges, violations and bus cycles are taken down as they happen; values are looked at by
-    :meth:`look`, which whoever moves time calls. With ``met`` the board's own time calls it: at
-    each edge and bus cycle and at each sample of the chips concerned.
+    :meth:`look`, which the caller that moves time calls. With ``met`` the board's own time calls
+    it: at each edge and bus cycle and at each sample of the chips concerned.
 
     Args:
         text: the condition.
@@ -130,7 +130,7 @@ class Watch(PacketReader):
         return max(min(self._next_change(), self.board.next_due()), self.board.now + 1)
 
     def _next_change(self) -> int:
-        """Return the same for a watch that is told of edges (ps)."""
+        """Return the same for a watch that observes edges (ps)."""
         changes = [chip.due(CHANGE) for chip in self._chips]
         return max(min([self._course.due, *changes]), self.board.now + 1)
 
@@ -158,7 +158,7 @@ class Watch(PacketReader):
         return ", ".join(f"{key} is {values[key]}" for key in self.condition.levels)
 
 
-class Holds:
+class ConditionTracker:
     """Tells, look by look, whether a condition holds; a board not looked at before begins anew.
 
     Args:
@@ -185,11 +185,26 @@ class Holds:
         return self._watch.look()
 
 
+def passing(
+    met: Callable[[], bool], next_look: Callable[[], int], pass_until: Callable[[int], None]
+) -> Iterator[None]:
+    """Let time pass until something holds; yield after each stretch, for others to have a turn.
+
+    Args:
+        met: whether it holds.
+        next_look: the next instant at which to look again (ps).
+        pass_until: lets time pass to an instant (ps).
+    """
+    while not met():
+        pass_until(next_look())
+        yield
+
+
 def wait_until(board: Circuit, condition: str, within: int) -> int:
     """Let time pass until a condition holds, or not at all if it does; return that instant (ps).
 
     Args:
-        board: a board whose time is nobody else's.
+        board: a board whose time only the caller moves.
         condition: the condition.
         within: chip time in which it must come to hold (ps).
 
@@ -199,11 +214,17 @@ def wait_until(board: Circuit, condition: str, within: int) -> int:
     watch = Watch(condition, board)
     watch.begin()
     begun = board.now
+    end = begun + within
+
+    def holds() -> bool:
+        found = watch.look()
+        if not found and board.now >= end:
+            raise VbusError(not_met(watch, begun, within))
+        return found
+
     try:
-        while not watch.look():
-            if board.now >= begun + within:
-                raise VbusError(not_met(watch, begun, within))
-            board.pass_until(min(watch.next_look(), begun + within))
+        for _ in passing(holds, lambda: min(watch.next_look(), end), board.pass_until):
+            pass
     finally:
         watch.end()
         board.catch_up()

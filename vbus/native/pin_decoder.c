@@ -11,7 +11,7 @@ enum { UNWIRED, PORT_BIT, TIED };
 
 /* --- the wiring text -------------------------------------------------------------------------- */
 
-/* Read "!B3", "0" or "1"; return what follows, or NULL. */
+/* Read "!B3", "A12", "0" or "1"; return what follows, or NULL. */
 static const char *read_source(const char *text, struct pin_source *source)
 {
     source->inverted = *text == '!';
@@ -23,13 +23,12 @@ static const char *read_source(const char *text, struct pin_source *source)
     }
     if (*text < 'A' || *text >= 'A' + PIN_PORTS || text[1] < '0' || text[1] > '9')
         return NULL;
+    source->port = (unsigned char)(*text++ - 'A');
+    source->bit = 0;
+    for (; *text >= '0' && *text <= '9' && source->bit < PIN_BITS; text++)
+        source->bit = (unsigned char)(source->bit * 10 + (*text - '0'));
     source->kind = PORT_BIT;
-    source->port = (unsigned char)(*text - 'A');
-    source->bit = (unsigned char)(text[1] - '0');
-    text += 2;
-    if (source->bit == 1 && *text >= '0' && *text <= '5')
-        source->bit = (unsigned char)(10 + *text++ - '0');
-    return text;
+    return source->bit < PIN_BITS ? text : NULL;
 }
 
 static struct pin_source *add(struct pin_side *list, unsigned *count, unsigned most, long number)
@@ -114,8 +113,8 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
             next = NULL;
         if (next == NULL || (*next != ' ' && *next != '\0'))
             return (int)(text - wiring) + 1;
-        if (place->kind == PORT_BIT && place->bit > decoder->highest)
-            decoder->highest = place->bit;
+        if (place->kind == PORT_BIT && place->bit > decoder->widest)
+            decoder->widest = place->bit;
         text = next + (*next == ' ');
     }
     for (turn = 0; turn < decoder->chip_count; turn++)

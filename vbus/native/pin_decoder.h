@@ -24,6 +24,7 @@ extern "C" {
 #endif
 
 #define PIN_PORTS 13 /* A to L of up to 16 bits, and M: interrupt inputs of a processor */
+#define PIN_BITS 16
 #define PIN_CHIPS 16
 #define PIN_SIDES 64
 #define PIN_OUTPUTS 32
@@ -65,11 +66,11 @@ struct pin_decoder {
     /* The rest is the decoder's own, to be looked at. */
     unsigned short drive[PIN_PORTS], level[PIN_PORTS];      /* what the microcontroller does */
     unsigned short external[PIN_PORTS], driven[PIN_PORTS];  /* what chips do, and where */
+    unsigned widest;                                        /* the highest port bit that is wired */
     struct pin_chip chips[PIN_CHIPS];
     struct pin_side sides[PIN_SIDES], outputs[PIN_OUTPUTS]; /* outputs: bit `number` of SYNC */
     struct pin_side lines[PIN_LINES];
     unsigned chip_count, side_count, output_count, line_count;
-    unsigned highest; /* the highest bit of a port that anything is wired to */
 };
 
 /* Take a wiring text. Returns 0, or the position (from 1) of an entry that cannot be understood.

@@ -210,7 +210,7 @@ class ZenohTransport(Transport):
         if link is None:
             send_refusal(query, envelope.GONE, "the board does not know the session (any more)")
         else:
-            link.hear(query)
+            link.hear(query, header.number)
 
     def _deliver(
         self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int
@@ -348,7 +348,7 @@ class ZenohTransport(Transport):
     # -- the board itself ---------------------------------------------------------------------
 
     def _owner(self, sample: zenoh.Sample) -> None:
-        """Somebody owns the keys of this board's name: it should be us alone."""
+        """A token of this board's name has come or gone: more than our own is a rival."""
         token = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and self._is_rival(token):
             self.report(

@@ -22,13 +22,15 @@ class GlueEnds(Struct, frozen=True):
     Attributes:
         pins: the pins of each part that a host can reach, by the part's name.
         driven: the pins of chips, ``"x./CS"``, that glue or a card's connector drives.
+        outputs: the outputs of each part, ``"u1.Y0"``, by the part's name.
     """
 
     pins: Mapping[str, tuple[str, ...]]
     driven: frozenset[str]
+    outputs: Mapping[str, tuple[str, ...]]
 
 
-NO_GLUE: Final = GlueEnds({}, frozenset())
+NO_GLUE: Final = GlueEnds({}, frozenset(), {})
 
 
 def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> GlueEnds:
@@ -81,6 +83,8 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
             pin for pin, net in plan.wires.items()
             if net in driven and pin.partition(".")[0] in chips
         ),
+        {name: tuple(f"{name}.{row.name}" for row in own.values() if row.direction in ("out", "od"))
+         for name, own in parts.items()},
     )  # fmt: skip
 
 

@@ -1,27 +1,36 @@
-"""An LM628 or LM629 axis: filter, moves and waiting, for asyncio."""
+"""An LM628 or LM629 axis: packets, a call for each command, filter, moves, waiting, for asyncio."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from vbus.chips.lm628.calls import Lm628Calls
-from vbus.chips.lm628.datasheet import (
-    COEFFICIENT_MAX,
-    FORWARD,
-    LOADS,
-    POSITION_MAX,
-    POSITION_MIN,
-    RATE_MAX,
-    STOP_ABRUPTLY,
-    STOP_SMOOTHLY,
-    TRAJECTORY_COMPLETE,
-    TURN_OFF,
-    VELOCITY_MODE,
-)
-from vbus.client.aio.access import READY_POLLS, words_of
+from vbus.chips.lm628 import datasheet as lm
+from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
 from vbus.client.aio.bus import Bus, Chip
 from vbus.core.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
-_STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
+_STOPS: Final = {
+    "smoothly": lm.STOP_SMOOTHLY,
+    "abruptly": lm.STOP_ABRUPTLY,
+    "off": lm.TURN_OFF,
+}
+
+
+class Lm628Packets(Packets):
+    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
+
+    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
+    """
+
+    COMMAND_PORT = lm.COMMAND_PORT
+    DATA_PORT = lm.DATA_PORT
+    READY_MASK = lm.BUSY
+    READY_LEVEL = 0
+
+
+if TYPE_CHECKING:
+    from vbus.chips.lm628.calls import Lm628Calls
+else:
+    Lm628Calls = calls_of("Lm628Calls", Lm628Packets, lm)
 
 
 class Lm628(Lm628Calls):
@@ -97,8 +106,8 @@ class Lm628(Lm628Calls):
         for name, value, bit in gains:
             if value is None:
                 continue
-            if not 0 <= value <= COEFFICIENT_MAX:
-                raise ValueError(f"{name} = {value}: allowed are 0 to {COEFFICIENT_MAX}")
+            if not 0 <= value <= lm.COEFFICIENT_MAX:
+                raise ValueError(f"{name} = {value}: allowed are 0 to {lm.COEFFICIENT_MAX}")
             control |= bit
             words.append(value)
         await self.lfil(control, *words)
@@ -130,13 +139,13 @@ class Lm628(Lm628Calls):
         Raises:
             ValueError: a value out of range.
         """
-        control = (VELOCITY_MODE | (FORWARD if forward else 0)) if velocity_mode else 0
+        control = (lm.VELOCITY_MODE | (lm.FORWARD if forward else 0)) if velocity_mode else 0
         words: list[int] = []
-        least = -RATE_MAX if relative else 0
+        least = -lm.RATE_MAX if relative else 0
         values = (
-            ("acc", acc, LOADS[0], least, RATE_MAX),
-            ("vel", vel, LOADS[1], least, RATE_MAX),
-            ("pos", pos, LOADS[2], POSITION_MIN, POSITION_MAX),
+            ("acc", acc, lm.LOADS[0], least, lm.RATE_MAX),
+            ("vel", vel, lm.LOADS[1], least, lm.RATE_MAX),
+            ("pos", pos, lm.LOADS[2], lm.POSITION_MIN, lm.POSITION_MAX),
         )
         for name, value, bit, low, high in values:
             if value is None:
@@ -161,7 +170,7 @@ class Lm628(Lm628Calls):
         await self.stt()
 
     async def wait_status(
-        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = lm.TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the status until one of ``bits`` is set; return it.
 
@@ -192,9 +201,9 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: the trajectory has not ended after ``longest`` of chip time.
         """
-        await self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
+        await self.rsti(0xFFFF & ~lm.TRAJECTORY_COMPLETE)
         if acc is not None or vel is not None:
             await self.load_trajectory(acc=acc, vel=vel)
         await self.load_trajectory(pos=pos, relative=relative, start=True)
-        await self.wait_status(TRAJECTORY_COMPLETE, longest)
+        await self.wait_status(lm.TRAJECTORY_COMPLETE, longest)
         return await self.rdrp()

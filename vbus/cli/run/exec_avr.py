@@ -12,7 +12,7 @@ from typing import Final
 from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import absent
-from vbus.cli.hosted.beside import run_on_board, run_program
+from vbus.cli.hosted.program import run_on_board, run_program
 from vbus.core.errors import ConfigError, ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 from vbus.core.values.settings import among, listed
@@ -123,7 +123,7 @@ def built(name: str, source: Path, options: list[str], hint: str) -> Path:
     if done.returncode:
         first = next(iter(done.stderr.strip().splitlines()), "")
         raise VbusError(f"{name} cannot be built; {hint} ({first})")
-    made.replace(program)  # at once, whoever else builds it
+    made.replace(program)  # in one step: another process may build it too
     return program
 
 
@@ -142,13 +142,13 @@ def run_avr(
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
     Args:
-        spec: what the simulator is told; see :func:`parse`.
+        spec: settings of the simulator; see :func:`parse`.
         elf: the firmware.
         board: board file; it is served as long as the firmware runs.
         link: in place of ``board``: address of a link that has a pin map.
         pinmap: which pin map of the board file; else its only one.
         transcript: file that takes the bus cycles (with ``board`` only).
-        summary: whether the rules that were broken are told (with ``board`` only).
+        summary: whether the rules that were broken are listed (with ``board`` only).
         record: replaces keys of the file's ``[record]`` (with ``board`` only).
         metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
         runner: takes the arguments of ``run_on_board``, and runs the program.

@@ -13,7 +13,7 @@ from vbus.board.config import read_board_file
 from vbus.boardfile.cpu import CpuSection
 from vbus.cli.cpu.processors import PROCESSORS, with_defaults
 from vbus.cli.cpu.settings import Settings
-from vbus.cli.hosted.beside import run_on_board
+from vbus.cli.hosted.program import run_on_board
 from vbus.cli.run.exec_avr import built, host_of_firmware, parse
 from vbus.core.errors import ConfigError, VbusError
 from vbus.core.values.settings import among
