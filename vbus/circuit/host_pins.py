@@ -210,6 +210,11 @@ class HostPins:
             self._own_lines = [self.of(line) for line in self.lines]
         return self._own_lines
 
+    def at(self, chip: Chip) -> list[Pin]:
+        """Return this host's own pins on the bus of a chip."""
+        known = [self._soldered.get(id(pin.net)) for pin in chip.bus_pins]
+        return [pin for pin in known if pin is not None]
+
     def side(self, number: int) -> Pin:
         """Return the chip's pin behind side pin ``number``."""
         if not 0 <= number < len(self.sides):

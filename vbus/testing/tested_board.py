@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.campaign.account import Witness
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.testing.clock import BoardClock
@@ -63,6 +64,8 @@ class TestedBoard:
         self.before_end: tuple[int, int] = (0, 0)
         """How many violations there were when the test ended: those that fail it, and those after
         a fault."""
+        self.witness: Witness | None = None
+        """What sees the run for a campaign."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

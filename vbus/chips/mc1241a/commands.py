@@ -3,7 +3,7 @@
 from typing import Any, ClassVar, Final
 
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.axis import Interrupts, StepperAxis
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.tables import Command

@@ -62,7 +62,10 @@ def _dialect(name: str) -> Shim:
 
 
 SHIMS: Final = {
-    "arduino": Shim(("arduino", "avr"), (*_AVR, "shims/arduino/arduino_shim.cpp")),
+    "arduino": Shim(
+        ("arduino", "avr"),
+        (*_AVR, "shims/arduino/arduino_shim.cpp", "shims/arduino/wire_shim.cpp"),
+    ),
     "avr": Shim(("avr",), _AVR),
     "pic": _PIC,
     "c18": _dialect("c18"),

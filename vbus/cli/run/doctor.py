@@ -304,7 +304,6 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ("foxglove-sdk", _module("foxglove"), "MCAP files, and live views in Foxglove",
      "pip install foxglove-sdk protobuf"),
     ("pytest", _module("pytest"), "fixtures for tests", "pip install pytest"),
-    ("hypothesis", _module("hypothesis"), "hostile chips", "pip install hypothesis"),
     ("robotframework", _module("robot"), "keywords for Robot Framework",
      "pip install robotframework"),
     ("simavr", _avr_simulator, "AVR firmware as it is (vbus exec --avr)",

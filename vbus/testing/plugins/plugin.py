@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from vbus.testing.plugins.acceptance_plugin import acceptances, fail_run, finished
-from vbus.testing.plugins.matrix_plugin import BOARD, SCENARIO, SEARCHING
+from vbus.testing.plugins.worlds_plugin import LIMITS, SEARCHING, WORLD, world_run
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 pytest_plugins = (
     "vbus.testing.plugins.acceptance_plugin",
     "vbus.testing.plugins.golden_plugin",
-    "vbus.testing.plugins.matrix_plugin",
+    "vbus.testing.plugins.worlds_plugin",
 )
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
@@ -123,6 +123,7 @@ def vbus_bench(
     vbus_variant: "dict[str, Any]",
 ) -> "Iterator[Bench]":
     """Everything the plug-in keeps for this test; the other fixtures are made from it."""
+    from vbus.campaign.world import REFERENCE
     from vbus.core.errors import VbusError
     from vbus.testing.bench import Bench
     from vbus.testing.variant import Variant
@@ -153,19 +154,21 @@ def vbus_bench(
             known.project.budget,
             COVERAGE in item.config.stash,
             known.project.tolerance,
-            Variant(**vbus_variant, scenario=item.stash.get(SCENARIO, None)),
+            Variant(**vbus_variant, world=item.stash.get(WORLD, REFERENCE)),
             scope=option("--vbus-scope") != "never",
             chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
+            witnessed=item.stash.get(SEARCHING, False),
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
+    if LIMITS in item.stash:
+        bench.limit(*item.stash[LIMITS])
     item.stash[BENCH] = bench
     try:
         yield bench
     finally:
         bench.close()
-        if bench.begun is not None:
-            item.stash[BOARD] = bench.begun.source.text
+        world_run(item, bench)
         if COVERAGE in item.config.stash:
             item.config.stash[COVERAGE].add(item.nodeid, bench.coverages())
 
