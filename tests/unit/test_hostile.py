@@ -7,13 +7,13 @@ from hypothesis import given, settings
 
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
+from vbus.campaign.world import extremes
 from vbus.client.bus import Bus
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import SECOND
 from vbus.plugins import chip_class
 from vbus.testing.hostile import (
     Extremes,
-    extremes,
     failed,
     find_weakness,
     play,

@@ -23,13 +23,11 @@ except ImportError as error:
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.boardfile.sections import BoardFile
+from vbus.campaign.world import extremes, section_line, with_keys
 from vbus.client.bus import Bus
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import US
 from vbus.core.options import Value
-from vbus.plugins import chip_class
-from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
@@ -100,20 +98,6 @@ def _toml(value: Value) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f'"{value}"' if isinstance(value, str) else str(value)
-
-
-def extremes(file: BoardFile) -> list[tuple[str, str, tuple[Value, ...]]]:
-    """Return the settings of a board's chips that silicon may differ in: chip, key, values.
-
-    They are the rows of the chips' OPTIONS that name extremes. A setting the board file fixes
-    stays as it is there.
-    """
-    return [
-        (chip.name, option.name, option.extremes)
-        for chip in file.chips
-        for option in chip_class(chip.part).OPTIONS
-        if option.extremes and option.name not in chip.settings
-    ]
 
 
 def possible(board: str, scenario: Extremes) -> bool:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.campaign.world import with_keys
 from vbus.core.errors import ConfigError
-from vbus.testing.boards import with_keys
 
 if TYPE_CHECKING:
     from vbus.testing.hostile import Extremes
