@@ -375,7 +375,7 @@ def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
     part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
-    with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
+    with pytest.raises(NodeMismatchError, match="node b has sent two different reports of round 0"):
         part.receive(NodeReport("1", 1, 0, 0, 6, -1, ()))
 
 

@@ -159,12 +159,12 @@ class _Lines(PacketReader):
         if text is not None:
             self._put(when, text, times, when + (times - 1) * span)
             return
-        told = ""
+        line = ""
         for turn in range(times):
-            before = told
-            told = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
-            if turn == 1 and told and told == before:  # so does each of the rest
-                self._put(when + span, told, times - 2, when + (times - 2) * span)
+            before = line
+            line = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
+            if turn == 1 and line and line == before:  # so does each of the rest
+                self._put(when + span, line, times - 2, when + (times - 2) * span)
                 return
             when += span
 

@@ -59,7 +59,7 @@ def replay_code(path: Path, outcome: "Outcome", damage: str) -> int:
 
 
 class Feed:
-    """What a running board tells whoever watches it.
+    """The events of a running board, over its watch socket.
 
     Args:
         board: name of the board.
@@ -140,7 +140,7 @@ class Feed:
         raise TransportError(f'board "{self._board}" has stopped')
 
     def watch(self, until: str = "") -> None:
-        """Have events told from now on, and when a condition holds, if there is one.
+        """Ask for events from now on, and for the instant a condition holds, if there is one.
 
         Raises:
             VbusError: it makes no sense on this board.
@@ -179,7 +179,7 @@ class Together:
         self._running: int = 0
 
     def watch(self, until: str = "") -> None:
-        """Have events told, and when a condition holds: on the node whose chips it is about.
+        """Ask for events, and for the instant a condition holds on the node whose chips it names.
 
         Raises:
             VbusError: no node can look for it; says why.
@@ -198,19 +198,19 @@ class Together:
         for part, feed in enumerate(self._feeds):
             self._running += 1
             Thread(target=self._read, args=(part, feed), daemon=True).start()
-        told: set[int] = set()
-        """Nodes that have told their values since all were."""
+        heard: set[int] = set()
+        """Nodes whose values have come since the last complete set."""
         while self._running:
             part, item = self._waiting.get()
             if item is None:
                 self._running -= 1
             elif item[0] == "t":
                 self._told[part] = item[1], item[2]
-                told.add(part)
-                if len(told) < self._running:
+                heard.add(part)
+                if len(heard) < self._running:
                     continue
-                told.clear()
-                values = {chip: told for _, each in self._told for chip, told in each.items()}
+                heard.clear()
+                values = {chip: one for _, each in self._told for chip, one in each.items()}
                 yield ["t", min(now for now, _ in self._told), values]
             else:
                 yield item

@@ -41,7 +41,7 @@ def attached_lines(status: dict[str, Any], counts: bool = True) -> list[str]:
 
     Args:
         status: what ``vbus ls --json`` shows of it.
-        counts: whether what has passed is told.
+        counts: whether they count what has passed.
     """
     attached = status["attached"]
     gone = "" if attached["state"] == "ready" else f", {attached['state']}"

@@ -645,9 +645,12 @@ class Mcp1200Access(RegisterCycles):
     Args:
         cycles: the chip on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
             with one chip.
+        checked: read back every register that reads as it was written.
     """
 
-    def __init__(self, cycles: ChipCycles) -> None: ...
+    checked: bool
+
+    def __init__(self, cycles: ChipCycles, *, checked: bool = False) -> None: ...
     def extend(self) -> None:
         """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
 
@@ -658,6 +661,7 @@ class Mcp1200Access(RegisterCycles):
         """Write the register at ``addresses``, by extended addressing if need be.
 
         Raises:
+            ReadBackError: the register reads otherwise (``checked``).
             ValueError: the value does not fit.
         """
 
@@ -669,12 +673,14 @@ class Mcp1200(Mcp1200Calls):
     Args:
         bus: the session.
         chip: the chip's name on the board; None if there is only one.
+        checked: read back every register that reads as it was written, and flags after they are
+            set or cleared.
     """
 
     bus: Bus
     chip: Chip
 
-    def __init__(self, bus: Bus, chip: str | None = None) -> None: ...
+    def __init__(self, bus: Bus, chip: str | None = None, *, checked: bool = False) -> None: ...
     def wait_flags(self, bits: int, level: int, longest: str = "10s") -> int:
         """Read the flag register until ``bits`` of it are ``level``; return it.
 
@@ -727,6 +733,7 @@ class Mcp1200(Mcp1200Calls):
 
         Raises:
             NotReadyError: the profile has not ended after ``longest`` of chip time.
+            ReadBackError: the command position has ended elsewhere (``checked``).
         """
 
     def home(

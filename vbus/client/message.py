@@ -43,7 +43,7 @@ class Sample(NamedTuple):
 
 
 class Sync(NamedTuple):
-    """What SYNC told.
+    """The answer to SYNC.
 
     Attributes:
         outputs: output lines; bit n is ``info.outputs[n]``.

@@ -165,7 +165,7 @@ class CompiledCore(BuildHookInterface):
 
 
 def announce(sentence: str) -> None:
-    """Tell whoever waits at the terminal: what a build prints, pip keeps to itself."""
+    """Print on the terminal of the build's user: pip does not show what a build prints."""
     with contextlib.suppress(OSError), open("/dev/tty", "w", encoding="utf-8") as terminal:
         terminal.write(f"\n{sentence}\n")
 

@@ -9,6 +9,7 @@
     |   +-- NameInUseError    another running process has the name
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- ChecksumError     a chip's checksum of a packet is not the host's
+    +-- ReadBackError     a chip says that something else was written
     +-- PluginError       an entry point is missing or broken
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
     +-- ProgramError      a program cannot be started
@@ -58,6 +59,10 @@ class NotReadyError(VbusError, TimeoutError):
 
 class ChecksumError(VbusError):
     """A packet whose checksum, as the chip tells it, is not what was sent and received."""
+
+
+class ReadBackError(VbusError):
+    """What a chip says of what was written to it is something else."""
 
 
 class NameInUseError(TransportError):

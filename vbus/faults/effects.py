@@ -38,7 +38,7 @@ class FaultEffects:
     Attributes:
         buses: what is wrong with buses now, by number of fault.
         wires: the same of wires and parts of glue.
-        links: does the faults of links; None where nobody serves the board.
+        links: does the faults of links; None on a board without a server.
     """
 
     STATE: ClassVar[Names] = (
@@ -132,7 +132,7 @@ class FaultEffects:
         self.links = links
         for armed in self._armed.values() if links is not None else ():
             if armed.fault.target == LINK and armed.state == ACTING:
-                with suppress(ValueError):  # nobody is there whom it could concern
+                with suppress(ValueError):  # the link has no host now
                     self.begin(armed)
                     armed.fired = max(1, armed.fired)
 

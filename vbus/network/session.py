@@ -38,7 +38,7 @@ class Network(Struct, frozen=True):
         listen: endpoints hosts, boards and routers may connect to.
         connect: endpoints of routers to connect to.
         security: certificates and rights, if any.
-        grace_seconds: how long the session of a host that has vanished is kept for its return.
+        grace_seconds: how long the session of a host that has vanished waits for its return.
         remote: other computers may be let in without certificates.
     """
 
@@ -79,7 +79,7 @@ def open_session(
     remote: bool = False,
     lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
-    """Open a Zenoh session that talks to the given endpoints and to nobody else.
+    """Open a Zenoh session that talks to the given endpoints and to no others.
 
     There is no multicast scouting and no gossip: what is not named is not found. A topology that
     works is a star: one session with ``mode="router"`` that listens, and all others connected to it
@@ -158,7 +158,7 @@ def _settings(
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": False,
     }
-    if mode == "router":  # whoever takes nothing for a lease would hold all others up
+    if mode == "router":  # a peer that takes nothing for a lease would hold all others up
         settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = (
             lease_ms * 1000
         )
@@ -205,8 +205,8 @@ def _why(
     text = str(error)
     if "listener" in text or "in use" in text:
         return (
-            f"cannot listen on {', '.join(listen)}: {_reason(text)}; stop whoever has it, or"
-            " choose another port"
+            f"cannot listen on {', '.join(listen)}: {_reason(text)}; stop the process that has"
+            " it, or choose another port"
         )
     for endpoint in connect:
         if security is not None and endpoint.startswith("tls/"):
@@ -215,8 +215,8 @@ def _why(
                 return f"{endpoint} cannot be reached: {found}"
     if connect:
         return (
-            f"{', '.join(connect)} cannot be reached: nobody listens there; is the router or the"
-            " board running (vbus ls), and is the endpoint right?"
+            f"{', '.join(connect)} cannot be reached: no process listens there; is the router or"
+            " the board running (vbus ls), and is the endpoint right?"
         )
     return f"no Zenoh session: {_reason(text)}"
 
@@ -230,7 +230,7 @@ def _reason(text: str) -> str:
 
 
 def free_endpoint(protocol: str = "tcp", host: str = "127.0.0.1") -> str:
-    """Return an endpoint on a port that is free now; whoever listens first has it."""
+    """Return an endpoint on a port that is free now; the first process to listen has it."""
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
         probe.bind((host, 0))
         return f"{protocol}/{host}:{probe.getsockname()[1]}"

@@ -171,10 +171,10 @@ class Node(Beyond):
     # -- orders -------------------------------------------------------------------------------
 
     def orders_of(self, label: str, saved: bool = True) -> Orders:
-        """Return what somebody orders here for given instants.
+        """Return the orders of one source for given instants.
 
         Args:
-            label: who, in traces.
+            label: name of the source, in traces.
             saved: whether it is part of the state.
         """
         known = next((orders for orders in self.orders if orders.label == label), None)
@@ -186,7 +186,7 @@ class Node(Beyond):
         return known
 
     def order(self, label: str, order: Order) -> None:
-        """Let happen at its instant what :meth:`orders_of` somebody are about."""
+        """Add an order to those of a source (:meth:`orders_of`), for its instant."""
         o = order
         self._note("order", [label, o.when, [*o.chips], o.kind, o.address, o.data, o.pin])
         self.orders_of(label).give(order)

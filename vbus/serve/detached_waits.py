@@ -31,18 +31,18 @@ class Departed(typing.Protocol):
 
 
 class DetachedWaits:
-    """What hosts have left under way that have gone.
+    """Carries out what hosts had asked for before they went.
 
     A host's end is orderly: the complete requests it had sent are carried out, in their order,
     whatever they wait for. A wait (DELAY, WAIT, a time stamp ahead) is carried out to its end, a
     CLAIM when the claim of another host ends, and then what stands behind. Half a request at the
-    end is discarded, with a warning. Whether a host has closed its link or was killed cannot be
-    told from here.
+    end is discarded, with a warning. A host that has closed its link and one that was killed look
+    the same here.
 
-    Where hosts are masters of time nobody is let in while time is still to pass for one that has
+    Where hosts are masters of time, no host is let in while time is still to pass for one that has
     gone: the next host begins at the same instant in every run. With another host there a wait
     longer than :data:`LONGEST` is given up, at an instant that is a multiple of that before its
-    end, with a warning. In real time nobody waits for those that have gone; a wait ends with its
+    end, with a warning. In real time no host waits for those that have gone; a wait ends with its
     host if nothing stands behind it, or, with a warning, if it is longer than that.
 
     Args:
@@ -106,7 +106,7 @@ class DetachedWaits:
             begin(link)
 
     def close(self) -> None:
-        """The board stops: nothing more is carried out, and nobody let in."""
+        """The board stops: nothing more is carried out, and no host let in."""
         self.closed = True
         arrivals, self._arrivals = self._arrivals, []
         for arrival in arrivals:

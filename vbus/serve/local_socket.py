@@ -100,7 +100,7 @@ class Connection:
 
 
 class Telling(Connection):
-    """Somebody who asks what ``vbus ls --json`` shows, and is answered at once.
+    """A connection that gets what ``vbus ls --json`` shows, at once.
 
     Args:
         loop: the event loop.

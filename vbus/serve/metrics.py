@@ -128,7 +128,7 @@ def _reply(status: str, content_type: str, body: bytes, head_only: bool = False)
 
 
 class Collector:
-    """Makes Prometheus metrics of the statistics of boards, each time somebody asks."""
+    """Makes Prometheus metrics of the statistics of boards, at each request."""
 
     def __init__(self, statistics: Callable[[], dict[str, Any]]) -> None:
         self.boards: list[Callable[[], dict[str, Any]]] = [statistics]

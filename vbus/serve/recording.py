@@ -60,13 +60,13 @@ class Recording:
     """Everything that a board file, or its user, wants to be recorded.
 
     Args:
-        board: a board nobody has opened a port on.
+        board: a board without open ports.
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
 
     Attributes:
-        journal: the one that is kept, if any.
+        journal: the one that is written, if any.
         settle: called before a host gets its answer; tells whether the journal holds what is
             answered. None where it need not.
         told: what ``vbus ls --json`` shows of the journal.

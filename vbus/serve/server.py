@@ -81,10 +81,10 @@ REAL_SECONDS: Final = 0.001
 
 
 class Server:
-    """Serves a board to its hosts until told to stop.
+    """Serves a board to its hosts until :meth:`stop`.
 
     Args:
-        board: the board; it is moved by nobody else from here on.
+        board: the board; from here on only the server moves its time.
         links: the hosts' entries.
         stall: what happens after a stall of the machine; see :class:`WallClockPacer`.
         report: takes sentences about what happens to links (a device was unplugged).
@@ -134,8 +134,9 @@ class Server:
         elif metrics is not None:
             self.metrics = MetricsPort(*metrics, self.statistics)
         self.details: Callable[[], dict[str, Any]] = dict
+        """Gives the parts of the detailed status report that others add."""
         self.skew: Callable[[], int | None] = lambda: None
-        """Makes more of what is told of the board."""
+        """Gives the clock skew between nodes; None on a board without nodes."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
@@ -362,7 +363,7 @@ class Server:
 
     @property
     def watched(self) -> bool:
-        """Whether somebody watches the board from another process."""
+        """Whether the board has watchers in other processes."""
         return any(local.connections for local in self.local_sockets[1:2])
 
     # -- telling about itself -------------------------------------------------------------------

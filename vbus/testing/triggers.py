@@ -224,7 +224,7 @@ class Triggers:
         return future
 
     async def _run(self) -> None:
-        """Let time pass while somebody waits for it; notice when nothing happens at all."""
+        """Let time pass while a task waits for it; notice when nothing happens at all."""
         watch, board = self._tested.watch, self._board
         patience = self._tested.budget.polling
         seen, since = (-1, -1), monotonic()

@@ -69,8 +69,8 @@ class SocketLink(Link):
 class _SocketTransport(Transport):
     """What both kinds share: a listening socket that accepts without waiting.
 
-    One descriptor is kept in reserve: when there are no more, it lets a host be told so, which
-    would otherwise wait outside and not know for what.
+    One descriptor is held in reserve. When there are no more, it serves to accept a host and to
+    refuse it with the reason; the host would wait in the queue of the socket otherwise.
     """
 
     _reserve: int = -1
@@ -215,7 +215,7 @@ class _SocketTransport(Transport):
 
 
 def _answers(path: Path) -> bool:
-    """Tell whether somebody listens at a Unix socket."""
+    """Whether a process listens at a Unix socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link, socket_address(path) as address:
         link.setblocking(False)
         return link.connect_ex(address) in (0, errno.EAGAIN)

@@ -135,7 +135,7 @@ def test_specimens_have_each_extreme_alone_first() -> None:
     file, _ = read_board_text(LM629)
     found = list(specimens(file, 0, 20))
     assert len(found) == 20
-    assert [world.how for world in found[:2]] == ["x.busy_clk=1", "x.busy_jitter_clk=80"]
+    assert [world.how for world in found[:2]] == ["x.reset_status=C4", "x.reset_time=1499 us"]
     assert found == list(specimens(file, 0, 20)) != list(specimens(file, 1, 20))
 
 

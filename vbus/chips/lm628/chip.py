@@ -439,22 +439,35 @@ class LM628(FrontEndHost):
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
 
+    def hint(self, rule: str, when: int) -> str:
+        """Return that a write came into the reset at power-on, in which busy reads 0 (LM-RST-4)."""
+        if rule != ds.RESET_WRITE.name or when > int(self.settings["reset_time"]):
+            return ""
+        return (
+            f"hint: {self.name} is in the reset that follows power-on, and its busy bit is 0"
+            " meanwhile (LM-RST-4): wait until the status byte is 84H or C4H, or write power_on ="
+            ' "done" in [board], and the board starts after that reset'
+        )
+
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
         self.advance()
-        axis = self.axis
+        axis, host = self.axis, self.host
+        # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
+        code, step, word = host.next_step() if host.busy else (-1, 0, 0)
+        flags = axis.kept_flags(word) if code == ds.RSTI and step else int(axis.flags)
         found = []
-        if axis.interrupt() and (self._hi.net.heard or axis.interrupts_wanted):
-            flags = flag_names(int(axis.flags & axis.mask))
+        if flags & axis.mask and (self._hi.net.heard or axis.interrupts_wanted):
             unseen = ", and no status byte was read since it rose" if self._unseen else ""
-            text = f"HI is high at the end{unseen}: {flags}; RSTI lets it fall"
+            names = flag_names(int(flags & axis.mask))
+            text = f"HI is high at the end{unseen}: {names}; RSTI lets it fall"
             found.append((ds.HI_STANDS, text))
-        errors = flag_names(int(axis.flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR)))
+        errors = flag_names(flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
         if errors:
             found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
-        if axis.pid.waits():
+        if code != ds.UDF and (axis.pid.waits() or (code == ds.LFIL and step > 1)):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
-        if axis.profile.waits():
+        if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
         return found
 

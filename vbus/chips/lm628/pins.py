@@ -88,7 +88,7 @@ class BusPins(BusFrontEnd):
         self._kernel = chip.kernel
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
-        # What is shown changes at its instant, though nobody looks: the net keeps that instant.
+        # The byte shown changes at its instant, observed or not: the net stores that instant.
         self._live = chip.kernel.timer(self._changes, saved=False)
         self._limits: dict[str, int] = _limits(chip.clock.hz)
         self._late: bool = self._strict("T10")
@@ -116,7 +116,7 @@ class BusPins(BusFrontEnd):
         self._byte: int = 0
         self._left: int = 0
         self._undo: Saved = {}
-        chip.on_levels = self.take_levels
+        chip.on_levels = self.forget_edges
 
     @property
     def _old(self) -> tuple[int, ...]:
@@ -305,7 +305,7 @@ class BusPins(BusFrontEnd):
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
 
-    def take_levels(self) -> None:
+    def forget_edges(self) -> None:
         """Take the control lines as they are; no edge has been, and no time is judged from one."""
         self._levels = self.levels()
         self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO

@@ -282,7 +282,7 @@ class StepperAxis:
 
     def loaded(self) -> bool:
         """Whether the buffer has what no update has taken."""
-        buffer, active = self.buffer, self.active
+        buffer, active = self.buffer, self._taken if self._update_pending else self.active
         return (
             buffer.differs(active)
             or (self.motor_command_given and buffer.motor_command != active.motor_command)
@@ -491,7 +491,7 @@ class StepperAxis:
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF
 
 
-NOBODY: Final = -1
+NO_AXIS: Final = -1
 
 
 class Interrupts:
@@ -509,20 +509,20 @@ class Interrupts:
         self._chip: Final[ChipSet] = chip
         self._axes: list[StepperAxis] = axes
         self._pin: Pin = chip.pins["~HostIntrpt"]
-        self.axis: int = NOBODY
-        """Number (0-based) of the interrupting axis, or :data:`NOBODY`."""
+        self.axis: int = NO_AXIS
+        """Number (0-based) of the interrupting axis, or :data:`NO_AXIS`."""
         self.quiet_until: i64 = NEVER
         """End of the shortest time the line stays high after RST_INTRPT; NEVER outside it."""
 
     def reset(self) -> None:
         """Release the line."""
-        self.axis = NOBODY
+        self.axis = NO_AXIS
         self.quiet_until = NEVER
         self._chip.put(self._pin, HIGH)
 
     def look(self) -> None:
         """Latch the first axis with an event its mask lets through (PMD-INT-1)."""
-        if self.axis != NOBODY or self.quiet_until != NEVER:
+        if self.axis != NO_AXIS or self.quiet_until != NEVER:
             return
         for axis in self._axes:
             if axis.events & axis.interrupt_mask:
@@ -537,6 +537,6 @@ class Interrupts:
 
     def release(self) -> None:
         """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
-        self.axis = NOBODY
+        self.axis = NO_AXIS
         self.quiet_until = self._chip.instant + self._chip.clock.span_up(1)
         self._chip.put(self._pin, HIGH)

@@ -8,7 +8,7 @@ from mypy_extensions import i64
 from vbus.chips.base import CHANGE, POLL, SAMPLE
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.axis import NOBODY, Interrupts, StepperAxis
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
@@ -134,7 +134,7 @@ class MC1241A(ChipSet):
         status = 0xFF
         if self.kernel.now < self.port.busy_until:
             status &= ~ds.STATUS_READY
-        if self.interrupts.axis != NOBODY:
+        if self.interrupts.axis != NO_AXIS:
             status &= ~ds.STATUS_NO_INTERRUPT
         return status
 
@@ -273,7 +273,7 @@ class MC1241A(ChipSet):
         due = self._next_due()
         if self.cycles.heard:
             due = min(due, self.cycles.boundary)
-        if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
+        if self.interrupts.axis == NO_AXIS and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
         if kind == POLL and self.port.busy_until > self.kernel.now:
             due = min(due, self.port.busy_until)  # PMD-BUS-12
@@ -287,7 +287,7 @@ class MC1241A(ChipSet):
     # -- neighbours ---------------------------------------------------------------------------
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen to an output."""
+        """An output has its first listener, or none any more."""
         self.advance()
         self.output.listen(self.cycles.clk_from(self.kernel.now))
         self.cycles.choose_slots()
@@ -345,7 +345,7 @@ class MC1241A(ChipSet):
             text = f"no checksum of {self.port.unchecked} packets was read"
             found.append((ds.CHECKSUM_UNREAD, text))
         number = self.interrupts.axis
-        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+        if number != NO_AXIS and self.pins["~HostIntrpt"].net.heard:
             found.append(
                 (ds.INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
             )
@@ -358,7 +358,7 @@ class MC1241A(ChipSet):
             if axis.unread:
                 text = f"{axis.unread_errors()}, and no status word has shown it to the host"
                 found.append((ds.ERROR_UNREAD, text))
-            if axis.loaded():
+            if axis.loaded() and self.port.coming not in ds.UPDATES:
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
                 found.append((ds.LEFT_LOADED, text))
         return found

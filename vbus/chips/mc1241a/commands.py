@@ -3,7 +3,7 @@
 from typing import Any, ClassVar, Final
 
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.axis import NOBODY, Interrupts, StepperAxis
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
 from vbus.chips.tables import Command
@@ -95,7 +95,7 @@ class Commands:
 
     def select_interrupting(self) -> int:
         """Current axis := the interrupting one, if any; its status (PMD-CMD-3)."""
-        if self._interrupts.axis != NOBODY:
+        if self._interrupts.axis != NO_AXIS:
             self.current = self._interrupts.axis
         return self._axis.status
 
@@ -125,12 +125,12 @@ class Commands:
     def interrupting_status(self) -> int:
         """Return the status of the interrupting axis, else of the current one (PMD-CMD-42)."""
         number = self._interrupts.axis
-        return (self._axis if number == NOBODY else self._axes[number]).status
+        return (self._axis if number == NO_AXIS else self._axes[number]).status
 
     def reset_interrupt(self, keep: int) -> None:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
         number = self._interrupts.axis
-        if number != NOBODY:
+        if number != NO_AXIS:
             axis = self._axes[number]
             enabled = axis.events & axis.interrupt_mask
             if enabled & keep == enabled != 0:

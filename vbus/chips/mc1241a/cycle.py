@@ -92,7 +92,7 @@ class SampleCycles:
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
         self.heard: bool = False
-        """Somebody looks at the output pins: every slot counts."""
+        """The output pins are observed: every slot counts."""
         self.skipping: bool = True
         """Whether cycles in which nothing happens are passed over; the results are the same."""
         self.run_count: int = 0

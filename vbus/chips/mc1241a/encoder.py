@@ -43,7 +43,7 @@ def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
 class AxisInputs:
     """Position counter, capture register, home and limit inputs of one axis.
 
-    Counts come from the plant, or from the A and B pins once somebody drives one of them
+    Counts come from the plant, or from the A and B pins once one of them is driven
     (PMD-ENC-1). Home and limit levels come from the pins while they are driven, else from the
     plant's switches ``home``, ``limit+`` and ``limit-``, else they rest.
 

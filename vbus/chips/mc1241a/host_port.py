@@ -233,6 +233,13 @@ class PacketPort:
         return self.busy_until if self._pending != NOTHING else _NEVER
 
     @property
+    def coming(self) -> int:
+        """Code of the command that is carried out when the busy time ends; -1: of none."""
+        if self._pending == COMMAND:
+            return int(self._pending_value)
+        return int(self._code) if self._pending == WORD else -1
+
+    @property
     def known(self) -> bool:
         """Whether the packet under way is a command's."""
         return self._row is not None

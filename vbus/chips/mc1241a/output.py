@@ -1,4 +1,4 @@
-"""Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
+"""Motor output pins: PWM frames and DAC words, made only while they are observed."""
 
 from collections.abc import Callable
 from heapq import heappop, heappush
@@ -60,7 +60,7 @@ class Output:
         self._frame: int = 0
 
     def listen(self, next_clk: int) -> None:
-        """Somebody began or ceased to look at the pins.
+        """The pins have their first observer, or none any more.
 
         Args:
             next_clk: clocks since the count began, to find the next frame from.
@@ -88,7 +88,7 @@ class Output:
         self._queue = [(shift(one[0], now), *one[1:]) for one in self._queue]
 
     def due(self) -> i64:
-        """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
+        """Return the instant of the next edge or frame (ps), NEVER without an observer."""
         if not self._cycles.heard or self._chip.held:
             return _NEVER
         due: i64 = self._queue[0][0] if self._queue else NEVER

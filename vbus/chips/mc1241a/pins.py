@@ -46,6 +46,10 @@ class AdapterPins(BusFrontEnd):
         chip.data_pin.on_heard = None
         chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
         chip.pins["~Reset"].net.watch(Watcher(chip.kernel, self._reset_moved))
+        self.forget_edges()
+
+    def forget_edges(self) -> None:
+        """Take the lines as they stand: no edge has been, and no time is judged from one."""
         self._driving: bool = False
         self._clashed: bool = False
         self._last_was_write: bool = False

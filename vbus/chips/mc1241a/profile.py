@@ -95,7 +95,7 @@ class Profile:
     def resting(self, active: ProfileRegisters) -> bool:
         """Whether further cycles with the same registers and a resting encoder change nothing.
 
-        What moves is told by the microstepper, which is not still.
+        Motion shows in the microstepper, which is not still.
         """
         if self._state != RUNNING or self.mode == ds.GEAR:
             return True

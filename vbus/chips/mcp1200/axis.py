@@ -43,6 +43,8 @@ from vbus.core.state import Names, save
 Report = Callable[[Rule, int, int, str, int], bool]
 """Files a violation: rule, measured, limit, detail, instant (ps)."""
 
+_RESET_GAINS: Final = tuple(ds.REGISTERS[name].reset for name in ("KP", "KI", "KD"))
+
 
 class SteadyState:
     """Knows whether the next samples will be like the last one.
@@ -488,7 +490,11 @@ class ClockedAxis:
         lacking = "" if registers.step_mode else loop.lacking()
         if lacking:
             self.find(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
-        if registers.feature & ds.PID and registers.ki and not registers.integral_limit & 0x7FFF:
+        gains = (int(registers.kp), int(registers.ki), int(registers.kd))
+        if not registers.feature & ds.PID and gains != _RESET_GAINS:
+            text = "control begins with the lead filter, and gains of the PID filter are loaded"
+            self.find(ds.PID_UNUSED, cycle, 0, text)
+        elif registers.ki and not registers.integral_limit & 0x7FFF:
             self.find(ds.NO_INTEGRAL, cycle, 0, "control begins with a Ki above 0 and R66:R65 at 0")
 
     def _look_for_stall(self, cycle: i64) -> None:

@@ -214,7 +214,7 @@ class MCP1200(HostInterface):
         return self._instant(due)
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen; the chip's own watchers do not count."""
+        """An output has its first listener, or none; the chip's own watchers do not count."""
         if not self._own:
             return
         heard = False

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Final
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.client.aio.access import RegisterCycles, calls_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
-from vbus.core.errors import NotReadyError
+from vbus.client.aio.twice import twice
+from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import parse_duration
 
 PROFILE: Final = 0
@@ -19,6 +20,12 @@ _FEATURES: Final = {bit.name.lower(): bit.mask for bit in ds.FEATURE_BITS}
 
 FIRST_EXTENDED: Final = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
+_STORED: Final = {
+    row.addresses
+    for row in ds.REGISTERS
+    if row.access == "rw" and not (row.on_read or row.on_write or row.moves)
+}
+"""Registers that read as they were written."""
 
 
 class Mcp1200Access(RegisterCycles):
@@ -27,17 +34,29 @@ class Mcp1200Access(RegisterCycles):
     Args:
         cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
             with one chip.
+        checked: read back every register that reads as it was written.
     """
 
-    def __init__(self, cycles: ChipCycles) -> None:
+    def __init__(self, cycles: ChipCycles, *, checked: bool = False) -> None:
         super().__init__(cycles)
+        self.checked: bool = checked
         self._extended: bool = False
 
     async def extend(self) -> None:
         """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
-        config = await self.cycles.read(ds.CONFIG)
+        if self.checked:
+            config = await twice(lambda: self.cycles.read(ds.CONFIG), 0)
+        else:
+            config = await self.cycles.read(ds.CONFIG)
         if not config & ds.EXTENDED:
             await self.cycles.write(ds.CONFIG, config | ds.EXTENDED)
+            if (
+                self.checked
+                and (found := await self.cycles.read(ds.CONFIG)) != config | ds.EXTENDED
+            ):
+                raise ReadBackError(
+                    f"R02H reads {found:02X}h after {config | ds.EXTENDED:02X}h was written"
+                )
         self._extended = True
 
     async def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
@@ -49,10 +68,18 @@ class Mcp1200Access(RegisterCycles):
         """Write the register at ``addresses``, by extended addressing if need be.
 
         Raises:
+            ReadBackError: the register reads otherwise (``checked``).
             ValueError: the value does not fit.
         """
         await self._reach(addresses)
         await super().write_bytes(addresses, value)
+        if self.checked and addresses in _STORED:
+            found = await super().read_bytes(addresses)
+            written = value & (1 << 8 * len(addresses)) - 1
+            if found != written:
+                raise ReadBackError(
+                    f"R{addresses[0]:02X}H reads {found:X}h after {written:X}h was written"
+                )
         if addresses == (ds.CONFIG,):
             self._extended = bool(value & ds.EXTENDED)
 
@@ -75,12 +102,14 @@ class Mcp1200(Mcp1200Calls):
     Args:
         bus: the session.
         chip: the chip's name on the board; None if there is only one.
+        checked: read back every register that reads as it was written, and flags after they are
+            set or cleared.
     """
 
-    def __init__(self, bus: Bus, chip: str | None = None) -> None:
+    def __init__(self, bus: Bus, chip: str | None = None, *, checked: bool = False) -> None:
         self.bus: Bus = bus
         self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
-        super().__init__(self.chip)
+        super().__init__(self.chip, checked=checked)
 
     async def wait_flags(self, bits: int, level: int, longest: str = "10s") -> int:
         """Read the flag register until ``bits`` of it are ``level``; return it.
@@ -112,10 +141,19 @@ class Mcp1200(Mcp1200Calls):
     async def set_flag(self, number: int) -> None:
         """Set a mode flag by number: :data:`PROFILE`, :data:`VELOCITY` and so on."""
         await self.write_flag(8 | number)
+        if self.checked and number != PROFILE:  # a profile that has ended has cleared its own
+            await self._check_flag(number, 1)
+
+    async def _check_flag(self, number: int, level: int) -> None:
+        flags = await self.read_flag()
+        if flags >> number & 1 != level:
+            raise ReadBackError(f"flag F{number} is not {level} in R00H, {flags:02X}h")
 
     async def clear_flag(self, number: int) -> None:
         """Clear a mode flag by number."""
         await self.write_flag(number)
+        if self.checked:
+            await self._check_flag(number, 0)
 
     async def feature(self, **switches: bool) -> None:
         """Switch features on or off, others stay: ``pid``, ``s_curve``, ``unipolar`` …
@@ -123,7 +161,7 @@ class Mcp1200(Mcp1200Calls):
         Raises:
             ValueError: no such feature; says which there are.
         """
-        value = await self.read_feature()
+        value = await (twice(self.read_feature, 0) if self.checked else self.read_feature())
         for name, on in switches.items():
             if name not in _FEATURES:
                 raise ValueError(f"no feature {name!r}; there are {', '.join(_FEATURES)}")
@@ -145,6 +183,7 @@ class Mcp1200(Mcp1200Calls):
 
         Raises:
             NotReadyError: the profile has not ended after ``longest`` of chip time.
+            ReadBackError: the command position has ended elsewhere (``checked``).
         """
         await self.feature(s_curve=jerk is not None, high_resolution=True)
         if jerk is not None:
@@ -154,7 +193,10 @@ class Mcp1200(Mcp1200Calls):
         await self.write_final_position(final)
         await self.set_flag(PROFILE)
         await self.wait_flags(ds.F0 | ds.F2, 0, longest)
-        return await self.read_actual_position()
+        if self.checked and (ended := await self.read_command_position()) != final:
+            raise ReadBackError(f"the profile has ended at {ended}; {final} was asked for")
+        read = self.read_actual_position
+        return await (twice(read) if self.checked else read())
 
     async def home(
         self, *, velocity: int, acceleration: int, rising: bool = False, longest: str = "60s"

@@ -202,6 +202,10 @@ class HostRegisters:
         """F0 is set: say so if the final position has been written in part."""
         written, self._position_bytes = self._position_bytes, 0
         self._late_bytes = ~written & 7 if written else 0
+        registers = self._registers
+        if not written and registers.final_position == registers.command_position:
+            text = "F0 is set where the final position is the command position"
+            self._find(ds.NO_WAY, cycle, 0, text)
         if self._late_bytes:
             names = [f"R{_FINAL_POSITION[-1] + n:02X}" for n in range(3) if not written >> n & 1]
             text = f"of the final position {' and '.join(names)} stayed as before"

@@ -115,6 +115,12 @@ class StrobePins(BusFrontEnd):
     def __init__(self, chip: HostInterface) -> None:
         super().__init__(chip)
         self._owner: HostInterface = chip
+        self._release = chip.kernel.timer(self._let_go)
+        chip.bus_net.watch(self.own)
+        self.forget_edges()
+
+    def forget_edges(self) -> None:
+        """Take the lines as they stand: no edge has been, and no time is judged from one."""
         self._ale: int = 1
         self._cs: int = 1
         self._oe: int = 1
@@ -139,8 +145,7 @@ class StrobePins(BusFrontEnd):
         self._data_at: int = LONG_AGO
         self._closed_at: int = LONG_AGO
         self._previous_closed_at: int = LONG_AGO
-        self._release = chip.kernel.timer(self._let_go)
-        chip.bus_net.watch(self.own)
+        self._release.cancel()
 
     @property
     def _net(self) -> Net:

@@ -101,7 +101,7 @@ class Quadrature:
         together: the dwell is that of the *state* of A and B, so that a state which is too short
             is lost (LM-POS-1); otherwise A and B are filtered each on its own (MCP-ENC-1,
             PMD-ENC-1).
-        dwell_limit: shortest legal state; what is shorter is told by :meth:`edge`.
+        dwell_limit: shortest legal state; :meth:`edge` returns one that is shorter.
         pulse_limit: shortest legal level of A or B.
 
     Attributes:
@@ -178,7 +178,7 @@ class Quadrature:
             the lengths in :attr:`dwell` and :attr:`pulse`.
 
         Raises:
-            ValueError: something was due by ``now`` that nobody has taken by :meth:`settle`.
+            ValueError: something was due by ``now`` that :meth:`settle` has not taken.
         """
         if self.due() <= now:
             raise ValueError(f"settle what was due at {self.due()} before telling an edge at {now}")

@@ -19,7 +19,7 @@ from vbus.glue.table import PARTS
 
 _PAGES: Final = (
     "board", "chips", "plants", "nets", "hosts", "violations", "buses", "glue", "cards", "pinmaps",
-    "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
+    "cpu", "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
 )  # fmt: skip
 """Sections in the order of the overview; each has a page."""
 

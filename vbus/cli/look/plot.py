@@ -68,14 +68,14 @@ def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
 
 
 LANES: Final = ("desired", "real", "error", "velocity", "output")
-"""What is drawn of an axis if nobody says so."""
+"""What is drawn of an axis by default."""
 TOGETHER: Final = (("desired", "real"), ("velocity", "profile"))
 """Lanes that are drawn over each other where they have one unit: the first wide and pale."""
 
 COLUMN_INCHES: Final = 6.0
 PANEL_INCHES: Final = 1.7
 SLOTS: Final = 2000
-"""How finely time is drawn where there is more than can be told apart."""
+"""How many slots of time are drawn where there are more rows than a reader can see."""
 MARGIN_INCHES: Final = 0.6
 
 _SPANS: Final = ((10**12, "s"), (10**9, "ms"), (10**6, "us"), (10**3, "ns"))
@@ -127,7 +127,7 @@ def draw(
     """Draw a run.
 
     Args:
-        description: what a page is told before the first frame.
+        description: the description that comes before the first frame.
         frames: the recording.
         output: file to write.
         axes: names of axes; none: all.
@@ -149,12 +149,12 @@ def draw(
     deep = max(map(len, columns.values()), default=0)
     if lanes != LANES or not deep:
         _chosen("lane", lanes, there)
-    told: dict[LaneTold, list[tuple[int, float]]] = {
+    courses: dict[LaneTold, list[tuple[int, float]]] = {
         lane: [] for panels in columns.values() for panel in panels for lane in panel
     }
     for when, lane, value in rows.take(b"".join(frames)):
-        if lane in told:
-            told[lane].append((when, value))
+        if lane in courses:
+            courses[lane].append((when, value))
     first = begin or 0
     last = rows.now if end is None else end
     if not first < last:
@@ -169,7 +169,7 @@ def draw(
             drawn[0][number].set_title(f"{description['board']}: {axis}", loc="right")
             for place, panel in enumerate(panels):
                 _draw_panel(drawn[place][number], panel, units, [
-                    _between(told[lane], first, last) for lane in panel
+                    _between(courses[lane], first, last) for lane in panel
                 ], per)  # fmt: skip
             for rest in drawn[len(panels) :, number]:
                 rest.set_visible(False)
@@ -215,7 +215,7 @@ def _between(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple
 
 
 def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple[int, float]]:
-    """Return what can be told apart: in each slot the first, the least, the greatest, the last."""
+    """Return what a reader can see: in each slot the first, the least, the greatest, the last."""
     if len(rows) <= 4 * SLOTS:
         return rows
     kept: list[tuple[int, float]] = []

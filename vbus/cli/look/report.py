@@ -49,9 +49,33 @@ def command(
         readers = [report, *_other_part(report, compatibility)]
         play(header, reader, *readers)
     click.echo(FORMATS[style](report), nl=False)
+    if style == "text":
+        for line in _motion(journal, report.cycles):
+            click.echo(line)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def _motion(journal: Path, cycles: int) -> "Iterator[str]":
+    """Give what became of each axis, and what the run has left, if it is not too long a run."""
+    from vbus.cli.outcome import MOST_PLAYED, axes_played
+    from vbus.core.errors import VbusError
+
+    if cycles > MOST_PLAYED:
+        yield f"axes: not played again, after more than {MOST_PLAYED} bus cycles"
+        return
+    try:
+        with opened(journal) as reader:
+            axes, board = axes_played(reader, str(journal))
+    except VbusError as error:
+        yield f"axes: not known: {error}"
+        return
+    yield from (f"axis {line}" for line in axes)
+    yield from (
+        f"note: {one.chip}: {one.rule} ({one.clause}): {one.detail}" for one in board.left_over()
+    )
+    yield from board.hints(board.violations)
 
 
 def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":

@@ -242,7 +242,7 @@ def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
 
 
 def _show(what: str, more: str, address: str) -> None:
-    # Whoever started this may have gone; the page goes on.
+    # The process that started this may have gone; the page goes on.
     with suppress(OSError):
         click.echo(f"{what}: {address}{more}")
 
@@ -260,7 +260,7 @@ def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
 
 
 def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
-    """Return what a page is told of one run, or of several on one time axis."""
+    """Return the description of one run, or of several on one time axis, for a page."""
     if len(parts) == 1:
         return parts[0].description, parts[0].frames
     from vbus.views.scope.merged import Merged
@@ -310,9 +310,9 @@ def _page_of_boards(
 
     hellos = feeds.hellos
 
-    def begun(told: dict[str, Any]) -> Stream:
-        stream = Stream(told)
-        stream.add(clause_frame(chip["family"] for told in hellos for chip in told["chips"]))
+    def begun(description: dict[str, Any]) -> Stream:
+        stream = Stream(description)
+        stream.add(clause_frame(chip["family"] for one in hellos for chip in one["chips"]))
         return stream
 
     orders = None
@@ -321,8 +321,8 @@ def _page_of_boards(
         at_end.callback(forks.end)
         orders = BoardOrders(feeds, forks.open)
     bookmarks = of_board(hellos[0]["board"])
-    for told in hellos:
-        at_end.callback(keep_with_journal, bookmarks, journal_of(told), told)
+    for hello in hellos:
+        at_end.callback(keep_with_journal, bookmarks, journal_of(hello), hello)
     order = orders.order if orders else None
     server = place.server(begun(feeds.description), bookmarks, stay, order)
     server.on_registers = feeds.look_inside
@@ -400,7 +400,7 @@ async def _served(server: "Server | SigrokServer", over: "Callable[[], Awaitable
 async def _over(
     server: "Server", stop: asyncio.Event, ended: asyncio.Event, stay: float | None
 ) -> None:
-    """Return when nobody needs the page any more."""
+    """Return when the page is needed no longer."""
     stopped = asyncio.ensure_future(stop.wait())
     over = asyncio.ensure_future(ended.wait())
     await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)

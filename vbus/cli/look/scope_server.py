@@ -134,8 +134,8 @@ class ScopeServer:
         order: carries out what pages order; None where they may only look.
 
     Attributes:
-        on_registers: is told whether any page looks at registers, whenever that changes.
-        on_pages: is told whether any page is open, whenever that changes.
+        on_registers: called with whether any page shows registers, whenever that changes.
+        on_pages: called with whether any page is open, whenever that changes.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class ScopeServer:
         self._report: Callable[[str], None] = report
         self._order: Order | None = order
         self._state: str = ""
-        """What pages are told of how the board is controlled."""
+        """How the board is controlled, for pages."""
         self._code: str = secrets.token_urlsafe(24)
         self._cookies: set[str] = set()
         self._news: asyncio.Event = asyncio.Event()
@@ -186,7 +186,7 @@ class ScopeServer:
 
     @property
     def link(self) -> str:
-        """The address with a code that nobody has used; the code never leaves the browser's page.
+        """The address with an unused code; the code never leaves the browser's page.
 
         A fragment is in no request, and so in no log.
         """
@@ -331,7 +331,7 @@ class ScopeServer:
         return page
 
     async def _answer(self, page: web.WebSocketResponse, text: str) -> dict[str, Any]:
-        """Do what a page wants; return what it is told, if anything."""
+        """Carry out an order of a page; return the answer, if there is one."""
         asked = answer_to(text, self._order is not None)
         request = asked.get("request", {})
         if request.get("do") == REGISTERS:
@@ -378,17 +378,17 @@ class ScopeServer:
             stream: Stream | None = None
             place = 0
             state = ""
-            told: list[Bookmark] | None = None
+            sent: list[Bookmark] | None = None
             while True:
                 news = self._news
                 kept = None if self._bookmarks is None else self._bookmarks.all
                 noted = {} if kept is None else {"bookmarks": kept}
                 if stream is not self._stream:
                     stream, place = self._stream, 0
-                    told = None if kept is None else [*kept]
+                    sent = None if kept is None else [*kept]
                     await page.send_str(json.dumps(stream.description | noted))
-                elif told != kept:
-                    told = None if kept is None else [*kept]
+                elif sent != kept:
+                    sent = None if kept is None else [*kept]
                     await page.send_str(json.dumps(noted))
                 if state != self._state:
                     state = self._state

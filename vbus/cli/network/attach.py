@@ -89,7 +89,7 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
     """Ask the board what it is.
 
     Raises:
-        TransportError: nobody answers.
+        TransportError: no board answers.
         click.BadParameter: this is no link.
     """
     from vbus.serve.attach.far_board import look_at

@@ -178,7 +178,7 @@ class _MachineRun:
         trace: bool,
         may_end: Callable[["Child"], bool],
     ) -> bool:
-        """Start the processes; return whether all are ready before somebody asks for the end."""
+        """Start the processes; return whether all are ready before the user asks for the end."""
         from vbus.cli.run.run_nodes import is_first
 
         if not self._json and self._meeting.said:

@@ -102,7 +102,7 @@ def _lines(board: dict[str, Any]) -> list[str]:
 
 
 def _node_lines(node: dict[str, Any]) -> list[str]:
-    """Return what is told of a node of a larger board."""
+    """Return what ``vbus ls`` shows of a node of a larger board."""
     others = ", ".join(f"{name} ({state})" for name, state in node["others"].items()) or "none"
     if "skew" not in node:
         waits = f", waits for {', '.join(node['waits_for'])}" if node["waits_for"] else ""

@@ -47,8 +47,8 @@ def command(
             damage = reader.damage
         played.append(board)
         values.append({**asdict(outcome), "damage": damage, "recorded_with": header.vbus})
-        told = _lines(outcome, damage, header.vbus)
-        lines += told if len(journals) == 1 else [f"{journal}: {line}" for line in told]
+        text = _lines(outcome, damage, header.vbus)
+        lines += text if len(journals) == 1 else [f"{journal}: {line}" for line in text]
     value: dict[str, Any] = values[0] if len(journals) == 1 else {"journals": values}
     found = machine_hash(played)
     if found:

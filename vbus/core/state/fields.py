@@ -41,7 +41,7 @@ class Part(Kind):
     PART: ClassVar[bool] = True
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return layout_of(type(value)).save(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -63,7 +63,7 @@ class Parts(Kind):
         self.each: Kind = each
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return self.each.save_all(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -90,7 +90,7 @@ class Kept(Kind):
         return self.of
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         if saved != {}:
             kept_layout(type(now)).check(now, saved, Load())
         return saved
@@ -155,8 +155,8 @@ class Layout:
         kinds: what they hold, by name.
         places: the attribute that has each field, by its name.
         version: of the declaration.
-        save: returns the fields of a part, as they are kept.
-        check: checks fields that were kept, and adds what sets them to a :class:`Load`.
+        save: returns the fields of a part, as they are saved.
+        check: checks fields that were saved, and adds what sets them to a :class:`Load`.
     """
 
     __slots__ = ("check", "kinds", "names", "places", "save", "version")
@@ -320,8 +320,8 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
 
 def keep(part: Any) -> Saved:
     """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
-    kept: Saved = kept_layout(type(part)).save(part)
-    return kept
+    fields: Saved = kept_layout(type(part)).save(part)
+    return fields
 
 
 def take_back(part: Any, saved: Saved) -> None:

@@ -62,7 +62,7 @@ def written(
         refreshes: it has an after_load().
         present: returns the fields as this version declares them.
         save: what saves a part inside, by its class.
-        check: what checks what was kept of one, by its class.
+        check: what checks a saved one, by its class.
     """
     usual = {name: kind for name, kind in kinds.items() if kind.usual is not None}
     parts = [name for name, kind in kinds.items() if kind.STAYS]

@@ -31,7 +31,7 @@ from vbus.transports.runtime import mark_pause
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""
 PAUSE_SECONDS: Final = 0.5
-"""How often is looked whether somebody has paused it, or lets it go on."""
+"""How often to look whether the board is paused (s)."""
 READY: Final = "ready"
 
 
@@ -78,7 +78,7 @@ class Attachment:
 
     Args:
         wanted: what is to be attached.
-        board: what the remote board has told.
+        board: what the remote board's HELLO says.
         report: takes sentences about what happens.
 
     Raises:
@@ -253,12 +253,12 @@ class Attachment:
             self._looking.add_done_callback(self._looked)
 
     async def _tell_pauses(self) -> None:
-        """Leave word here while somebody has paused the board, where its link tells of that."""
-        told = False
+        """Mark the board as paused here while it is, where its link reports that."""
+        marked = False
         while True:
             paused = any(one.paused for one in self._upstreams)
-            if paused != told:
-                told = paused
+            if paused != marked:
+                marked = paused
                 self._mark_pause(paused)
             await asyncio.sleep(PAUSE_SECONDS)
 

@@ -56,7 +56,7 @@ def look_at(where: str, protocol: str) -> FarBoard:
         protocol: what is to be spoken here.
 
     Raises:
-        TransportError: nobody answers, or in a wire format of which that cannot be made; says why
+        TransportError: no board answers, or its wire format cannot carry the other; says why
             and what to do.
         ValueError: this is no link.
     """

@@ -112,7 +112,7 @@ def endpoints_of(
     """Return where this process listens and where it connects.
 
     Raises:
-        ConfigError: nobody has said where the nodes meet.
+        ConfigError: neither the file nor an option says where the nodes meet.
     """
     if options.listen or options.connect:
         return options.listen, options.connect
@@ -189,7 +189,7 @@ def serve_nodes(
         file: the board.
         source: its text.
         options: which nodes, and how.
-        on_ready: is told their servers once all nodes have met.
+        on_ready: gets their servers once all nodes have met.
         report: takes sentences about what went wrong.
         before: awaited when the nodes of this process can be watched, in virtual time before it
             begins.
@@ -237,7 +237,7 @@ class _NodesRun:
             for path in (options.trace, options.snapshot)
         )
         self._link: NodeLink | None = None
-        # In real time whoever orders a start comes over the network, also if all nodes are here.
+        # In real time orders to start come over the network, also if all nodes are here.
         self._real: bool = file.board.time == "realtime"
         places = options.listen or options.connect or file.zenoh.connect
         meets = bool(places) or plan.hub >= 0
@@ -359,8 +359,8 @@ class _NodesRun:
         }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
-        told = self._recordings[node.rank].told
-        return {"node": self._peers.status(node.rank)} | ({"journal": told} if told else {})
+        journal = self._recordings[node.rank].told
+        return {"node": self._peers.status(node.rank)} | ({"journal": journal} if journal else {})
 
     def _end_records(self) -> None:
         """The nodes have stopped: end every recording; of all nodes, join their waveforms."""

@@ -98,7 +98,7 @@ FREE_SLICE: Final = 10 * SECOND
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
 DAY: Final = 24 * 3600 * SECOND
-"""How long before the end of time people are told that it comes near (ps)."""
+"""How long before the end of time a warning says that it comes near (ps)."""
 
 log = logging.getLogger("vbus")
 
@@ -182,13 +182,13 @@ class WallClockPacer(TimeSource):
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
         self.on_end: Callable[[], None] = nothing
-        """Called when time has ended on a board that nobody but the pacer moves."""
+        """Called when time has ended on a board that only the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
         self._near: int = END - DAY
         """Beyond this instant there is something to tell or to stop (ps)."""
         self.bound: int = NEVER
-        """Whoever controls the board lets time run no further (ps); NEVER if nobody does."""
+        """The controller of the board lets time run no further (ps); NEVER without a controller."""
         self.on_bound: Callable[[], None] = nothing
         """Called when time is there: moves the bound, or halts."""
 
@@ -265,7 +265,7 @@ class WallClockPacer(TimeSource):
         self.board.limit = self.board.kernel.now + AHEAD
         return False
 
-    # -- in somebody's control ----------------------------------------------------------------
+    # -- controlled by another part ------------------------------------------------------------
 
     def halt(self) -> None:
         """Let time stand still from now on."""
@@ -294,7 +294,7 @@ class WallClockPacer(TimeSource):
             self.confine(self.bound)
 
     def _catch_up_to_bound(self) -> bool:
-        """Bring the board to the present, or as far as whoever controls it lets it come."""
+        """Bring the board to the present, or as far as its controller lets it come."""
         board = self.board
         began = self.clock()
         present, ahead = board.now, LEASE
@@ -314,7 +314,7 @@ class WallClockPacer(TimeSource):
     def _within(self, instant: int) -> int:
         """Return how far towards ``instant`` hosts may let time run (ps).
 
-        Not to the bound itself: whoever has set it looks before anybody goes on there.
+        Not to the bound itself: there the controller looks before any host goes on.
         """
         return max(min(instant, self.bound - 1, END), int(self.board.now))
 
@@ -337,7 +337,7 @@ class WallClockPacer(TimeSource):
         """Say so if time has ended.
 
         Raises:
-            TimeEndedError: it has, on a board that nobody but the pacer moves.
+            TimeEndedError: it has, on a board that only the pacer moves.
         """
         if self.over:
             raise TimeEndedError(
@@ -438,7 +438,7 @@ class WallClockPacer(TimeSource):
                 self.on_moved()
 
     def forget(self, callback: Callable[[], None]) -> None:
-        """Call ``callback`` no more: whoever wanted time to pass is not there."""
+        """Call ``callback`` no more: its session has gone."""
         self._wakes = [wake for wake in self._wakes if wake[2] != callback]
         heapq.heapify(self._wakes)
 
@@ -546,7 +546,7 @@ class WallClockPacer(TimeSource):
         if slices.catch_up():
             board.limit = self._within(board.now + LEASE)
             if self.free and not slices.moving:
-                self._slice = SLICE  # nobody has asked for a day of rest
+                self._slice = SLICE  # no host has asked for a day of rest
             elif there:
                 self._adapt_slice(ran + slices.took, FREE_NS if self.free else SLICE_NS)
             self._wake(board.now)

@@ -88,7 +88,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Fail a run in which a module or the project accepts what never happened."""
     config = session.config
     if ACCEPTED not in config.stash and _accepts(session):
-        with suppress(pytest.fail.Exception):  # what makes no sense is told where a board is
+        with suppress(pytest.fail.Exception):  # an error of its own is reported at a board
             acceptances(session)
     accepted = config.stash.get(ACCEPTED, None)
     passed = config.stash.setdefault(PASSED, set())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from vbus.testing.plugins.acceptance_plugin import fail_run
-from vbus.testing.plugins.matrix_plugin import SEARCHING
+from vbus.testing.plugins.worlds_plugin import SEARCHING
 
 if TYPE_CHECKING:
     from vbus.testing.bench import Bench

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from vbus.testing.plugins.acceptance_plugin import acceptances, fail_run, finished
-from vbus.testing.plugins.matrix_plugin import BOARD, SCENARIO, SEARCHING
+from vbus.testing.plugins.worlds_plugin import LIMITS, SEARCHING, WORLD, world_run
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 pytest_plugins = (
     "vbus.testing.plugins.acceptance_plugin",
     "vbus.testing.plugins.golden_plugin",
-    "vbus.testing.plugins.matrix_plugin",
+    "vbus.testing.plugins.worlds_plugin",
 )
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
@@ -37,6 +37,8 @@ CALLED: pytest.StashKey[bool] = pytest.StashKey()
 """Whether a test has passed, as far as its call."""
 COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
+NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
+"""What is noted of a test that has passed."""
 
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
@@ -121,6 +123,7 @@ def vbus_bench(
     vbus_variant: "dict[str, Any]",
 ) -> "Iterator[Bench]":
     """Everything the plug-in keeps for this test; the other fixtures are made from it."""
+    from vbus.campaign.world import REFERENCE
     from vbus.core.errors import VbusError
     from vbus.testing.bench import Bench
     from vbus.testing.variant import Variant
@@ -151,19 +154,21 @@ def vbus_bench(
             known.project.budget,
             COVERAGE in item.config.stash,
             known.project.tolerance,
-            Variant(**vbus_variant, scenario=item.stash.get(SCENARIO, None)),
+            Variant(**vbus_variant, world=item.stash.get(WORLD, REFERENCE)),
             scope=option("--vbus-scope") != "never",
             chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
+            witnessed=item.stash.get(SEARCHING, False),
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
+    if LIMITS in item.stash:
+        bench.limit(*item.stash[LIMITS])
     item.stash[BENCH] = bench
     try:
         yield bench
     finally:
         bench.close()
-        if bench.begun is not None:
-            item.stash[BOARD] = bench.begun.source.text
+        world_run(item, bench)
         if COVERAGE in item.config.stash:
             item.config.stash[COVERAGE].add(item.nodeid, bench.coverages())
 
@@ -297,6 +302,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     complaints = bench.complaints() if bench else []
     if complaints:
         pytest.fail("\n".join(complaints), pytrace=False)
+    if bench is not None:
+        item.stash[NOTES] = bench.notes()
     return result
 
 
@@ -311,11 +318,13 @@ def pytest_runtest_makereport(
 
         call.excinfo = cut_short(call.excinfo)
     report = yield
+    if call.when == "call" and report.passed:
+        report.__dict__["vbus_notes"] = item.stash.get(NOTES, [])
     if call.when != "teardown":
         item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
-    told = report.failed and not item.stash.get(SEARCHING, False)
-    if bench is not None and bench.boards and told and not bench.reported:
+    shown = report.failed and not item.stash.get(SEARCHING, False)
+    if bench is not None and bench.boards and shown and not bench.reported:
         failure = bench.failure_report()
         report.sections.append(("vbus", "\n".join(failure.lines)))
         report.user_properties += failure.properties
@@ -353,9 +362,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was exercised."""
+    """Say what was noted of tests that passed, and what was exercised."""
     coverage = config.stash.get(COVERAGE, None)
     short = config.stash.get(SHORT, "")
+    noted: dict[str, list[str]] = {}
+    for report in terminalreporter.stats.get("passed", []):
+        for rule, text in dict(getattr(report, "vbus_notes", [])).items():
+            noted.setdefault(rule, []).append(f"{report.nodeid}: {text}")
+    if noted:
+        terminalreporter.section("vbus notes of tests that passed")
+        for rule, texts in sorted(noted.items()):
+            tests = "1 test" if len(texts) == 1 else f"{len(texts)} tests, first"
+            terminalreporter.line(f"{rule} in {tests} {texts[0]}")
     if coverage is not None:
         terminalreporter.section("vbus coverage")
         for line in coverage.lines():

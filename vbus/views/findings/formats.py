@@ -118,7 +118,7 @@ def as_json(report: Report) -> str:
 
 
 def junit(report: Report) -> str:
-    """Return a test case for each rule of each chip; errors that nobody accepts fail it."""
+    """Return a test case for each rule of each chip; errors that are not accepted fail it."""
     suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
     known = [
@@ -156,8 +156,8 @@ def junit(report: Report) -> str:
             ElementTree.SubElement(case, "skipped", {"message": _xml(mine[0].reason)})
         elif rule.severity == "error":
             failures += 1
-            told = {"type": rule.name, "message": _xml(f"{count} x {rule.title}")}
-            ElementTree.SubElement(case, "failure", told).text = _xml(body)
+            attributes = {"type": rule.name, "message": _xml(f"{count} x {rule.title}")}
+            ElementTree.SubElement(case, "failure", attributes).text = _xml(body)
         else:
             text = f"{rule.severity}: {count} x {rule.title}\n{body}"
             ElementTree.SubElement(case, "system-out").text = _xml(text)

@@ -82,10 +82,10 @@ class Recorder(PacketReader):
             look.on_interrupt = self._interrupt
         self._labels: dict[tuple[str, str], int] = {}
         self._new: list[tuple[str, str]] = []
-        """Labels nobody has taken yet: what a packet says, and its cycles."""
+        """Labels that are not sent yet: what a packet says, and its cycles."""
         self._described: bool = False
         self._broken: dict[str, list[tuple[int, dict[str, Any]]]] = {}
-        """Violations by chip that no packet has been told since."""
+        """Violations by chip since its latest packet."""
         self._hosts: set[str] = set()
         self._commanded: set[str] = {
             chip.name for chip in board.chips if isinstance(decoder_of(chip.FAMILY), CommandPackets)
@@ -293,7 +293,7 @@ class Ticks:
 
 
 def sample_frames(lane: Lane, column: Columns, ticks: Ticks) -> list[bytes]:
-    """Return the values of a lane that nobody has taken yet as frames."""
+    """Return the values of a lane that are not sent yet as frames."""
     times, values = lane.take_values()
     if len(times) <= MOST_ROWS:
         return [_samples(lane, times, values, column, ticks)]

@@ -349,7 +349,7 @@ class Conform(Observer):
         undriven = 0
         if not cycle.write:
             undriven = self._undriven(cycle)
-            # A card's bus is pulled: what stands there after the edge is nobody's.
+            # A card's bus is pulled: its level after the edge is no chip's.
             shown = (old,) if self._chip.CONNECTOR else (byte, old)
             taken = next((value for value in shown if value in answers and not undriven), old)
             silicon = Cycle(cycle.when, False, cycle.address, taken)
