@@ -20,9 +20,10 @@ from vbus.transports.states import TERMINAL
 
 _READ_SIZE: Final = 1 << 16
 _MOST_READ: Final = 1 << 18
-"""Bytes read of a host's first ones; it may write as fast as they are read."""
+"""Bytes read of a host's first ones at most: it may write as fast as they are read."""
 LOOK_SECONDS: Final = 0.05
-"""How often is looked for clients where the system gives no watch."""
+"""How often to look for clients where the system gives no watch (s): a new client waits as long,
+and the machine wakes as often."""
 
 
 class PtyLink(Link):

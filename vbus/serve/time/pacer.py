@@ -23,19 +23,24 @@ from vbus.serve.time.time_source import TimeSource, chip_time, nothing
 from vbus.transports.linux import TimerFd
 
 AHEAD: Final = 2 * MS
-"""How far chip time may run ahead of the wall clock (ps)."""
+"""How far chip time may run ahead of the wall clock (ps). It trades sleeps of hosts with short
+DELAYs for how early a host may see an edge."""
 STALL: Final = 100 * MS
-"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
+"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1). The
+worst wake-up of a server on a crowded machine was 31 ms (docs/performance.md)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
 PIECE_NS: Final = 1_000_000
-"""Wall time for which chips are brought up to date in one go in real time: hosts wait for it."""
+"""Wall time for which chips are brought up to date in one go in real time. Hosts wait for it, but
+long visits cost less: a chip's memory is far away at first (docs/performance.md)."""
 FREE_NS: Final = 1_000_000
-"""Wall time of a slice where nothing holds time back, as far as that can be known before."""
+"""Wall time of a slice where nothing holds time back, as far as that can be known before. With it
+``--rate max`` has 0.95 of the core alone (docs/performance.md), and a host waits no longer."""
 FREE_SLICE: Final = 10 * SECOND
-"""Chip time of the longest of these."""
+"""Chip time of the longest of these: it bounds the jump of a board at rest."""
 LEASE: Final = 20 * MS
-"""Chip time by which a host that is master of time may move it in one go; more is sliced."""
+"""Chip time by which a host that is master of time may move it in one go; more is sliced. It trades
+turns of the event loop for how long other hosts wait."""
 DAY: Final = 24 * 3600 * SECOND
 """How long before the end of time a warning says that it comes near (ps)."""
 

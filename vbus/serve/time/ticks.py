@@ -8,14 +8,17 @@ TICK: Final = 10 * MS
 """How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
 SHORTEST_TICK: Final = 5 * MS
 LONGEST_TICK: Final = 200 * MS
+"""The longest tick of a board that moves: 8,180 axes on a core with it, 7,770 with 100 ms, 7,100
+with 50 ms, 6,870 with 25 ms (docs/performance.md)."""
 WATCHED_TICK: Final = 50 * MS
-"""The longest tick while the board is observed."""
+"""The longest tick while the board is observed: watchers get news as often."""
 RESTING_TICK: Final = 1_000 * MS
-"""The longest tick while nothing moves, no observer is there and no host asks."""
+"""The longest tick while nothing moves, no observer is there and no host asks: a board at rest
+wakes the machine once a second."""
 CHEAP_NS: Final = 50_000
 DEAR_NS: Final = 200_000
 """A chip that is brought up to date in less or more than this is looked after less or more often:
-who asks it waits for what it owes. Of many, all are looked after as their mean has it: few long
+a host that asks it waits for what it owes. Of many, all are looked after as their mean has it: few long
 visits take less than many short ones, since each finds what it works on far from the processor."""
 RESTING_NS: Final = 20_000
 """A round of all chips that takes less: boards at rest are left alone."""

@@ -40,7 +40,8 @@ OTHER: Final = 5
 """Kinds of packets."""
 
 MOST_ROWS: Final = 8192
-"""Rows of a frame at most: a page reads one after the other, and can draw between them."""
+"""Rows of a frame at most: a page reads one after the other, and can draw between them.
+250,000 rows a second are 30 frames (docs/performance.md)."""
 
 Columns = Callable[[Sequence[float]], Column]
 
