@@ -40,7 +40,7 @@ def run(board: Path, program: Path, transcript: Path) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("card", ["wired_card", "indexed_card"])
+@pytest.mark.parametrize("card", ["wired_card", "indexed_card", "ppi_card"])
 def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -> None:
     program, transcript = tmp_path / "move", tmp_path / "bus.txt"
     done = subprocess.run(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.four_chips import BOARD, eight, eight_scenario, scenario
 from tests.nodes.processes import Bench
 from vbus.board.config import read_board_text
 from vbus.core.kernel import US
@@ -17,8 +17,19 @@ from vbus.nodes.scenario import read_scenario
 @pytest.fixture(scope="module")
 def reference() -> str:
     """The hash of a run in a single process, without any network."""
-    file, source = read_board_text(BOARD)
-    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
+    return hash_of(BOARD, scenario())
+
+
+@pytest.fixture(scope="module")
+def reference_of_eight() -> str:
+    """The same of the machine of eight nodes."""
+    return hash_of(eight(), eight_scenario())
+
+
+def hash_of(board: str, script: str) -> str:
+    """Run a machine in this process."""
+    file, source = read_board_text(board)
+    machine = Machine(file, source, read_scenario(script, "s", pins_of(file), US))
     machine.run()
     return machine.trace_hash()
 

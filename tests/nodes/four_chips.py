@@ -1,4 +1,6 @@
-"""A machine of four chips on four nodes, and what its hosts do in 20 ms."""
+"""A machine of four chips on four nodes, and what its hosts do in 20 ms; and twice as many."""
+
+import re
 
 BOARD = """\
 [board]
@@ -144,3 +146,37 @@ def scenario(end_ms: int = 20) -> str:
     s.line(at + 1_100, "m pin TRIG z")
     s.lines.append(f"end {end_ms}ms")
     return "\n".join(s.lines) + "\n"
+
+
+TWIN = {"a": "e", "b": "f", "c": "g", "d": "h", "x": "u", "y": "v", "m": "n", "p": "q"}
+"""Nodes and chips of the second four, by those of the first."""
+
+
+def _twins(text: str, names: str) -> str:
+    """Return the same of the other four chips."""
+    return re.sub(names, lambda found: TWIN.get(found[0], found[0]), text)
+
+
+def eight() -> str:
+    """Return a machine of eight nodes: four more with the same chips, on the same wires."""
+    parts, _, nets = BOARD.partition("[nets]\n")
+    more = _twins(parts[parts.index("[nodes.a]") :], r"\b[abcdxymp](?=[\"\]_])")
+    wires = re.sub(r"\[(.*?)\]", lambda pins: f"[{pins[1]}, {_inputs(pins[1])}]", nets)
+    return f"{parts}{more}[nets]\n{wires}"
+
+
+def _inputs(pins: str) -> str:
+    """Return the same pins of the other four, but for outputs, which would fight."""
+    inputs = [pin for pin in pins.split(", ") if not pin.endswith(('.HI"', '.~HostIntrpt"'))]
+    return _twins(", ".join(inputs), r"\b[xymp](?=\.)")
+
+
+def eight_scenario() -> str:
+    """Return what hosts do there: the same at all, a little later at the other four."""
+    lines = scenario().splitlines()
+    later = []
+    for line in lines:
+        at, chip, *rest = line.split(" ", 2)
+        if chip in TWIN:
+            later.append(f"{float(at.removesuffix('us')) + 3.75:.3f}us {TWIN[chip]} {rest[0]}")
+    return "\n".join([*later, *lines, ""])

@@ -18,10 +18,10 @@ from vbus.core.errors import NodeMismatchError, SnapshotError
 from vbus.core.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, build_nodes, conductor_of, trace_hash
 from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
+from vbus.nodes.node import merged
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
-from vbus.nodes.trace import merged
 from vbus.protocols.port import PortError
 
 FILE, SOURCE = read_board_text(BOARD, "four.toml")

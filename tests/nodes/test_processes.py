@@ -1,4 +1,5 @@
-"""The four-chip machine over one, two and four processes: the same in all, and never a hang."""
+"""The four-chip machine over one, two and four processes, and one of eight over eight: the same in
+all, and never a hang."""
 
 import os
 import random
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 from zenoh import CongestionControl
 
-from tests.nodes.four_chips import BOARD
+from tests.nodes.four_chips import BOARD, eight, eight_scenario
 from tests.nodes.processes import Bench, ended
 from vbus.network.session import open_session
 
@@ -31,6 +32,42 @@ def test_the_hash_is_the_same_for_one_two_and_four_processes(
         assert code == 0, out
         assert "the scenario is over at 20.000000 ms" in out
     assert bench.merged(groups) == reference
+
+
+@pytest.mark.parametrize(
+    ("groups", "killed"),
+    [
+        (["aceg", "bdfh"], ""),
+        (["be", "cf", "dg", "ah"], ""),
+        ([*"abcdefgh"], "f"),
+    ],
+)
+def test_eight_nodes_have_the_hash_of_one_process_in_two_four_and_eight_with_delays_and_a_rejoin(
+    tmp_path: Path, reference_of_eight: str, groups: list[str], killed: str
+) -> None:
+    bench = Bench(tmp_path, eight(), eight_scenario())
+    options = ("--patience", "60")
+    file = tmp_path / "node.snap"
+    try:
+        processes = {
+            nodes: bench.start(
+                nodes, *options, *(("--snapshot", str(file)) if nodes == killed else ()),
+                disturb=f"{ord(nodes[0])}:20",
+            )
+            for nodes in groups
+        }  # fmt: skip
+        if killed:
+            bench.until(lambda: file.exists() and bench.node(killed).get("round", 0) > 20)
+            processes[killed].kill()
+            processes[killed].wait()
+            bench.until(lambda: bench.node("a").get("others", {}).get(killed) == "lost")
+            processes[killed] = bench.start(killed, "--from", str(file), *options, disturb="3:20")
+        for process in processes.values():
+            code, out = ended(process)
+            assert code == 0, out
+        assert bench.merged(groups) == reference_of_eight
+    finally:
+        bench.close()
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from tests.zenoh.test_posts import trip
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.client import connect
+from vbus.client.blocking import core_of
 from vbus.client.bus import Bus
 from vbus.client.zenoh_link import open_zenoh
 from vbus.core.errors import TransportError, VbusError
@@ -23,6 +25,7 @@ from vbus.network import envelope, keys
 from vbus.network.session import Network, close_session, open_session
 from vbus.serve.registry import order
 from vbus.serve.server import LinkSpec, Server
+from vbus.transports.zenoh_host import ZenohLink
 
 WAYS = ("request", "reply", "both")
 WRITES = 12
@@ -304,3 +307,63 @@ def test_a_fault_at_a_rate_hits_one_message_each_time() -> None:
         traffic = server._hosts[0].transport.traffic
         assert traffic is not None
         assert len(traffic.faults) < fired
+
+
+def toggle(bus: Bus, times: int) -> None:
+    """Let x.HI rise and fall: a breakpoint at 0 that is reached, and reset."""
+    for _ in range(times):
+        for command, words in ((0x1C, (0x0040,)), (0x20, (0, 0)), (0x1D, (0,))):
+            bus.write(0, command)
+            for word in words:
+                bus.wait("1ms")
+                bus.writes(1, word.to_bytes(2, "big"))
+            bus.wait("1ms")
+            bus.delay("1ms")
+        bus.echo()
+
+
+def test_events_that_are_lost_are_counted_and_the_board_names_the_host(
+    runtime: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A host that reads nothing loses them in Zenoh; here a cable is out for a while."""
+    links = LinkSpec("zenoh:"), LinkSpec(f"unix:{runtime}/b")
+    with (
+        served(board(), *links) as server,
+        connect(server.urls[1]) as other,
+        connect("zenoh:bench/x?patience=30") as bus,
+    ):
+        link = core_of(bus).link
+        bus.events("x.HI")
+        bus.echo()
+        toggle(other, 2)
+        arm("link_cut")
+        toggle(other, 3)
+        clear()
+
+        def told() -> bool:
+            toggle(other, 1)
+            while bus.next_event(0.0) is not None:
+                pass
+            return bool(caplog.messages)
+
+        until(told, lambda: f"{link.lost_events} are lost; {caplog.messages}")
+        host = envelope.public(link._name)
+        lost = f"host {host}: {link.lost_events} messages of events were lost on the way"
+        assert lost in caplog.text
+
+
+def test_events_from_before_the_host_asks_for_them_come_when_it_does() -> None:
+    """A host of another make may say which events it wants, and only then ask for them."""
+    with bench() as (server, _), connect("zenoh:bench/x") as bus, connect("zenoh:bench/x") as other:
+        bus.echo()
+        link = next(server.sessions()).link
+        assert isinstance(link, ZenohLink)
+        asked, link._events = link._events, None
+        bus.events("x.HI")
+        bus.echo()
+        toggle(other, 2)
+        assert bus.next_event(0.0) is None
+        assert asked is not None
+        server._loop.call_soon_threadsafe(link.hear, asked, 0)
+        seen = [bus.next_event(PATIENCE) for _ in range(4)]
+        assert len({event.instant for event in seen if event is not None}) == 4

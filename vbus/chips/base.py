@@ -1,7 +1,7 @@
 """What every chip is to a board: pins, bus cycles, time, state."""
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
@@ -91,8 +91,8 @@ class Chip:
     STATE: ClassVar[Names] = UNDECLARED
     WIRING: ClassVar[Names] = (
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
-        "read_low_ps", "cycle_ps", "on_levels", "pins", "bus_pins", "data_pin", "_file", "_timer",
-        "_tell", "standing",
+        "read_low_ps", "cycle_ps", "front", "on_levels", "pins", "bus_pins", "data_pin",
+        "_file", "_timer", "_tell", "standing",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
@@ -126,6 +126,8 @@ class Chip:
         """Whole read cycles that hosts have made; no part of the saved state."""
         self.writes: int = 0
         """Whole write cycles that hosts have made."""
+        self.front: Any = None
+        """Its :class:`~vbus.chips.front_end.BusFrontEnd`, if it has one."""
         self.on_levels: Callable[[], None] | None = None
         """Takes the control lines as they stand, put there between two cycles without edges; None:
         the chip wants the edges of every cycle that comes through glue."""
@@ -244,6 +246,14 @@ class Chip:
             a rule of severity note, and a sentence for people, for each.
         """
         return []
+
+    def hint(self, rule: str, when: int) -> str:
+        """Return what a host should know of a rule it has broken at an instant (ps); "" if nothing.
+
+        Returns:
+            a sentence for people, which names the setting or command that helps.
+        """
+        return ""
 
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).

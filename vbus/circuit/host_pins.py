@@ -122,6 +122,11 @@ class HostPins:
         """Return the names of the output lines, ``"chip.pin"``."""
         return [self._full_name(pin) for pin in self.outputs]
 
+    def output_of(self, pin: Pin) -> int:
+        """Return the number of the output line that a pin is on; -1: none of this host's."""
+        nets = [output.net for output in self.outputs]
+        return next((place for place, net in enumerate(nets) if net is pin.net), -1)
+
     def _full_name(self, pin: Pin) -> str:
         owner = next(name for name, pins in self._owners if pins.get(pin.name) is pin)
         return f"{owner}.{pin.name}"
@@ -204,6 +209,11 @@ class HostPins:
         if all(any(id(line.net) in one for one in known) for line in self.lines):
             self._own_lines = [self.of(line) for line in self.lines]
         return self._own_lines
+
+    def at(self, chip: Chip) -> list[Pin]:
+        """Return this host's own pins on the bus of a chip."""
+        known = [self._soldered.get(id(pin.net)) for pin in chip.bus_pins]
+        return [pin for pin in known if pin is not None]
 
     def side(self, number: int) -> Pin:
         """Return the chip's pin behind side pin ``number``."""

@@ -6,8 +6,53 @@ from typing import ClassVar
 from vbus.chips.base import Chip
 from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
 from vbus.core.kernel import NEVER, Kernel
-from vbus.core.signals import Guard, Pin
-from vbus.core.state import Names
+from vbus.core.signals import Guard, Pin, Z
+from vbus.core.state import Names, Saved, load, save
+
+
+class LentBus:
+    """How a chip's bus stood before whole cycles moved its lines.
+
+    Args:
+        chip: the chip.
+        hosts: the pins of every host.
+
+    Attributes:
+        user: pins of the host of the last cycle.
+    """
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, chip: Chip, hosts: list[HostPins]) -> None:
+        self.user: HostPins | None = None
+        self._chip: Chip = chip
+        self._driven: dict[int, int] = {
+            id(own): own.level for one in hosts for own in one.at(chip) if own.level != Z
+        }
+        self._byte: int = chip.data_pin.level
+        self._history: list[tuple[int, ...]] = [pin.net.history for pin in chip.bus_pins]
+        self._edges: Saved = {}
+        if chip.front is not None:
+            chip.front.settle()
+            self._edges = save(chip.front)
+
+    def put_back(self, hosts: list[HostPins]) -> None:
+        """Put the hosts' pins back; no time is judged from these edges."""
+        self._chip.judged = False
+        pins = [own for one in hosts for own in one.at(self._chip)]
+        # Some let go before others drive: nothing is fought that was not.
+        for own in sorted(pins, key=lambda own: id(own) in self._driven):
+            own.drive(self._driven.get(id(own), Z))
+
+    def recall(self) -> None:
+        """Let the chip know of the edges before, and of none since."""
+        chip = self._chip
+        if chip.front is not None:
+            chip.front.forget_edges()
+            load(chip.front, self._edges)
+        chip.data_pin.drive(self._byte)
+        for pin, history in zip(chip.bus_pins, self._history, strict=True):
+            pin.net.history = history
 
 
 class StrobePlayer:
@@ -17,13 +62,17 @@ class StrobePlayer:
     and happens at its instant, or when the next cycle begins, if that is earlier.
     """
 
-    WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards")
-    DERIVED: ClassVar[Names] = ("_tail",)
+    WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards", "hosts")
+    DERIVED: ClassVar[Names] = ("_tail", "lent")
 
     def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
         self._tail: deque[tuple[int, Pin, int]] = deque()
         self._timer = kernel.timer(self._run_tail)
+        self.hosts: list[HostPins] = []
+        """Pins of every host that is there."""
+        self.lent: dict[str, LentBus] = {}
+        """Buses whose lines whole cycles have moved since a host moved some itself, by chip."""
         self.guards: list[Guard] = []
         """Who may owe nets their levels."""
 
@@ -36,6 +85,9 @@ class StrobePlayer:
             The byte on the data bus at the latching edge.
         """
         self.flush()
+        for chip in chips:
+            if not chip.CONNECTOR:
+                self._lend(chip, pins)
         kernel = self._kernel
         strobes: list[CycleEdge] = []
         for chip in chips:
@@ -82,6 +134,33 @@ class StrobePlayer:
                 chip.bus_net.value = chip.end_read()
         self._kernel.settle()
         return together(chips)
+
+    # A whole cycle moves lines only while they are observed. So what it leaves of them decides
+    # about nothing: before another host's cycle its host lets go of them, and before a host moves
+    # lines itself, they and what the chip knows of edges are as hosts have left them by hand.
+
+    def _lend(self, chip: Chip, pins: HostPins) -> None:
+        """Give a chip's bus to a host for a whole cycle."""
+        bus = self.lent.get(chip.name)
+        if bus is None:
+            bus = self.lent[chip.name] = LentBus(chip, self.hosts)
+        if bus.user is not pins:
+            bus.user, chip.judged = pins, False
+            for other in self.hosts:
+                if other is not pins:
+                    for own in other.at(chip):
+                        own.release()
+            self._kernel.settle()
+
+    def give_back(self) -> None:
+        """Put every bus back as hosts have left it by hand."""
+        self.flush()
+        lent, self.lent = self.lent, {}
+        for bus in lent.values():
+            bus.put_back(self.hosts)
+        self._kernel.settle()
+        for bus in lent.values():
+            bus.recall()
 
     def leave(self, when: int, pin: Pin, level: int) -> None:
         """Take over what is to happen to a pin after a cycle that was not played here."""

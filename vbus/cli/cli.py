@@ -10,7 +10,7 @@ from typing import Any, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.version_line import version_line
+from vbus.compiled import version_line
 from vbus.core.errors import (
     CaptureError,
     ConfigError,
@@ -51,6 +51,7 @@ _GROUPS: Final = {
         "coverage": "Show what a driver has used.",
         "conform": "Compare a capture of a chip.",
         "fault": "Break a board on schedule.",
+        "campaign": "A program in broken worlds.",
     },
     "Network": {
         "attach": "A board elsewhere as a PTY.",

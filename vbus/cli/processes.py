@@ -149,9 +149,7 @@ class Processes:
         return child
 
     def until(
-        self,
-        condition: Callable[[], bool],
-        may_end: Callable[[Child], bool] = lambda child: False,
+        self, condition: Callable[[], bool], may_end: Callable[[Child], bool] = lambda child: False
     ) -> bool:
         """Show what processes say until a condition holds.
 

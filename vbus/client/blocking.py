@@ -1,24 +1,78 @@
 """Blocking counterparts of the client's asyncio classes: the same calls, done when they return.
 
 A session that blocks never leaves a coroutine half-way, so one step carries it out. What a caller
-gets is a class of the same name that stands before the asyncio object. Who changes how a client
-works derives from the asyncio class, and passes that to :func:`blocking`.
+gets is a class of the same name that stands before the asyncio object. A call that a derived class
+puts in place of one of these is made by the other calls, too.
 """
 
-from collections.abc import Coroutine
+import select
+import threading
+import time
+from collections.abc import Awaitable, Callable, Coroutine, Generator
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 from weakref import ref
 
-from vbus.client.aio.waits import Core
+from vbus.client.aio.waits import Core, Waits
+from vbus.core.wall_clock import monotonic
 
 T = TypeVar("T")
 
-_SPECIAL: Final = {
-    "__init__": "__init__",
-    "__aenter__": "__enter__",
-    "__aexit__": "__exit__",
-}
+
+def until_ready(fd: int, write: bool, deadline: float) -> bool:
+    """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
+    return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
+
+
+class _Done:
+    """Awaits nothing: entering and leaving by coroutines would be a tenth of a round trip."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        return _ENDED
+
+
+_DONE: Final = _Done()
+_ENDED: Final[Generator[None, None, None]] = iter(())  # type: ignore[assignment]
+
+
+class BlockingWaits(Waits):
+    """Waiting that blocks the thread: whatever is awaited has happened when ``await`` is reached.
+
+    Within ``async with`` no other thread has the session.
+    """
+
+    def __init__(self) -> None:
+        self._taken = threading.Lock()
+        self._poll = select.poll()
+        self._polled: tuple[int, bool] = (-1, False)
+
+    def __aenter__(self) -> Awaitable[None]:
+        self._taken.acquire()
+        return _DONE
+
+    def __aexit__(self, *why: object) -> Awaitable[None]:
+        self._taken.release()
+        return _DONE
+
+    async def until_ready(self, fd: int, write: bool, deadline: float) -> bool:
+        """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
+        if self._polled != (fd, write):
+            self._poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
+            self._polled = fd, write
+        return bool(self._poll.poll(max(0.0, deadline - monotonic()) * 1000))
+
+    async def pause(self, seconds: float) -> None:
+        """Wait for a while."""
+        time.sleep(seconds)
+
+    async def opened(self, open_link: Callable[[str], T], where: str) -> T:
+        """Open a link."""
+        return open_link(where)
+
+
+_SPECIAL: Final = {"__init__": "__init__", "__aenter__": "__enter__", "__aexit__": "__exit__"}
 """The special methods that have a counterpart, and the name of that."""
 _COPIED: Final = ("__doc__", "__module__", "__name__", "__qualname__")
 _COROUTINE: Final = 0x80
@@ -43,8 +97,34 @@ def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:
 class Blocking:
     """Stands before an asyncio object, of :attr:`_CORE`; has its attributes."""
 
-    _CORE: ClassVar[type[Core]]
+    _CORE: ClassVar[type[Core]] = Core
     _core: Core
+
+    def __init_subclass__(cls) -> None:
+        """Let the asyncio object come to the calls and constants that a derived class changes.
+
+        Raises:
+            TypeError: it changes what the asyncio class uses inside; nothing would come to it.
+        """
+        if "_CORE" in vars(cls):
+            return
+        made = next(base for base in cls.__mro__ if "_CORE" in vars(base))
+        changed: dict[str, Any] = {}
+        for name in dir(cls._CORE):
+            mine = _found(cls, name)
+            if name.startswith("__") or mine is _found(made, name):
+                continue
+            if name.startswith("_"):
+                raise TypeError(
+                    f"{cls.__qualname__}.{name}: {made.__name__} uses a function of this name"
+                    " inside, and would not come to this one; take another name, or derive from"
+                    f" {_found(made, '_CORE').__module__}.{made.__name__}, for asyncio, and pass"
+                    " that to vbus.client.blocking.blocking()"
+                )
+            changed[name] = _forwarding(name, mine, _found(cls._CORE, name))
+        if changed:
+            cls._CORE = type(cls.__name__, (cls._CORE,), changed)
+            _MADE[cls._CORE] = cls
 
     if not TYPE_CHECKING:  # which knows attributes by the stubs
 
@@ -70,6 +150,7 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
     made = _MADE.get(cls)
     if made is None:
         body: dict[str, Any] = {name: _without_aio(getattr(cls, name)) for name in _COPIED[:2]}
+        body["_CORE"] = core or cls
         for name, value in vars(cls).items():
             if isinstance(value, property):
                 body[name] = property(_call(value.fget), doc=value.__doc__)
@@ -79,7 +160,6 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
             elif name.isupper() and not name.startswith("_"):
                 body[name] = value  # a constant; attributes that change are those of the instance
         made = type(cls.__name__, tuple(map(blocking, cls.__bases__)), body)
-        made._CORE = core or cls
         _MADE[cls] = _MADE[made._CORE] = made
     return made
 
@@ -120,6 +200,35 @@ def _stand(front: Blocking, core: Core) -> None:
     core.front = ref(front)
 
 
+def _found(cls: type, name: str) -> Any:
+    """Return an attribute as its class has it, such as a property itself; None if there is none."""
+    return next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
+
+
+def _forwarding(name: str, mine: Any, known: Any) -> Any:
+    """Return what an asyncio class has in the place of something that its front changes.
+
+    Args:
+        name: its name.
+        mine: what the front has.
+        known: what the asyncio class had.
+    """
+    if isinstance(mine, property):
+        return property(lambda core: core_of(getattr(core.front(), name)))
+    if not callable(mine):
+        return mine
+
+    def call(core: Core, /, *args: Any, **kwargs: Any) -> Any:
+        assert core.front is not None
+        return core_of(getattr(core.front(), name)(*args, **kwargs))
+
+    async def steps(core: Core, /, *args: Any, **kwargs: Any) -> Any:
+        return call(core, *args, **kwargs)
+
+    waits = isinstance(known, FunctionType) and known.__code__.co_flags & _COROUTINE
+    return steps if waits else call
+
+
 def _call(function: Any) -> Any:
     """Return the blocking function that stands for a method."""
     call: Any
@@ -127,7 +236,9 @@ def _call(function: Any) -> Any:
 
         def call(self: Blocking, /, *args: Any, **kwargs: Any) -> None:
             given = {name: core_of(value) for name, value in kwargs.items()}
-            _stand(self, self._CORE(*map(core_of, args), **given))
+            core = self._CORE.__new__(self._CORE)
+            _stand(self, core)
+            self._CORE.__init__(core, *map(core_of, args), **given)
 
     elif function.__name__ == "__aenter__":
 

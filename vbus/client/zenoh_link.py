@@ -212,6 +212,11 @@ class ZenohBoardLink(BoardLink):
         """Whether a query for events is open."""
         self._heard: float = 0.0
         """When it was asked last."""
+        self._event_number: int = 0
+        """Number of the message of events that comes next."""
+        self.lost_events: int = 0
+        """Messages of events that have not come: the board learns of them, and warns."""
+        self._lost_told: int = 0
         self._error: TransportError | None = None
         self._kept: list[Any] = []
 
@@ -274,7 +279,8 @@ class ZenohBoardLink(BoardLink):
                 while self._given in self._early:
                     data += self._early.pop(self._given)
                     self._given += 1
-        if self._given and not self._hearing and self._error is None:
+        hears = self._hearing and self._lost_told == self.lost_events
+        if self._given and not hears and self._error is None:
             self._hear()
         if not data:
             if self._error is not None:
@@ -437,12 +443,14 @@ class ZenohBoardLink(BoardLink):
         now = monotonic()
         if self._closed or now - self._heard < AGAIN_SECONDS:
             return
-        self._hearing, self._heard = True, now
-        header = envelope.Envelope(envelope.EVENTS, self._name, 0, 0)
+        self._hearing, self._heard, self._lost_told = True, now, self.lost_events
+        header = envelope.Envelope(envelope.EVENTS, self._name, self._lost_told, 0)
         with contextlib.suppress(zenoh.ZError):
             self._network.get(
                 self._bus_key,
-                zenoh.handlers.Callback(self._event, self._hears_no_more, indirect=False),
+                zenoh.handlers.Callback(
+                    self._event, lambda: self._hears_no_more(now), indirect=False
+                ),
                 target=zenoh.QueryTarget.BEST_MATCHING,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -452,12 +460,18 @@ class ZenohBoardLink(BoardLink):
             )
 
     def _event(self, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            self.arrived(-1, reply.ok.payload.to_bytes())
+        """Take events; for Zenoh's threads."""
+        if reply.ok is None or reply.ok.attachment is None:
+            return
+        number, _ = envelope.replied_to(reply.ok.attachment.to_bytes())
+        self.lost_events += max(number - self._event_number, 0)
+        self._event_number = max(self._event_number, number + 1)
+        self.arrived(-1, reply.ok.payload.to_bytes())
 
-    def _hears_no_more(self) -> None:
-        """The query for events has ended: it is asked again at the next look."""
-        self._hearing = False
+    def _hears_no_more(self, asked: float) -> None:
+        """A query for events has ended: it is asked again at the next look, if it was the last."""
+        if asked == self._heard:
+            self._hearing = False
 
     def _pause(self, sample: zenoh.Sample) -> None:
         self._paused = sample.kind == zenoh.SampleKind.PUT

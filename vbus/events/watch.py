@@ -1,6 +1,6 @@
 """Watching a board for a condition: what is looked at, and when; and the loop that waits for it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from vbus.chips.base import CHANGE
@@ -185,6 +185,21 @@ class ConditionTracker:
         return self._watch.look()
 
 
+def passing(
+    met: Callable[[], bool], next_look: Callable[[], int], pass_until: Callable[[int], None]
+) -> Iterator[None]:
+    """Let time pass until something holds; yield after each stretch, for others to have a turn.
+
+    Args:
+        met: whether it holds.
+        next_look: the next instant at which to look again (ps).
+        pass_until: lets time pass to an instant (ps).
+    """
+    while not met():
+        pass_until(next_look())
+        yield
+
+
 def wait_until(board: Circuit, condition: str, within: int) -> int:
     """Let time pass until a condition holds, or not at all if it does; return that instant (ps).
 
@@ -199,11 +214,17 @@ def wait_until(board: Circuit, condition: str, within: int) -> int:
     watch = Watch(condition, board)
     watch.begin()
     begun = board.now
+    end = begun + within
+
+    def holds() -> bool:
+        found = watch.look()
+        if not found and board.now >= end:
+            raise VbusError(not_met(watch, begun, within))
+        return found
+
     try:
-        while not watch.look():
-            if board.now >= begun + within:
-                raise VbusError(not_met(watch, begun, within))
-            board.pass_until(min(watch.next_look(), begun + within))
+        for _ in passing(holds, lambda: min(watch.next_look(), end), board.pass_until):
+            pass
     finally:
         watch.end()
         board.catch_up()

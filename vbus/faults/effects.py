@@ -14,8 +14,7 @@ from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.glue import Placed, glue_fault
-from vbus.faults.messages import MESSAGES, concerned
-from vbus.faults.row import AXIS, LASTS, LINK, WIRE
+from vbus.faults.row import AXIS, LINK, MESSAGES, ONCE, WIRE, concerned
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
 
@@ -124,7 +123,7 @@ class FaultEffects:
                 bus.end()
         elif armed.name in CLOCKS:
             return self.clock(armed.target).end(armed.number)
-        elif fault.acts == LASTS:
+        elif fault.acts != ONCE:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
 

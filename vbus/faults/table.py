@@ -93,6 +93,10 @@ BUS: Final = (
            Option("at", "s", 30_000, "how long after its beginning it breaks", low=1_000,
                   high=10**9),
            Option("gap", "s", 20_000, "for how long", low=1_000, high=10**9))),
+    Fault("answer_late", "bus", "The chip's answer comes too late: the host takes what the lines"
+          " have shown before.", CHIP, COUNTED),
+    Fault("bus_pulled", "bus", "Data lines that nothing drives keep nothing: they show a level.",
+          CHIP, LASTS, (_LEVEL,)),
     Fault("contention", "bus", "Another driver is on the data lines too.", CHIP, COUNTED,
           (Option("data", "count", 0, "with this byte", low=0, high=255),)),
 )  # fmt: skip

@@ -39,9 +39,11 @@ struct pin_link {
 
 #define PIN_LINK_E_WIRING (-200) /* the link has no pin map; name one as `pinmap` in the board file */
 
-/* Open the session at `where` (see vbus_open) and take its wiring. Returns 0 or an error. Set
- * `clock` before the first pin moves. */
-int pin_link_open(struct pin_link *link, const char *where);
+#define PIN_LINK_E_BITS (-201) /* the pin map wires a port bit that this host's ports do not have */
+
+/* Open the session at `where` (see vbus_open) and take its wiring, of ports of `bits` bits. Returns 0
+ * or an error. Set `clock` before the first pin moves. */
+int pin_link_open(struct pin_link *link, const char *where, unsigned bits);
 
 /* Send what is still kept back and close the session; the first error, or 0. */
 int pin_link_close(struct pin_link *link);

@@ -1,4 +1,4 @@
-"""Zenoh sessions with safe defaults: loopback, nothing found or dialled by itself, short leases."""
+"""Zenoh sessions with safe defaults (nothing dialled by itself), and the boards found there."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from vbus.core.addresses import refused_endpoint
 from vbus.core.errors import TransportError
+from vbus.network import keys
 from vbus.network.security import Security
 
 if TYPE_CHECKING:
@@ -233,3 +234,34 @@ def free_endpoint(protocol: str = "tcp", host: str = "127.0.0.1") -> str:
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
         probe.bind((host, 0))
         return f"{protocol}/{host}:{probe.getsockname()[1]}"
+
+
+ASK_SECONDS: Final = 1.0
+"""How long tokens, and what each board tells of itself, are waited for."""
+
+
+def boards_on(connect: Sequence[str], security: Security | None = None) -> list[dict[str, Any]]:
+    """Return what each board on the network tells, in the order of their names.
+
+    A board whose token is there and which does not answer gets an entry ``"error"``.
+
+    Raises:
+        TransportError: none of the endpoints can be reached.
+    """
+    session = open_session(connect=connect, mode="client", security=security)
+    try:
+        tokens = session.liveliness().get(keys.OWNERS, timeout=ASK_SECONDS)
+        owners = {str(token.ok.key_expr).split("/")[1] for token in tokens if token.ok is not None}
+        found = []
+        for board in sorted(owners):
+            answers = []
+            for reply in session.get(keys.status(board), timeout=ASK_SECONDS):
+                if reply.ok is not None:
+                    answers.append(json.loads(reply.ok.payload.to_bytes()))
+            at = ",".join(connect)
+            found += answers or [
+                {"board": board, "error": f"is on the network of {at}, but does not answer"}
+            ]
+        return found
+    finally:
+        close_session(session)

@@ -7,7 +7,7 @@ from mypy_extensions import i64
 from vbus.core.options import Option, Settings
 from vbus.core.signals import Value, ValueTable
 from vbus.core.state import Names
-from vbus.plant.encoder import floor
+from vbus.plant.encoder import bounded, floor
 from vbus.plant.response import NONE, TICKS, Motor, Response, response_of
 from vbus.plant.shaft import LOAD_TORQUE, SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import NOWHERE, Travel
@@ -86,7 +86,8 @@ class DcMotor(Shaft):
     def after_load(self) -> None:
         """Refuse a current that cannot be; the shaft does the rest."""
         super().after_load()
-        driving = float(self.settings["supply"]) + self._back_emf * abs(self.velocity)
+        # A stop takes the speed at once; the current that the speed has driven fades.
+        driving = float(self.settings["supply"]) + self._back_emf * self._fastest
         if abs(self.current) * self._resistance > MOST_DRIVEN * driving:
             raise ValueError(f"a motor that takes {self.current:g} A")
 
@@ -146,7 +147,7 @@ class DcMotor(Shaft):
         self._volts, self._began, self._departed = volts, self.current, self.velocity
         self._untraced = True
         self._solved = True
-        here = self._leap(volts)
+        here = self._settled(self._leap(volts))
         self._resting = (
             here == self._first and self.velocity == self._departed and self.current == self._began
         )
@@ -257,7 +258,7 @@ class DcMotor(Shaft):
                 tick += TICKS // CORNERS
                 self._from_the_beginning()
                 self._travel.go(tick, 0.0, 0.0)
-                places.append(self._travel.place)
+                places.append(bounded(self._travel.place))
             places[CORNERS] = self._last
             self._solved = False
             self._write_pieces(CORNERS, self._first)[:] = places

@@ -19,8 +19,13 @@ ENCODER_OPTIONS: Final = (
 _A: Final = (0, 1, 1, 0)
 _B: Final = (0, 0, 1, 1)
 
-MOST_TURNED: Final = float(1 << 26)
-"""Counts beyond which no shaft turns in a period; a saved position is checked by it."""
+MOST_TURNED: Final = 67108864.0
+"""Counts that a shaft turns in a period at most: tens of thousands of times what a chip can count.
+
+An index or a switch on the way is an event of its own, so a period without a bound could take for
+ever. A plant that has further to go does so in the next period; a position that is loaded is
+checked.
+"""
 # The largest float below 1.
 _ALMOST_ONE: Final = 0.99999999999999988898
 
@@ -257,10 +262,17 @@ class EncodedPlant(Plant):
         self._first = self._points[0]
         self._last = self._points[self._pieces]
         part = self._last - float(self.count - self._base)
-        if not -1.0 < part < 2.0 or not max(map(abs, self._points)) < MOST_TURNED:
+        if not -1.0 < part < 2.0 or not max(map(abs, self._points)) <= MOST_TURNED:
             raise ValueError(f"a shaft that has turned to {self._points} is not at {self.count}")
         self._part = part if part < 1.0 else _ALMOST_ONE
         self._untraced = False
+
+
+def bounded(place: float) -> float:
+    """Return the place in a period that a shaft reaches, of the place it would go to."""
+    if place >= -MOST_TURNED:
+        return place if place <= MOST_TURNED else MOST_TURNED
+    return -MOST_TURNED
 
 
 def floor(value: float) -> i64:

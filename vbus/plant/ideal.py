@@ -7,7 +7,7 @@ from mypy_extensions import i64
 from vbus.core.options import Option, Settings
 from vbus.core.state import Names
 from vbus.plant.angle import turns_of
-from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant, bounded
 from vbus.plant.windings import STEP_OPTIONS, field
 
 MICROSTEPS: Final = 256
@@ -18,7 +18,8 @@ class IdealPlant(EncodedPlant):
     """Follows exactly, for golden traces and for trying out hosts.
 
     With a servo command it moves by the position error in each period; with step pulses or phase
-    currents it makes every step. Its course through a period is a straight line.
+    currents it makes every step. Its course through a period is a straight line of at most
+    :data:`~vbus.plant.encoder.MOST_TURNED` counts; the rest of a longer way is for later periods.
     """
 
     TAKES: ClassVar[tuple[str, ...]] = ("drive", "pulses", "phases")
@@ -65,9 +66,9 @@ class IdealPlant(EncodedPlant):
         return self._move(self._steps * self.encoder.counts // steps_per_rev - self.count, still)
 
     def _move(self, counts: i64, still: bool) -> i64:
-        self._resting = still
+        self._resting = still and counts == 0
         self._begin(1)
-        self._points[1] = self._first + float(counts)
+        self._points[1] = bounded(self._first + float(counts))
         return self._end()
 
     def resting(self) -> bool:

@@ -7,7 +7,7 @@ from mypy_extensions import i64
 from vbus.core.options import Option, Settings
 from vbus.core.signals import Value, ValueTable
 from vbus.core.state import Names
-from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+from vbus.plant.encoder import ENCODER_OPTIONS, MOST_TURNED, EncodedPlant, bounded
 
 SHAFT_OPTIONS: Final = (
     *ENCODER_OPTIONS,
@@ -20,7 +20,7 @@ SHAFT_OPTIONS: Final = (
 """Settings of every motor; defaults of inertia and friction are its own (:func:`mass_options`)."""
 
 MOST_COUNTS: Final = 1e9
-"""Counts a second that no shaft turns; a saved speed is checked by it."""
+"""Counts a second that a shaft turns at most: 500 times what a chip can count."""
 TWO_PI: Final = 6.283185307179586
 
 LOAD_TORQUE: Final = Value("load torque", "_load", unit="N*m", key="load", lane="load", step=1e-6)
@@ -93,7 +93,7 @@ class Shaft(EncodedPlant):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_inertia", "_viscous", "_coulomb", "_static", "_load", "_low", "_high", "_counts",
-        "_stopped",
+        "_stopped", "_fastest",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_period", "_departed")
 
@@ -110,6 +110,8 @@ class Shaft(EncodedPlant):
         self._high: i64 = int(self.settings["stop_high"])
         self._counts: float = float(self.encoder.counts)
         self._stopped: bool = self._low != self._high
+        self._fastest: float = MOST_COUNTS * TWO_PI / self._counts
+        """Speed beyond which nothing drives the shaft (rad/s)."""
         if self._static < self._coulomb:
             raise ValueError(
                 f"static_friction = {self._static:g} N*m is below coulomb_friction ="
@@ -136,9 +138,18 @@ class Shaft(EncodedPlant):
 
     def after_load(self) -> None:
         """Refuse a speed that no shaft has, and work out where the course begins and ends."""
-        if abs(self.velocity) * self._counts > TWO_PI * MOST_COUNTS:
+        if abs(self.velocity) > self._fastest:
             raise ValueError(f"a shaft that turns at {self.velocity:g} rad/s")
         super().after_load()
+
+    def _settled(self, here: float) -> float:
+        """Return where a period ends that would lead to ``here``; its speed has a bound too."""
+        fastest = self._fastest
+        speed = self.velocity
+        if -fastest <= speed <= fastest and -MOST_TURNED <= here <= MOST_TURNED:
+            return here
+        self.velocity = min(max(speed, -fastest), fastest)
+        return bounded(here)
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""

@@ -7,6 +7,7 @@ from mypy_extensions import i64
 from vbus.core.options import Option, Settings
 from vbus.core.state import Names
 from vbus.plant.angle import sine
+from vbus.plant.encoder import bounded
 from vbus.plant.response import TICKS
 from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import MOST_EVENTS, NOWHERE
@@ -164,10 +165,14 @@ class StepperMotor(Shaft):
         self._departed = self.velocity
         self._depart()
         self._untraced = True
-        return self._spin(None)
+        return self._settled(self._spin(None))
 
     def _trace(self) -> None:
-        self._spin(self._write_pieces(self._ran, self._first))
+        points = self._write_pieces(self._ran, self._first)
+        speed = self.velocity
+        self._spin(points)
+        self.velocity = speed
+        points[:] = map(bounded, points)
 
     def _spin(self, points: list[float] | None) -> float:
         """Run the period from its beginning; return where it leads, and note its pieces."""

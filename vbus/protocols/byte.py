@@ -10,7 +10,7 @@ from vbus.core.instants import END, NEVER
 from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
-from vbus.protocols.hello import encode_hello
+from vbus.protocols.info import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
 

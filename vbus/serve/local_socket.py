@@ -132,9 +132,7 @@ class LocalSocket:
     """
 
     def __init__(
-        self,
-        path: Path,
-        connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection],
+        self, path: Path, connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection]
     ) -> None:
         self._transport: UnixTransport = UnixTransport(str(path), {})
         self._transport.no_room = b'{"error": "the board has no descriptor left for this"}\n'

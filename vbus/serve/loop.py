@@ -1,10 +1,14 @@
 """An event loop that serves hosts without a detour."""
 
 import asyncio
+import contextlib
+import os
 import select
 import selectors
 import signal
-from collections.abc import Callable, Coroutine
+import socket
+from collections.abc import Callable, Coroutine, Iterable
+from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
@@ -85,6 +89,28 @@ class HostLoop(asyncio.SelectorEventLoop):
         return super().call_at(when, callback, *args, context=context)
 
 
+async def first_of(events: Iterable[asyncio.Event]) -> None:
+    """Wait until one of some events is set."""
+    waits = [asyncio.ensure_future(event.wait()) for event in events]
+    try:
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()
+
+
+async def done_before(ends: Iterable[asyncio.Event], work: Coroutine[Any, Any, None]) -> bool:
+    """Do some work; return whether it was done before one of ``ends`` was set, which cancels it."""
+    doing, over = asyncio.ensure_future(work), asyncio.ensure_future(first_of(ends))
+    await asyncio.wait((doing, over), return_when=asyncio.FIRST_COMPLETED)
+    done = doing.done()
+    for one in (doing, over):
+        one.cancel()
+    with suppress(asyncio.CancelledError):
+        await doing
+    return done
+
+
 def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
     """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given.
 
@@ -114,3 +140,16 @@ def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]
 
     with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main(watchdog))
+
+
+def tell_ready() -> None:
+    """Say once that every link is open, where ``$NOTIFY_SOCKET`` asks for it."""
+    place = os.environ.pop("NOTIFY_SOCKET", "")
+    if not place:
+        return
+    address = f"\0{place[1:]}" if place.startswith("@") else place
+    with (
+        contextlib.suppress(OSError),  # who wanted to know has gone
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link,
+    ):
+        link.sendto(f"READY=1\nMAINPID={os.getpid()}\n".encode(), address)

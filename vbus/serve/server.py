@@ -5,7 +5,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Coroutine, Iterable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,12 +18,11 @@ from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
-from vbus.serve.loop import run_until_signal
+from vbus.serve.loop import done_before, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.orders.control import Control, ControlConnection
@@ -33,7 +32,7 @@ from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
 from vbus.transports.base import Link, MessageLink, Served, Transport
@@ -352,9 +351,8 @@ class Server:
         self.pacer.on_end = stop.set
         self.start(asyncio.get_running_loop())
         try:
-            if before is not None:
-                await _unless(stop, before())
-            if ready is not None and not stop.is_set():
+            begun = before is None or await done_before((stop,), before())
+            if begun and ready is not None and not stop.is_set():
                 ready()
             await stop.wait()
             last = asyncio.get_running_loop().time() + patience
@@ -443,14 +441,3 @@ def run(
         await server.serve(stop, ready, None if before is None else partial(before, server))
 
     run_until_signal(serve)
-
-
-async def _unless(stop: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
-    """Wait until something is done, or until ``stop`` is set, which cancels it."""
-    done = asyncio.ensure_future(doing)
-    stopped = asyncio.ensure_future(stop.wait())
-    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
-    for one in (done, stopped):
-        one.cancel()
-    with suppress(asyncio.CancelledError):
-        await done

@@ -12,10 +12,8 @@ from mypy_extensions import mypyc_attr
 from vbus.core.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.detached_waits import DetachedWaits, by_claim, report_half
-from vbus.serve.disconnects import DisconnectPoller
-from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
+from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy, SpinTurn
 from vbus.serve.time.statistics import Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states

@@ -1,6 +1,6 @@
 """What test suites of firmware, drivers, and new chips use.
 
-Nothing here is imported by the server; some of it wants ``vbus[test]`` (pytest, Hypothesis).
+Nothing here is imported by the server; some of it wants ``vbus[test]`` (pytest).
 Importing this package costs nothing: its names are loaded when first used.
 """
 

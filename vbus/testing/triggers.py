@@ -14,7 +14,7 @@ from vbus.core.signals import EdgeTaker
 from vbus.core.values.settings import listed, suggestion
 from vbus.core.wall_clock import monotonic
 from vbus.events.names import Names
-from vbus.events.watch import Watch, not_met
+from vbus.events.watch import Watch, not_met, passing
 from vbus.protocols.quantities import format_instant
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
@@ -67,11 +67,7 @@ class Triggers:
         return self._armed(arm, not by_hosts)
 
     def edge(
-        self,
-        pin: str,
-        level: int | None = None,
-        within: int | str = WITHIN,
-        by_hosts: bool = False,
+        self, pin: str, level: int | None = None, within: int | str = WITHIN, by_hosts: bool = False
     ) -> asyncio.Future[int]:
         """Wait for an edge at a pin, ``"x.HI"``; gives its instant (ps).
 
@@ -256,6 +252,10 @@ class Triggers:
 
     def _step(self) -> None:
         """Let time pass to where something may happen next."""
-        board = self._board
+        board, kernel = self._board, self._board.kernel
+
+        def next_look() -> int:
+            return min(kernel.next_stop, board.now + STRIDE)
+
         with self._tested.watch.excused():
-            board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
+            next(passing(lambda: self._come_now, next_look, board.run_until), None)

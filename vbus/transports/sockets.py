@@ -41,11 +41,7 @@ def handed_over(family: int, address: object) -> socket.socket | None:
     return None
 
 
-KEEP_ALIVE: Final = (
-    (socket.TCP_KEEPIDLE, 10),
-    (socket.TCP_KEEPINTVL, 5),
-    (socket.TCP_KEEPCNT, 3),
-)
+KEEP_ALIVE: Final = ((socket.TCP_KEEPIDLE, 10), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
 """A silent TCP host is probed after 10 s, and given up 15 s later; the system's own values are two
 hours. It trades the claims of a dead host for a pulled cable that comes back."""
 BACKLOG: Final = 1024

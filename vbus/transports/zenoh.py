@@ -212,7 +212,7 @@ class ZenohTransport(Transport):
         if link is None:
             send_refusal(query, envelope.GONE, "the board does not know the session (any more)")
         else:
-            link.hear(query)
+            link.hear(query, header.number)
 
     def _deliver(
         self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int

@@ -1,5 +1,6 @@
 """One host on the network, as the board sees it: messages in, replies and events out."""
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -14,7 +15,11 @@ from vbus.network.exchange import Exchange
 from vbus.transports.base import MessageLink
 from vbus.transports.traffic import EVENT, REPLY, Traffic
 
+log = logging.getLogger("vbus")
+
 PLAIN: Final = "text/plain"
+MOST_EVENTS: Final = 1 << 20
+"""Bytes of events that are kept for a host until it asks for them."""
 DIRECT: Final = 1 << 16
 """Bytes of replies that a host has not acknowledged, up to which the next one is sent at once: the
 system takes as many for a host that reads nothing. More are sent by a thread of that host's own:
@@ -61,6 +66,12 @@ class ZenohLink(MessageLink):
         self._replies: Any = None
         self._posts: bytes | None = envelope.POSTS if posts else None
         self._events: zenoh.Query | None = None
+        self._unheard: list[bytes] = []
+        """Events from before the host has asked for them."""
+        self._pushed: int = 0
+        """Messages of events so far."""
+        self.lost: int = 0
+        """How many of those have not reached the host, as it says."""
         self._open: bool = True
         self._later: SimpleQueue[Callable[[], None] | None] | None = None
 
@@ -134,21 +145,49 @@ class ZenohLink(MessageLink):
         return self.exchange.leave()
 
     def push(self, data: bytes) -> None:
-        """Send events to the host, and to no other."""
-        self._traffic.pass_on(EVENT, self.session, lambda times: self._event(data, times))
+        """Send events to the host, and to no other; when it has asked for them."""
+        if self._events is None:
+            self._unheard.append(data)
+            if sum(map(len, self._unheard)) > MOST_EVENTS:
+                log.warning("%s: it does not ask for its events; its session ends", self.peer)
+                self._unheard.clear()
+                self.host_ended("does not ask for its events")
+            return
+        number = self._pushed
+        self._pushed += 1
+        self._traffic.pass_on(EVENT, self.session, lambda times: self._event(number, data, times))
 
-    def _event(self, data: bytes, times: int) -> None:
+    def _event(self, number: int, data: bytes, times: int) -> None:
         query = self._events
         if query is not None:
             with suppress(zenoh.ZError):
                 for _ in range(times):
-                    query.reply(query.key_expr, data)
+                    query.reply(query.key_expr, data, attachment=envelope.reply_to(number, ""))
 
-    def hear(self, query: zenoh.Query | None) -> None:
-        """Send events as replies to this query from now on; the one before ends."""
-        before, self._events = self._events, query
-        if before is not None:
-            drop: Callable[[], None] = before.drop
+    def hear(self, query: zenoh.Query, lost: int) -> None:
+        """Send events as replies to this query from now on; the one before ends.
+
+        Args:
+            query: the query.
+            lost: messages of events that have not reached the host so far, as it says.
+        """
+        if lost > self.lost:
+            if not self.lost:
+                log.warning(
+                    "%s: %d messages of events were lost on the way: the host did not read them, or"
+                    " the network dropped them", self.peer, lost,
+                )  # fmt: skip
+            self.lost = lost
+        self._hear_no_more()
+        self._events = query
+        unheard, self._unheard = self._unheard, []
+        for data in unheard:
+            self.push(data)
+
+    def _hear_no_more(self) -> None:
+        query, self._events = self._events, None
+        if query is not None:
+            drop: Callable[[], None] = query.drop
             drop()
 
     def host_ended(self, reason: str) -> None:
@@ -162,7 +201,9 @@ class ZenohLink(MessageLink):
         if self._open:
             self._open = False
             self.exchange.end(envelope.GONE, f"the session is over: {self.reason}")
-            self.hear(None)
+            self._hear_no_more()
+            if self.lost:
+                log.warning("%s: it has lost %d messages of events in all", self.peer, self.lost)
             if self._later is not None:
                 self._later.put(None)
             if self._replies is not None:
@@ -189,11 +230,7 @@ def _answering(query: zenoh.Query) -> Iterator[None]:
 
 
 def send_reply(
-    query: zenoh.Query,
-    data: bytes,
-    key: str = "",
-    attachment: bytes | None = None,
-    times: int = 1,
+    query: zenoh.Query, data: bytes, key: str = "", attachment: bytes | None = None, times: int = 1
 ) -> None:
     """Answer a query; a host that has gone meanwhile is no error.
 

@@ -171,11 +171,7 @@ class Publications:
     """
 
     def __init__(
-        self,
-        session: zenoh.Session,
-        inbox: Inbox,
-        served: Served,
-        loop: asyncio.AbstractEventLoop,
+        self, session: zenoh.Session, inbox: Inbox, served: Served, loop: asyncio.AbstractEventLoop
     ) -> None:
         self._session: zenoh.Session = session
         self._inbox: Inbox = inbox

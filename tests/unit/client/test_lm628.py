@@ -14,6 +14,7 @@ from vbus.chips.tables import Command, CommandTable
 from vbus.client import Bus, connect
 from vbus.client.aio import access
 from vbus.client.aio.access import calls_of
+from vbus.client.aio.lm628 import Lm628 as AsyncioLm628
 from vbus.client.blocking import blocking
 from vbus.client.lm628 import Lm628, Lm628Calls
 from vbus.core.errors import NotReadyError
@@ -274,3 +275,56 @@ def test_a_call_is_made_typed_and_documented_for_each_row(bus: Bus, board: Serve
         command(0x01) + command(0x02, 0xFFFF) + command(0x03, 1, 0x2345) + command(0x04, 3, 4, 5)
         + command(0x05) + command(0x06)
     )  # fmt: skip
+
+
+class Noted(Lm628):
+    """A driver that changes calls of the client."""
+
+    def __init__(self, bus: Bus) -> None:
+        super().__init__(bus, "x")
+        self.noted: list[str] = []
+
+    def status(self) -> int:
+        self.noted.append("status")
+        return super().status()
+
+    def ltrj(self, *words: int) -> None:
+        self.noted.append(f"ltrj of {len(words)}")
+        super().ltrj(*words)
+
+
+class Louder(Noted):
+    """One that changes some of them again, and one more."""
+
+    def ltrj(self, *words: int) -> None:
+        self.noted.append("louder")
+        super().ltrj(*words)
+
+    def wait_ready(self) -> None:
+        self.noted.append("ready")
+        super().wait_ready()
+
+
+def test_a_call_that_a_derived_class_changes_is_made_by_the_other_calls(bus: Bus) -> None:
+    for cls, noted in ((Noted, {"status", "ltrj of 7"}), (Louder, {"ready", "louder"})):
+        axis = cls(bus)
+        axis.load_trajectory(acc=1, vel=2, pos=3)
+        assert noted <= {*axis.noted}
+        assert axis.noted.count("ltrj of 7") == 1
+
+
+def test_a_constant_that_a_derived_class_changes_is_that_of_the_calls(bus: Bus) -> None:
+    class Reversed(Lm628):
+        READY_LEVEL = 1
+
+    with pytest.raises(NotReadyError):
+        Reversed(bus).stt()
+
+
+def test_a_derived_class_may_not_change_what_the_client_uses_inside(bus: Bus) -> None:
+    name = next(name for name in dir(AsyncioLm628) if name[0] == "_" != name[1])
+    with pytest.raises(
+        TypeError, match=rf"Wrong.{name}: Lm628 uses a function of this name inside"
+    ):
+        type("Wrong", (Lm628,), {name: lambda self: None})
+    assert type("Right", (Lm628,), {f"{name}_of_mine": 1})(bus, "x").status() == 0

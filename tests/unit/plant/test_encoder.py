@@ -6,7 +6,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from vbus.plant.encoder import EncodedPlant, Encoder
+from vbus.core.state import load, save
+from vbus.plant.dc_motor import DcMotor
+from vbus.plant.encoder import MOST_TURNED, EncodedPlant, Encoder
+from vbus.plant.ideal import IdealPlant
+from vbus.plant.stepper import StepperMotor
 
 
 def test_counting_up_a_leads_b():
@@ -164,3 +168,53 @@ def test_a_shaft_a_hair_below_a_count_stays_below_it():
     assert 0.0 < rail._points[0] < 1.0
     rail._points[1] = rail._points[0]
     assert rail._end() == -1
+
+
+FREE = {"viscous_friction": 0.0, "coulomb_friction": 0.0, "static_friction": 0.0}
+
+
+def full_ahead(plant: EncodedPlant, period: int) -> int:
+    return plant.drive(1.0, 1 << 31)
+
+
+def many_steps(plant: EncodedPlant, period: int) -> int:
+    """As many as an MCP-1200 can ask for in a sample, in one of three."""
+    return plant.pulses(-(1 << 23) if period % 3 == 0 else 0)
+
+
+@pytest.mark.parametrize(
+    ("make", "period"),
+    [
+        (lambda: IdealPlant(), many_steps),
+        (lambda: IdealPlant({"encoder_lines": 1_000_000, "steps_per_rev": 1}), many_steps),
+        (lambda: IdealPlant(), full_ahead),
+        (lambda: DcMotor({"supply": 48.0, "gain": 48.0, "encoder_lines": 1_000_000}), full_ahead),
+        (lambda: DcMotor({**FREE, "back_emf": 0.0, "inertia": 1e-12}), full_ahead),
+        (lambda: DcMotor({**FREE, "back_emf": 0.0, "inertia": 1e-12, "torque_constant": 1e9}),
+         full_ahead),
+        (lambda: DcMotor({"load_torque": 20.0, "stop_low": -9000, "stop_high": 9000}), full_ahead),
+        (lambda: DcMotor({"supply": 0.0, "load_torque": 20.0, "inertia": 1e-9, "stop_low": -9000,
+                          "stop_high": 9000, "inductance": 1.0}), full_ahead),
+        (lambda: StepperMotor({**FREE, "load_torque": 1e6, "inertia": 1e-12}), many_steps),
+    ],
+)  # fmt: skip
+def test_whatever_a_shaft_does_in_a_period_is_saved_and_loaded(make, period):
+    plant, twin = make(), make()
+    for number in range(300):
+        before = plant.count
+        period(plant, number)
+        assert abs(plant.count - before) <= MOST_TURNED
+        state = save(plant)
+        load(twin, state)
+        assert save(twin) == state
+        assert [twin.count_at(part / 4) for part in range(5)] == [
+            plant.count_at(part / 4) for part in range(5)
+        ]
+
+
+def test_a_plant_that_has_far_to_go_gets_there_in_several_periods():
+    plant = IdealPlant()
+    counts = [plant.pulses(1 << 23)]
+    while not plant.resting():
+        counts.append(plant.pulses(0))
+    assert counts == [1 << 26, 10 << 23, 10 << 23]

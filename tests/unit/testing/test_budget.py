@@ -87,6 +87,57 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     assert watch.cycles == 2 * LOOK + 1
 
 
+@pytest.mark.parametrize(("velocity", "in_vain"), [(4 << 16, False), (4, True)])
+def test_chip_time_decides_of_polls_until_a_move_is_over(velocity: int, in_vain: bool) -> None:
+    """4/65536 counts per sample take months for 5000 counts."""
+    board = in_lockstep("LM629N-8")
+    board.run_until(2 * MS)
+    watch = HostWatch(board, Limits(chip_time=2 * SECOND, polls=30, polling=BUDGET.polling))
+    bus = connect_in_process(board)
+    axis = Lm628(bus)
+    axis.load_filter(kp=300, kd=2000)
+    axis.rsti(0)
+    axis.load_trajectory(acc=400, vel=velocity, pos=5000, start=True)
+    board.run_for(5 * MS)
+    if not in_vain:
+        polled(bus, 2000, 0)
+        assert watch.stuck == ""
+        return
+    now = board.now
+    with pytest.raises(HostStuck, match="it polled 300 times and read nothing new, and would"):
+        polled(bus, 400, 0)
+    assert board.now < now + MS, "the board itself has not gone on"
+    assert not watch.slow
+    ahead = next(line for line in watch.details if "would have" in line)
+    assert ahead.startswith("x would have desired 0.47")
+    assert "target 5000" in ahead
+    assert ahead.endswith(" at 2000000us")
+
+
+@pytest.mark.parametrize(
+    ("part", "cycles"),
+    [("MC1241A", ((True, 1, 0x31), (False, 0, 0), (False, 0, 0))), ("MCP-1200", ((False, 0, 0),))],
+)
+def test_polls_of_every_family_are_foreseen(
+    part: str, cycles: tuple[tuple[bool, int, int], ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = in_lockstep(part)
+    board.run_until(5 * MS)
+    watch = HostWatch(board, Limits(chip_time=SECOND, polls=3, polling=BUDGET.polling))
+    monkeypatch.setattr(watch, "_unchanging", lambda: False)
+    bus = connect_in_process(board)
+
+    def poll() -> None:
+        for _ in range(200):
+            for write, address, data in cycles:
+                bus.delay("70us")
+                bus.write(address, data) if write else bus.read(address)
+
+    with pytest.raises(HostStuck, match="would read nothing new before"):
+        poll()
+    assert not watch.slow
+
+
 def moving(policy: str, limits: Limits) -> tuple[HostWatch, Bus]:
     """Return a board on which something is due, so that a poll may be told something new."""
     rate = 1.0 if policy == "realtime" else None

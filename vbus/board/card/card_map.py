@@ -46,24 +46,24 @@ def address_map(file: BoardFile, board: Board) -> list[CardAnswer]:
 
     Args:
         file: the board file.
-        board: a board of that file which nobody needs any more: every address is tried on it.
+        board: a spare board of that file: every address is tried on it.
     """
     found: list[CardAnswer] = []
     for card in file.cards:
         host = next((host for host in file.hosts if host.card == card.name), None)
+        mine: dict[int, CardAnswer] = {}
         if card.bus:
-            found += _tried(file, card, board)
-        elif host is not None:
+            mine = {answer.address: answer for answer in _tried(file, card, board)}
+        if card.decoded and host is not None:
             table = card_of(file, host)
             assert table is not None
             names = host.chips or tuple(chip.name for chip in file.chips)
-            found += [
-                CardAnswer(
-                    card.name, card.base + offset,
-                    _row(table.reads, offset, names), _row(table.writes, offset, names),
-                )
-                for offset in table.offsets()
-            ]  # fmt: skip
+            for offset in table.offsets():
+                reads, writes = _row(table.reads, offset, names), _row(table.writes, offset, names)
+                if not card.bus or all(f"{card.name}." not in one for one in (*reads, *writes)):
+                    address = card.base + offset
+                    mine[address] = CardAnswer(card.name, address, reads, writes)
+        found += [mine[address] for address in sorted(mine)]
     return found
 
 

@@ -1,6 +1,6 @@
 """Card adapters: how addresses on a plug-in card select a chip and its ports."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from msgspec import Struct, field
 
@@ -44,8 +44,7 @@ class Card(Struct):
         fixed: where a program expects the memory page of the first port without mapping it, or 0.
         big_endian: whether the byte at the lowest address of a wide access is the most
             significant one.
-        interrupt: the output, ``"chip.pin"``, that interrupts a program; low if its name has a /
-            or ~.
+        interrupt: the outputs, ``"chip.pin"``, that interrupt a program: see :func:`outputs_of`.
         signal: number of the signal an interrupt sends to a program, or 0.
         edge: whether an interrupt that stands ends once the program has had its signal.
         acknowledge: the pin, ``"card./ACK"``, that an access pulses low, or "".
@@ -116,19 +115,21 @@ class Card(Struct):
                 entries.append(entry)
         return " ".join(entries)
 
-    def program_text(self, outputs: list[str]) -> str:
+    def program_text(self, number: Callable[[str], int]) -> str:
         """Return what HELLO tells ``vbus exec``: how a program finds the card.
 
-        ``lines`` has a bit for each interrupting output among ``outputs``, ``low`` for those that
-        do so when they are low.
+        ``lines`` has a bit for each interrupting output, ``low`` for those that do so when they are
+        low.
+
+        Args:
+            number: tells which output line of the session has a pin, ``"chip.pin"``, or -1.
         """
         parts = [f"memory={int(self.memory)}", f"fixed={self.fixed}", f"big={int(self.big_endian)}"]
         lines = low = 0
-        for output in self.interrupt.split():
-            if output in outputs:
-                bit = 1 << outputs.index(output)
-                lines |= bit
-                low |= bit if active_low(output.partition(".")[2]) else 0
+        for output, is_low in outputs_of(self.interrupt):
+            if (place := number(output)) >= 0:
+                lines |= 1 << place
+                low |= is_low << place
         if lines:
             parts += [f"lines={lines}", f"low={low}", f"signal={self.signal}"]
             parts += ["edge=1"] if self.edge else []
@@ -137,6 +138,15 @@ class Card(Struct):
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""
         return sorted({*self.reads, *self.writes})
+
+
+def outputs_of(interrupt: str) -> list[tuple[str, bool]]:
+    """Return the outputs, ``"chip.pin"``, of a card's interrupt, and whether each is active low.
+
+    One is by its name (/ or ~), and the other way round with a ``!`` in front.
+    """
+    names = [(one.startswith("!"), one.removeprefix("!")) for one in interrupt.split()]
+    return [(name, turned != active_low(name.rpartition(".")[2])) for turned, name in names]
 
 
 def card_of_rows(

@@ -2,7 +2,7 @@
 
 from vbus.chips.lm628.chip import LM628
 from vbus.core.options import Option, Value
-from vbus.faults.row import CHIP, LASTS, ONCE, Fault
+from vbus.faults.row import CHIP, COUNTED, LASTS, ONCE, Fault
 from vbus.faults.upsets import ChipFaults
 
 
@@ -14,7 +14,7 @@ class Lm628Upsets(ChipFaults):
               " stuck.", CHIP, LASTS),
         Fault("reset_fails", "chip", "So many resets fail: the status stays 00h.", CHIP, ONCE,
               (Option("times", "count", 1, "how many", low=1, high=1000),)),
-        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS),
+        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, COUNTED),
     )  # fmt: skip
 
     chip: LM628

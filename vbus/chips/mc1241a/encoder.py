@@ -6,7 +6,6 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.motion.input_limits import judge_inputs
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
@@ -14,6 +13,7 @@ from vbus.chips.motion.quadrature import (
     SKIPPED,
     InputFilter,
     Quadrature,
+    judge_inputs,
 )
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.kernel import NEVER

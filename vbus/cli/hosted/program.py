@@ -9,10 +9,11 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TextIO
+from typing import Any, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.card.cards import outputs_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.cli import child_processes, exit_codes
@@ -49,6 +50,8 @@ class FirstViolations(Observer):
     def __init__(self) -> None:
         self.first: dict[tuple[str, str], Violation] = {}
         self.count: dict[tuple[str, str], int] = {}
+        self.hints: list[str] = []
+        """What is to be said of them at the end."""
 
     def violation(self, violation: Violation) -> None:
         """Note one."""
@@ -67,7 +70,7 @@ class FirstViolations(Observer):
                 f"{violation.severity}: {violation.chip}: {violation.rule} ({violation.clause})"
                 f" at {when}: {violation.detail}{more}"
             )
-        return lines
+        return [*lines, *self.hints]
 
 
 def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
@@ -170,6 +173,8 @@ def run_on_board(
     lines = ran.findings.lines()
     if _files(file, None):
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
+    elif ran.code and not ran.hangs:
+        lines += ran.outcome.brief()
     for line in lines if summary else ():
         complain(line)
     return ran.code or (exit_codes.FAILURE if ran.lost else exit_codes.OK)
@@ -184,6 +189,7 @@ class Ran:
         findings: what was broken.
         outcome: what became of each axis.
         hangs: why it was ended, if it hung.
+        slow: whether that says nothing of it, because the machine was too slow.
         lost: why files have not all they should have; it has been said.
     """
 
@@ -191,6 +197,7 @@ class Ran:
     findings: FirstViolations
     outcome: AxisOutcomes
     hangs: list[str]
+    slow: bool
     lost: list[str]
 
 
@@ -200,9 +207,9 @@ def run_beside(
     host: HostSection,
     command: Callable[[str], list[str]],
     transcript: str | TextIO | None = None,
-    ahead: int = 0,
-    stdout: BinaryIO | None = None,
     limit: int | None = None,
+    cycles: int = UNBOUNDED,
+    prepare: Callable[[Board], None] | None = None,
     show: Show | None = None,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
@@ -213,16 +220,17 @@ def run_beside(
         host: what the program reaches.
         command: gives program and arguments, for the address of the link.
         transcript: takes the bus cycles; a file, or the name of one.
-        ahead: how long the board runs before the program begins (ps).
-        stdout: takes what the program says; else it goes where this process's goes.
         limit: chip time that it may take (ps).
+        cycles: bus cycles that it may make, if it has a limit.
+        prepare: is called with the board before the program begins, and changes it.
         show: shows the board of this name, and is waited for before the program begins.
     """
     address = metrics_of(file)
     board = build(file, source)
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
-    watched = stdout is not None or bool(_files(file, None))
+    watched = bool(_files(file, None))
+    outcome.look()
     if watched:
         board.observe(outcome)
     with ExitStack() as stack:
@@ -231,7 +239,7 @@ def run_beside(
         note = folder / "fault"
         stack.enter_context(own_board(board.name))
         mine, environment = link_of_program(board, file, host, link, note, limit or 0)
-        if mine.card is not None and mine.pin_map is None and not ahead:
+        if mine.card is not None and mine.pin_map is None and prepare is None:
             preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
@@ -247,14 +255,15 @@ def run_beside(
             board.observe(written)
         links, stall = [mine, *others], file.board.stall
         server = Server(board, links, stall, complain, address, settle=recording.settle)
-        board.run_until(board.now + ahead)
+        if prepare is not None:
+            prepare(board)
         watch = None
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
             polling = POLLING if board.policy == "realtime" else PATIENCE
-            watch = HostWatch(board, Limits(UNBOUNDED, until, IN_VAIN, polling))
+            watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
         running = _run_beside(
-            server, recording, command(link), environment, note, stdout, watch,
+            server, recording, command(link), environment, note, watch,
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
             mine.card.interrupt if mine.card is not None else "",
             show,
@@ -263,8 +272,8 @@ def run_beside(
             code = runner.run(running)
         for found in board.left_over():
             findings.violation(found)
-        if watched:
-            outcome.look()
+        findings.hints = board.hints(findings.first.values())
+        outcome.look()
         if written is not None:
             written.end()
             if written.error:
@@ -272,7 +281,8 @@ def run_beside(
     hangs = []
     if watch and watch.stuck:
         hangs = [watch.verdict("the program hangs"), *watch.details]
-    return Ran(code, findings, outcome, hangs, recording.failures)
+    slow = watch is not None and watch.slow
+    return Ran(code, findings, outcome, hangs, slow, recording.failures)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -294,7 +304,6 @@ async def _run_beside(
     command: list[str],
     environment: dict[str, str],
     note: Path,
-    stdout: BinaryIO | None,
     watch: HostWatch | None,
     limit: int,
     interrupt: str,
@@ -313,7 +322,7 @@ async def _run_beside(
         if show is not None:
             await show(server.board.name)
         code = await run_program(
-            command, environment, note, True, stdout, watch, limit,
+            command, environment, note, True, watch, limit,
             partial(_interrupts, server.board, interrupt),
         )  # fmt: skip
         code = await _finish(server, watch, code)
@@ -350,7 +359,7 @@ def not_started(program: str, error: OSError) -> ProgramError:
 
 def _interrupts(board: Board, outputs: str) -> str:
     """Name the outputs that interrupt a program, and when one of them moved last."""
-    nets = [board.find_pin(output).net for output in outputs.split()]
+    nets = [board.find_pin(output).net for output, _ in outputs_of(outputs)]
     when = max((net.changed_at for net in nets), default=0)
     return (
         f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
@@ -396,7 +405,6 @@ async def run_program(
     environment: dict[str, str],
     note: Path,
     alone: bool = False,
-    stdout: BinaryIO | None = None,
     watch: HostWatch | None = None,
     limit: int = 0,
     interrupts: Callable[[], str] = lambda: "see interrupt of the card",
@@ -411,7 +419,6 @@ async def run_program(
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
         alone: whether the board ends with the program, and so what the program leaves behind.
-        stdout: takes what the program says.
         watch: kills it when it passes a bound.
         limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
             what cannot come, or computes for as long; 0: it is not.
@@ -443,7 +450,6 @@ async def run_program(
                 *command,
                 env={**os.environ, **environment},
                 preexec_fn=offspring.die_with_parent,
-                stdout=stdout,
             )
         except OSError as error:
             raise not_started(command[0], error) from error

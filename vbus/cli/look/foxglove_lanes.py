@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
-from vbus.core.errors import PluginError, TransportError
+from vbus.core.errors import PluginError, listen_errors
 from vbus.core.kernel import NS
 from vbus.views.names import plain
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
@@ -219,23 +219,13 @@ class FoxgloveServer:
             loop.call_soon_threadsafe(self._channels.repeat, topic)
 
         certificate, key = self._tls or (None, None)
-        try:
+        with listen_errors(f"{self._host}:{self._port}", "with --foxglove", RuntimeError):
             self._server = foxglove.start_server(
-                name=self._name,
-                host=self._host,
-                port=self._port,
-                capabilities=[Capability.Time],
-                server_listener=_Listener(subscribed),
-                context=self._context,
-                message_backlog_size=MOST_MESSAGES,
-                tls_cert=certificate,
-                tls_key=key,
-            )
-        except RuntimeError as error:
-            raise TransportError(
-                f"{self._host}:{self._port}: cannot listen: {error}; free the address, or give"
-                " another with --foxglove (port 0 is any free one)"
-            ) from error
+                name=self._name, host=self._host, port=self._port,
+                capabilities=[Capability.Time], server_listener=_Listener(subscribed),
+                context=self._context, message_backlog_size=MOST_MESSAGES,
+                tls_cert=certificate, tls_key=key,
+            )  # fmt: skip
         shown = f"[{self._host}]" if ":" in self._host else self._host
         scheme = "ws" if self._tls is None else "wss"
         self._report(f"{scheme}://{shown}:{self._server.port}")

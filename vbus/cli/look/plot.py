@@ -1,7 +1,9 @@
 """``vbus plot``: the motion of a recorded run as a picture."""
 
+import io
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -10,10 +12,60 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.output import duration, no_progress
-from vbus.core.errors import VbusError
+from vbus.core.errors import PluginError, VbusError
+from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from vbus.views.scope.rows import LaneTold, Units
+
+_METADATA: Final[dict[str, dict[str, Any]]] = {
+    ".svg": {"Date": None}, ".png": {}, ".pdf": {"CreationDate": None},
+}  # fmt: skip
+"""By the end of a file's name: what is said in it of its making."""
+
+_STYLE: Final = {
+    "svg.hashsalt": "vbus", "svg.fonttype": "none", "font.size": 9.0, "axes.grid": True,
+    "axes.axisbelow": True, "grid.color": "#e4e4e4", "axes.edgecolor": "#444444",
+    "legend.frameon": False, "lines.linewidth": 1.2, "savefig.dpi": 120,
+    "axes.formatter.useoffset": False,
+}  # fmt: skip
+"""What all pictures have, whatever a user has set for his own."""
+
+
+@contextmanager
+def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
+    """Give a figure to draw in, and write it to a file at the end.
+
+    Args:
+        path: its name ends in ``.svg``, ``.png`` or ``.pdf``.
+        width: in inches.
+        height: in inches.
+
+    Raises:
+        VbusError: the name ends otherwise, or the file cannot be written.
+        PluginError: matplotlib is not installed.
+    """
+    kind = path.suffix.lower()
+    if kind not in _METADATA:
+        raise VbusError(f"{path}: a picture's name ends in {', '.join(_METADATA)}")
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise PluginError(
+            "pictures need matplotlib; install it with: pip install matplotlib"
+        ) from None
+    drawn = io.BytesIO()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(drawn, format=kind[1:], metadata=_METADATA[kind])
+    write_file(path, drawn.getvalue())
+
 
 LANES: Final = ("desired", "real", "error", "velocity", "output")
 """What is drawn of an axis by default."""
@@ -88,7 +140,6 @@ def draw(
         VbusError: there is no such axis or lane, or nothing between these instants.
         PluginError: matplotlib is not installed.
     """
-    from vbus.cli.look.picture import picture
     from vbus.views.scope.rows import Rows
 
     rows = Rows(description)

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,8 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.look.scope_process import start_scope
-from vbus.cli.output import SCOPE_ADDRESS, complain, duration, no_progress
+from vbus.cli.output import SCOPE_ADDRESS, duration, no_progress
+from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core.errors import VbusError
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_control import Order
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.cli.look.scope_server import ScopeServer
-    from vbus.views.scope.replayed import Recorded
+    from vbus.cli.look.sigrok_server import SigrokServer
+    from vbus.views.scope.recording import Recorded
     from vbus.views.scope.stream import Stream
 
     Server = ScopeServer | FoxgloveServer
@@ -247,19 +249,13 @@ def _show(what: str, more: str, address: str) -> None:
 
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
     """Play a journal again for its lanes; say so if it is damaged or differs."""
-    from vbus.cli.journal_lines import opened, progress, recorded_board
-    from vbus.views.scope.replayed import replayed
+    from vbus.nodes.machine import board_of
+    from vbus.views.scope.recording import replayed
 
-    with opened(path) as reader:
-        board = recorded_board(path, reader.header)
-        with progress(path, reader, "replaying", quiet):
-            recorded = replayed(board, reader, reader.header.families, strobes)
-        damage = reader.damage
-    if damage:
-        complain(f"{path}: {damage}")
-    if recorded.outcome.divergence is not None:
-        complain(f"{path}: the run differs from its journal at entry"
-                  f' {recorded.outcome.divergence.entry}; "vbus replay" shows how')  # fmt: skip
+    with opened(path, "replaying", quiet) as reader:
+        board = board_of(reader.header, str(path))
+        recorded = replayed(board, reader, reader.header.families, strobes)
+        replay_code(path, recorded.outcome, reader.damage)
     return recorded
 
 
@@ -287,7 +283,6 @@ def recorded_code(recorded: "Recorded") -> int:
 
 def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
     from vbus.cli.look.scope_bookmarks import of_journal
-    from vbus.cli.look.scope_server import serve
     from vbus.serve.loop import run_until_signal
     from vbus.views.scope.stream import Stream
 
@@ -298,10 +293,7 @@ def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quie
     for part in frames:
         stream.add(part)
 
-    async def show(stop: asyncio.Event) -> None:
-        await serve(place.server(stream, bookmarks), stop.wait)
-
-    run_until_signal(show)
+    run_until_signal(lambda stop: _served(place.server(stream, bookmarks), stop.wait))
     return max(map(recorded_code, recorded))
 
 
@@ -313,7 +305,7 @@ def _page_of_boards(
     from vbus.cli.look.scope_bookmarks import journal_of, keep_with_journal, of_board
     from vbus.cli.look.scope_control import BoardOrders
     from vbus.cli.look.scope_fork import Forks
-    from vbus.views.scope.clauses import clause_frame
+    from vbus.views.clauses import clause_frame
     from vbus.views.scope.stream import Stream
 
     hellos = feeds.hellos
@@ -368,7 +360,6 @@ def _serve_boards(
     samples: bool = True,
 ) -> None:
     """Serve running boards by what is made of what they tell."""
-    from vbus.cli.look.feed import boards_of
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.serve.loop import run_until_signal
 
@@ -377,13 +368,13 @@ def _serve_boards(
         async def show(stop: asyncio.Event) -> None:
             with ExitStack() as at_end:
                 server, take = made(feeds, at_end)
-                ended = asyncio.Event()
-                await server.start()
-                feeds.follow(asyncio.get_running_loop(), take, ended.set)
-                try:
+
+                async def over() -> None:
+                    ended = asyncio.Event()
+                    feeds.follow(asyncio.get_running_loop(), take, ended.set)
                     await _over(server, stop, ended, stay)
-                finally:
-                    await server.stop()
+
+                await _served(server, over)
 
         run_until_signal(show)
 
@@ -392,16 +383,18 @@ def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) ->
     from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.serve.loop import run_until_signal
 
-    async def show(stop: asyncio.Event) -> None:
-        report = partial(_show, "sigrok", "")
-        server = SigrokServer(board, chip, pins, place.host, place.port, report)
-        await server.start()
-        try:
-            await stop.wait()
-        finally:
-            await server.stop()
+    report = partial(_show, "sigrok", "")
+    server = SigrokServer(board, chip, pins, place.host, place.port, report)
+    run_until_signal(lambda stop: _served(server, stop.wait))
 
-    run_until_signal(show)
+
+async def _served(server: "Server | SigrokServer", over: "Callable[[], Awaitable[Any]]") -> None:
+    """Serve until ``over`` returns."""
+    await server.start()
+    try:
+        await over()
+    finally:
+        await server.stop()
 
 
 async def _over(

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import Any, Final
 
-from vbus.cli.look.feed import Feed
 from vbus.cli.output import complain
+from vbus.cli.sources import Feed
 from vbus.core.errors import TransportError, VbusError
 from vbus.views.scope.merged import Merged
 

@@ -9,21 +9,24 @@ import secrets
 import socket
 import ssl
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from contextvars import ContextVar
 from ipaddress import ip_address
 from typing import Any, Final
 
 import msgspec
-from aiohttp import ClientError, web
-from aiohttp.http_exceptions import HttpProcessingError
 
-from vbus.cli.look.scope_bookmarks import Bookmarks
+from vbus.cli.look.scope_bookmarks import Bookmark, Bookmarks
 from vbus.cli.look.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
-from vbus.core.errors import PluginError, TransportError, VbusError
-from vbus.views.scope.bookmarks import Bookmark
+from vbus.core.errors import PluginError, VbusError, listen_errors
 from vbus.views.scope.page_file import FIRST, page_file, policy
 from vbus.views.scope.stream import MESSAGE, Stream
+
+try:
+    from aiohttp import ClientError, WSMsgType, web
+    from aiohttp.http_exceptions import HttpProcessingError
+except ImportError as error:
+    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
 _HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
 
@@ -81,14 +84,6 @@ def _refused(sentence: str) -> web.HTTPBadRequest:
     refused.force_close()
     return refused
 
-
-try:
-    from aiohttp import WSMsgType, web
-    from aiohttp.http_exceptions import HttpProcessingError
-
-    from vbus.cli.look.scope_server import Asked, decoded
-except ImportError as error:
-    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
 RATE_SECONDS: Final = 1 / 30
 """How often a page is sent something at most."""
@@ -205,14 +200,11 @@ class ScopeServer:
         """
         await self._runner.setup()
         site = web.TCPSite(self._runner, self._host, self._port, ssl_context=self._tls)
-        try:
-            await site.start()
-        except OSError as error:
-            await self._runner.cleanup()
-            raise TransportError(
-                f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
-                " give another (port 0 is any free one)"
-            ) from error
+        async with AsyncExitStack() as undo:
+            undo.push_async_callback(self._runner.cleanup)
+            with listen_errors(f"{self._host}:{self._port}"):
+                await site.start()
+            undo.pop_all()
         self._port = self._runner.addresses[0][1]
         shown = f"[{self._host}]" if ":" in self._host else self._host
         self.url = f"{'http' if self._tls is None else 'https'}://{shown}:{self._port}/"
@@ -408,12 +400,3 @@ class ScopeServer:
                     await news.wait()
                 if len(message) < MESSAGE:  # else it is still catching up
                     await asyncio.sleep(RATE_SECONDS)
-
-
-async def serve(server: ScopeServer, over: Callable[[], Awaitable[Any]]) -> None:
-    """Serve until ``over`` returns."""
-    await server.start()
-    try:
-        await over()
-    finally:
-        await server.stop()

@@ -65,9 +65,8 @@ def command(
     from vbus.board.card.card_bus import CardBus
     from vbus.views.silicon.card_watch import tie_others
     from vbus.views.silicon.channel_map import wiring_of
-    from vbus.views.silicon.conform import Conform
+    from vbus.views.silicon.conform import CaptureTolerance, Conform
     from vbus.views.silicon.start import find_start, watch_of
-    from vbus.views.silicon.verdict import CaptureTolerance
 
     made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)

@@ -45,10 +45,7 @@ class ChipCycles(Core):
         raise NotImplementedError
 
     async def _ask(
-        self,
-        make: Callable[Concatenate[Message, P], Later[T]],
-        *args: P.args,
-        **kwargs: P.kwargs,
+        self, make: Callable[Concatenate[Message, P], Later[T]], *args: P.args, **kwargs: P.kwargs
     ) -> T:
         message = Message(self._names())
         later = make(message, *args, **kwargs)

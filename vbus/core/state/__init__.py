@@ -12,7 +12,8 @@ A class says what becomes of each of its attributes:
 
 ``before_save()``, where a part has one, is called before its fields are read; ``after_load()``
 once every field of the whole tree has its value, inner parts first. A part's own fields are set
-before those of the parts inside, numbers and flags first. A field may be a property.
+before those of the parts inside, numbers and flags first. A field may be a property, and one that
+another object has is named with its place: ``"limit = inputs.limit"`` is saved as ``limit``.
 ``"*"`` in ``WIRING`` or ``DERIVED`` is everything, in a class that has no state.
 
 A field without a kind is an integer of 64 bits. The other kinds:

@@ -16,14 +16,13 @@ from vbus.serve.attach.far_port import FarPort
 from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import LocalSocket, Telling
 from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.registry import control_path, status_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbus.client import connect
-from vbus.client.ready import until_ready
+from vbus.client.blocking import until_ready
 from vbus.core.errors import ProtocolError, TransportError
 from vbus.core.wall_clock import monotonic
 from vbus.protocols.frames import MARK, frame

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TypeVar
 
+from vbus.client.blocking import until_ready
 from vbus.client.link import BoardLink
 from vbus.client.links import open_link
-from vbus.client.ready import until_ready
 from vbus.core.errors import TransportError, VbusError
 from vbus.core.wall_clock import monotonic, monotonic_ns
 from vbus.serve.attach.meter import Meter

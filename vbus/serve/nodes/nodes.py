@@ -1,7 +1,7 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,11 +18,10 @@ from vbus.core.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
 from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
-from vbus.nodes.node import Node
+from vbus.nodes.node import Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.nodes.trace import hash_of, merged
-from vbus.serve.loop import run_until_signal
+from vbus.serve.loop import done_before, first_of, run_until_signal, tell_ready
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.node_records import join_waves, recording_of
@@ -31,7 +30,6 @@ from vbus.serve.nodes.realtime_nodes import RealTime
 from vbus.serve.nodes.timebase import Timebase
 from vbus.serve.orders.control import Control
 from vbus.serve.output_file import OutputFile
-from vbus.serve.readiness import tell_ready
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import Server
@@ -155,8 +153,8 @@ def _conductors(
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
 
 
-def read_traces(paths: Sequence[str]) -> tuple[str, int]:
-    """Merge trace files of all nodes of a run; return the SHA-256 (hex) and the number of lines.
+def read_traces(paths: Sequence[str | Path]) -> tuple[list[str], str]:
+    """Merge trace files of all nodes of a run; return the lines and their SHA-256 (hex).
 
     Raises:
         VbusError: a file cannot be read, or is no trace.
@@ -172,9 +170,9 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
                 head = Path(path).read_bytes()[:HEAD]
                 raise VbusError(is_none(path, head, "trace of nodes", _TRACED)) from None
     if not lines:
-        raise VbusError(is_none(" and ".join(paths), b"", "trace of nodes", _TRACED))
-    lines.sort()
-    return hash_of(line for *_, line in lines), len(lines)
+        raise VbusError(is_none(" and ".join(map(str, paths)), b"", "trace of nodes", _TRACED))
+    merged_lines = [line for *_, line in sorted(lines)]
+    return merged_lines, hash_of(merged_lines)
 
 
 def serve_nodes(
@@ -278,22 +276,20 @@ class _NodesRun:
     ) -> None:
         """Run until the scenario is over, a node is lost, or ``stop`` is set."""
         peers, self._stop = self._peers, stop
-        ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
+        ends = (stop, peers.finished)
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
             closing.callback(self._end_records)
-            for end in ends:
-                closing.callback(end.cancel)
             if self._link is not None:
                 closing.callback(self._link.close)
             closing.callback(self._stop_servers)
             closing.callback(peers.stop)
-            if await self._begin(ends):
+            if await done_before(ends, self._begin()):
                 keep_what_is_made()
                 if on_ready is not None:
                     on_ready(self._servers)
                 tell_ready()
-                await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+                await first_of(ends)
             if peers.failure is not None:
                 if self._link is not None:
                     await asyncio.sleep(LAST_WORDS)
@@ -301,19 +297,19 @@ class _NodesRun:
         for server in self._servers:
             server.pacer.check_over()
 
-    async def _begin(self, ends: tuple[asyncio.Future[Any], ...]) -> bool:
-        """Meet the other nodes and serve hosts; return whether that was done before an end came."""
+    async def _begin(self) -> None:
+        """Meet the other nodes, and serve hosts: in virtual time before it begins."""
         loop = asyncio.get_running_loop()
-        if not self._real and not await _first(self._serve_hosts(loop), ends):
-            return False
-        if self._link is not None and not await _first(self._open(self._link), ends):
-            return False
+        if not self._real:
+            await self._serve_hosts(loop)
+        if self._link is not None:
+            await self._open(self._link)
         for recording in self._recordings.values():
             recording.start(loop)
         self._peers.start(loop)
-        if not await _first(self._peers.agreed.wait(), ends):
-            return False
-        return not self._real or await _first(self._serve_hosts(loop), ends)
+        await self._peers.agreed.wait()
+        if self._real:
+            await self._serve_hosts(loop)
 
     async def _open(self, link: NodeLink) -> None:
         names = [node.name for node in self._nodes]
@@ -408,14 +404,3 @@ def _refuse(name: str, request: dict[str, Any]) -> NoReturn:
         " moved or saved alone; in virtual time vbus snap save with the name of the machine keeps"
         " that of all nodes, and vbus run --snapshot FILE that of one, to rejoin"
     )
-
-
-async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:
-    """Do some work; return whether it was done before one of ``ends`` came."""
-    task = asyncio.ensure_future(work)
-    await asyncio.wait((task, *ends), return_when=asyncio.FIRST_COMPLETED)
-    if not task.done():
-        task.cancel()
-        return False
-    task.result()
-    return True

@@ -107,10 +107,7 @@ class Peers(Receiver):
     """
 
     def __init__(
-        self,
-        group: Group,
-        mine: Sequence[int],
-        clock: Callable[[], float] = time.monotonic,
+        self, group: Group, mine: Sequence[int], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.plan: Plan = group.plan
         self.failure: VbusError | None = None

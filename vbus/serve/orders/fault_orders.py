@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.core.options import Value
-from vbus.faults.messages import MESSAGES, misfit
+from vbus.faults.row import MESSAGES, misfit
 from vbus.serve.message_session import MessageSession
 from vbus.serve.orders.control import Order
 from vbus.serve.session import Session

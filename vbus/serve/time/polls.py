@@ -33,7 +33,7 @@ class Polls:
         self._every: int = every
         self._look_at: int = every
         self._known: set[str] = set()
-        self._seen: set[str] = set()
+        self._seen: dict[str, Packet] = {}
         self._since: int = 0
         self._begun: float = 0.0
         self._worked: float = 0.0
@@ -45,7 +45,7 @@ class Polls:
         """Take a packet and what it says; tell whether to have a look."""
         if text in self._known:
             self.count += 1
-            self._seen.add(text)
+            self._seen[text] = packet
             if self.count < self._look_at:
                 return False
             self._look_at += self._every
@@ -88,6 +88,10 @@ class Polls:
             took = min(monotonic() - self._begun, 2 * (process_time() - self._worked))
             self._seconds = self._before + took
         return self._seconds
+
+    def loop(self) -> list[tuple[str, Packet]]:
+        """Return the packets of which the polls consist, each with the name of its chip."""
+        return [(text.partition(" ")[0], packet) for text, packet in self._seen.items()]
 
     def __str__(self) -> str:
         return f"{' and '.join(sorted(self._seen))} since {format_instant(self._since)}"

@@ -239,13 +239,17 @@ class Steps(Observer):
         goal, board, own, pacer = self._goal, self._board, self.own, self._pacer
         if goal is None or not self._alone or own is None:
             return
-        began = pacer.clock()
-        while not goal.met():
-            until = min(goal.next_look(), board.now + LEASE)
+        from vbus.events.watch import passing
+
+        def delay(due: int) -> None:
+            until = min(due, board.now + LEASE)
             board.limit = until
             while not own.delay(until - board.now):
                 board.catch_up()
                 board.limit = until
+
+        began = pacer.clock()
+        for _ in passing(goal.met, goal.next_look, delay):
             if pacer.clock() - began > SLICE_NS:
                 pacer.halt()
                 asyncio.get_running_loop().call_soon(self._pass_time)

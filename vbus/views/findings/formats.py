@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 from vbus.protocols.quantities import format_instant
 from vbus.version import __version__
+from vbus.views.clauses import ac_rules
 from vbus.views.findings.report import CycleLine, Finding, Report
-from vbus.views.tables import ac_rules
 
 _INFORMATION: Final = "https://pypi.org/project/vbus/"
 

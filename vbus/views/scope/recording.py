@@ -4,7 +4,8 @@ A chip is looked at when its samples are made, so every value has the instant fr
 Looking changes nothing: no reply, no instant, no finding, no hash.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Final
 
@@ -12,6 +13,9 @@ from vbus.board.board import Board
 from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
 from vbus.circuit.stream import PacketReader, decoder_of
 from vbus.core.signals import Violation
+from vbus.record.format import Entry
+from vbus.record.replay import Outcome, Replay
+from vbus.views.clauses import clause_frame
 from vbus.views.scope.axis_sampler import AxisSampler, SampleSchedule
 from vbus.views.scope.frames import (  # fmt: skip
     ALL,
@@ -325,3 +329,37 @@ def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:
 def _cycle(cycle: Cycle) -> str:
     """Return which way, address and byte: ``w0 1F``."""
     return f"{'w' if cycle.write else 'r'}{cycle.address:X} {cycle.data:02X}"
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """The lanes of a run that is over.
+
+    Attributes:
+        description: what a page gets first.
+        frames: all that happened.
+        outcome: what came of the replay.
+    """
+
+    description: dict[str, Any]
+    frames: list[bytes]
+    outcome: Outcome
+
+
+def replayed(
+    board: Board, entries: Iterable[Entry], families: dict[str, str], strobes: bool = False
+) -> Recorded:
+    """Play a journal up to its end, or the first difference; return its lanes.
+
+    Args:
+        board: built from the same file, at instant 0, with no ports open.
+        entries: the journal's.
+        families: chip families by name of chip.
+        strobes: whether the lines of the host buses are lanes too.
+    """
+    recorder = Recorder(board, edges=True, strobes=strobes)
+    recorder.start()
+    outcome = Replay(board, entries, families).run()
+    recorder.stop()
+    frames = [clause_frame(families.values()), *recorder.take()]
+    return Recorded(recorder.lanes.described(live=False), frames, outcome)

@@ -31,12 +31,7 @@ class Changes(Observer):
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def __init__(
-        self,
-        kernel: Kernel,
-        signals: dict[str, Any],
-        decoding: PacketStream,
-    ) -> None:
+    def __init__(self, kernel: Kernel, signals: dict[str, Any], decoding: PacketStream) -> None:
         self.pending: list[Any] = []
         self.drained: i64 = 0
         self._kernel: Kernel = kernel
