@@ -373,7 +373,7 @@ def test_a_wrong_specification_is_refused(spec: str, message: str) -> None:
 
 
 def test_who_does_not_use_it_does_not_import_it() -> None:
-    names = "vbus.cli.run.exec, vbus.cli.hosted.beside, vbus.board.build"
+    names = "vbus.cli.run.exec, vbus.cli.hosted.program, vbus.board.build"
     code = f"import sys, {names}; print([n for n in sys.modules if 'unicorn' in n or '.cpu.' in n])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
