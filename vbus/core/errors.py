@@ -134,4 +134,26 @@ def write_errors(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if isinstance(error, VbusError):  # a TransportError, which says more
+            raise
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def listen_errors(place: str, where: str = "", kind: type[Exception] = OSError) -> Iterator[None]:
+    """Raise a :class:`TransportError` where nothing can listen at a place.
+
+    Args:
+        place: the address.
+        where: the option, or section, that gives another, such as "with --sigrok".
+        kind: error that says so.
+    """
+    try:
+        yield
+    except kind as error:
+        cause = error.__cause__ or error
+        another = " ".join(["another", *where.split()])
+        raise TransportError(
+            f"{place}: cannot listen: {getattr(cause, 'strerror', None) or error}; free the"
+            f" address, or give {another} (port 0 is any free one)"
+        ) from error

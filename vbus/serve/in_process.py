@@ -4,7 +4,6 @@ import os
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.board.card.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.client.bus import Bus
 from vbus.client.link import BoardLink
@@ -44,27 +43,20 @@ class InProcessLink(BoardLink):
         board: the board.
         label: the host's name in traces.
         chips: names of the chips it reaches; all if empty.
-        cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
-        card: address decoding of a plug-in card.
         turn: what is done around its calls; None for a board that has no nodes beside it.
     """
 
     by_descriptor = False
 
     def __init__(
-        self,
-        board: Board,
-        label: str = "host",
-        chips: tuple[str, ...] = (),
-        cycle_ps: int = 0,
-        card: Card | None = None,
+        self, board: Board, label: str = "host", chips: tuple[str, ...] = (),
         turn: HostTurn | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         # Always readable: whatever a call waits for is here when it looks.
         super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or HostTurn(board)
         self._watches: Final = [one for one in board.observers if isinstance(one, HostWatch)]
-        self._port = board.open_port(label, chips or None, cycle_ps, card)
+        self._port = board.open_port(label, chips or None)
         self._port.promises = False
         self._protocol = ByteProtocol(self._port)
 

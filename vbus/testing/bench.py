@@ -18,14 +18,16 @@ from vbus.campaign.account import Account, Witness
 from vbus.campaign.world import REFERENCE, arm
 from vbus.core.errors import ConfigError, VbusError
 from vbus.core.runtime import private_runtime
+from vbus.core.signals import Violation
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
+from vbus.testing.checks.around_chip import ChipBench
+from vbus.testing.in_process import connect_in_process
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.variant import Variant
@@ -225,6 +227,39 @@ class Bench:
         named = self._keywords.get("board") or self.variant.part
         return len(self._chips) > 1 and not named
 
+    def chip(self, start: str) -> ChipBench:
+        """Return the first chip of a family on the test's board, out of its reset.
+
+        A test that names no board gets one with a part of the family.
+
+        Args:
+            start: how a part number of the family begins.
+
+        Raises:
+            VbusError: the test's board has no such chip.
+        """
+        family = plugins.family_of(start)
+        part = typical_part(family, start)
+        tested = self.main(part)
+        if tested.served is not None:
+            raise VbusError(
+                f"the board is served on {tested.address}, by vbus_pty: attach to that terminal,"
+                " and take vbus_board to look at chips and plants"
+            )
+        board = tested.board
+        cls = plugins.chip_of(family)
+        kin = [chip for chip in board.chips if isinstance(chip, cls)]
+        chip = next((chip for chip in kin if chip.part.startswith(start)), kin[0] if kin else None)
+        if chip is None:
+            have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
+            raise VbusError(
+                f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no'
+                " board gets one with the chips of all fixtures among its arguments"
+            )
+        board.run_until(max(board.now, chip.ready_at() + self.variant.world.ahead))
+        bus = connect_in_process(board, chips=(chip.name,) if self.of_chips else ())
+        return ChipBench.of(board, chip, bus, tested.clock)
+
     @property
     def begun(self) -> TestedBoard | None:
         """The test's board, if it has been asked for."""
@@ -356,6 +391,7 @@ class Bench:
         judged = self.judged(tested)
         if tested.strict or self.judge.violations == FAIL:
             lines += by_rule(judged.failing[failing:])
+            lines += tested.board.hints(judged.failing[failing:])
         if self.judge.after_fault == FAIL:
             lines += by_rule(judged.after_fault[after_fault:], ", after a fault")
         return lines
@@ -435,18 +471,27 @@ class Bench:
         judged = self.judged(tested)
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
+        yield from (f"    {line}" for line in tested.board.hints(judged.failing))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        notes = self._notes(tested)
         if notes:
             yield f"notes: {len(notes)}"
             yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
+
+    def _notes(self, tested: TestedBoard) -> list[Violation]:
+        return [*self.judged(tested).notes, *tested.call(tested.board.left_over)]
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Return each rule that is noted, and what it says first: of a test that has passed."""
+        found = [note for tested in self.boards for note in self._notes(tested)]
+        return [(note.rule, f"{note.chip}: {note.detail}") for note in found]
 
     def _keep(self, tested: TestedBoard, suffix: str, content: bytes) -> Path:
         number = self.boards.index(tested)

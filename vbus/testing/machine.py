@@ -127,7 +127,7 @@ class TestedMachine:
         """Return the SHA-256 (hex) over what has happened on all nodes, as ``vbus trace`` has it.
 
         Raises:
-            VbusError: nobody has asked for a :meth:`trace`.
+            VbusError: :meth:`trace` was not called.
         """
         try:
             return self._machine.trace_hash()
@@ -184,11 +184,11 @@ class TestedMachine:
         """Do one thing that brings the next grant of a node nearer.
 
         Raises:
-            VbusError: somebody else holds its time.
+            VbusError: another wait holds its time.
         """
         seen = set()
         while not self._machine.poll(conductor):
-            # Who has not ended the round is behind, or waits for somebody further behind.
+            # A node that has not ended the round is behind, or waits for one further behind.
             seen.add(conductor)
             missing = conductor.participant.missing()
             others = [self._machine.conductors[rank] for rank in missing]

@@ -19,7 +19,6 @@ from vbus.core.errors import VbusError
 from vbus.core.kernel import MS
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
-from vbus.testing.chips import chip_bench
 from vbus.testing.clock import BoardClock
 from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
@@ -112,7 +111,7 @@ class Moving:
 
     def __init__(self, folder: Path) -> None:
         self.bench = Bench("test", {}, [folder], lambda: folder, scope=False, chips=PARTS)
-        self.x, self.y, self.z = (chip_bench(self.bench, part) for part in PARTS)
+        self.x, self.y, self.z = (self.bench.chip(part) for part in PARTS)
         self.other = connect_in_process(self.board)
         servo, mcp, pmd = self.x.host, self.y.host, self.z.host
         mcp.reset()

@@ -39,14 +39,14 @@ class Card(Struct):
         base: address of the card's first port.
         reads: offset from ``base`` to (number of the chip in its session, address at that chip).
         writes: the same for writes: a port need not do the same in both directions.
-        unconnected: data bits that nobody drives when an offset is read; they are read as 1.
+        unconnected: data bits that no chip drives when an offset is read; they are read as 1.
         memory: whether programs find it among memory addresses, not I/O ports.
         fixed: where a program expects the memory page of the first port without mapping it, or 0.
         big_endian: whether the byte at the lowest address of a wide access is the most
             significant one.
         interrupt: the outputs, ``"chip.pin"``, that interrupt a program: see :func:`outputs_of`.
         signal: number of the signal an interrupt sends to a program, or 0.
-        edge: whether an interrupt that stands is none any more once the program has been told.
+        edge: whether an interrupt that stands ends once the program has had its signal.
         acknowledge: the pin, ``"card./ACK"``, that an access pulses low, or "".
         acknowledge_read: the offset at which a read does so, or -1.
         acknowledge_write: the same for a write.
@@ -68,12 +68,12 @@ class Card(Struct):
     acknowledge_write: int = -1
 
     def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Return (chip number, chip address) behind ``address``; None if nobody answers."""
+        """Return (chip number, chip address) behind ``address``; None if no chip answers."""
         rows = self.writes if write else self.reads
         return rows.get(address - self.base)
 
     def floating(self, address: int) -> int:
-        """Return the data bits that nobody drives when ``address`` is read."""
+        """Return the data bits that no chip drives when ``address`` is read."""
         return self.unconnected.get(address - self.base, 0)
 
     def places(self, sides: list[str]) -> Places:
@@ -97,7 +97,7 @@ class Card(Struct):
         """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
 
         Direction and address at the card, number and address of the chip; ``/7F`` behind a read
-        are the data bits nobody drives, ``!5`` the side pin, of ``sides``, that the access pulses
+        are the data bits no chip drives, ``!5`` the side pin, of ``sides``, that the access pulses
         low after it. Where no chip answers there is that alone: ``r344!5``.
         """
         entries = []

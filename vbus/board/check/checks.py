@@ -175,7 +175,7 @@ class _Checks:
         for net in self._file.nets:
             found: list[PinRow] = []
             output = ""
-            if not net.pins:
+            if not net.pins and not self._file.has_glue:  # glue may be wired to it
                 yield ("nets", net.name), "a net joins at least one pin"
             for place, name in enumerate(net.pins):
                 path: Path = ("nets", net.name, place)
@@ -239,6 +239,8 @@ class _Checks:
             known = cards.decodes(self._parts[name]) if name in self._parts else {}
             if card.decode and known and card.decode not in known:
                 yield (*path, "decode"), unknown(card.decode, known)
+        if card.bus and card.decoded:
+            yield from self._beside(card, path)
         yield from self._card_circuit(card, path)
         if card.line:
             yield from self._card_line(card, path)
@@ -257,6 +259,20 @@ class _Checks:
                     (*where, "address"),
                     f'found {port.address}; addresses of "{port.chip}" are 0 to {max(there)}',
                 )
+
+    def _beside(self, card: CardSection, path: Path) -> Mistakes:
+        """Check that no register of a card stands where a chip answers by its table."""
+        taken, start = {port.offset: port.chip for port in card.ports}, 0
+        for name in card.chips:
+            known = cards.decodes(self._parts[name]) if name in self._parts else {}
+            offsets = [row.offset for row in known.get(card.decode, ())] or [0]
+            taken |= {start + offset: name for offset in offsets}
+            start += card.block or max(offsets) + 1
+        for row in card.registers:
+            if row.at in taken:
+                chip = quoted(taken[row.at])
+                message = f"{chip} answers at {row.at} already; move the register, or the chip"
+                yield (*path, "registers", row.name, "at"), message
 
     def _card_circuit(self, card: CardSection, path: Path) -> Mistakes:
         if card.fixed % 4096:
@@ -286,10 +302,7 @@ class _Checks:
             if (name in self._parts or name in glue) and output.removeprefix("!") not in known:
                 yield path, f"found {quoted(output)}; outputs are {listed(known)}"
             elif output.startswith("!") and card.has_circuit:
-                yield (
-                    path,
-                    f'{quoted(output)}: "acknowledge" and "line" turn no output round',
-                )
+                yield (path, f'{quoted(output)}: "acknowledge" and "line" turn no output round')
 
     def _card_line(self, card: CardSection, path: Path) -> Mistakes:
         if any(net.name == card.line for net in self._file.nets):

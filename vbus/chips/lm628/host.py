@@ -1,29 +1,72 @@
-"""An LM628 or LM629 axis: filter, moves and waiting, for asyncio."""
+"""An LM628 or LM629 axis: packets, a call for each command, filter, moves, waiting, for asyncio."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from vbus.chips.lm628.calls import Lm628Calls
-from vbus.chips.lm628.datasheet import (
-    ACCELERATION_LOADED,
-    COEFFICIENT_MAX,
-    FORWARD,
-    LOADS,
-    POSITION_MAX,
-    POSITION_MIN,
-    RATE_MAX,
-    STOP_ABRUPTLY,
-    STOP_SMOOTHLY,
-    TRAJECTORY_COMPLETE,
-    TURN_OFF,
-    VELOCITY_MODE,
-)
-from vbus.client.aio.access import READY_POLLS, words_of
-from vbus.client.aio.bus import Bus, Chip
+from vbus.chips.lm628 import datasheet as lm
+from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
+from vbus.client.aio.bus import Bus, Chip, ChipCycles
 from vbus.client.aio.twice import twice
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.protocols.quantities import format_instant, parse_duration
 
-_STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
+_STOPS: Final = {
+    "smoothly": lm.STOP_SMOOTHLY,
+    "abruptly": lm.STOP_ABRUPTLY,
+    "off": lm.TURN_OFF,
+}
+
+
+_UNCHECKED: Final = (lm.COMMANDS["RESET"].code, lm.COMMANDS["RSTI"].code)
+"""After these the flag is that of an earlier command, or says nothing yet."""
+
+
+class Lm628Packets(Packets):
+    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
+
+    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
+
+    Args:
+        cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
+            with one chip.
+        ready: how busy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip is given up.
+        checked: look after every packet whether the chip has taken it for an error (LM-AMB-12).
+    """
+
+    COMMAND_PORT = lm.COMMAND_PORT
+    DATA_PORT = lm.DATA_PORT
+    READY_MASK = lm.BUSY
+    READY_LEVEL = 0
+
+    def __init__(
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None:  # fmt: skip
+        super().__init__(cycles, ready=ready, polls=polls)
+        self.checked: bool = checked
+
+    async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip stays busy; the rest of the packet is not sent.
+            ReadBackError: the chip has found a command error.
+            ValueError: a word that does not fit.
+        """
+        answers = await super().packet(code, words, count)
+        if self.checked and code not in _UNCHECKED:
+            await self.wait_ready()
+            if (status := await self.status()) & lm.COMMAND_ERROR:
+                raise ReadBackError(
+                    f"packet {code:02X}h: status {status:02X}h has a command error; RSTI clears it"
+                )
+        return answers
+
+
+if TYPE_CHECKING:
+    from vbus.chips.lm628.calls import Lm628Calls
+else:
+    Lm628Calls = calls_of("Lm628Calls", Lm628Packets, lm)
 
 
 class Lm628(Lm628Calls):
@@ -103,8 +146,8 @@ class Lm628(Lm628Calls):
         for name, value, bit in gains:
             if value is None:
                 continue
-            if not 0 <= value <= COEFFICIENT_MAX:
-                raise ValueError(f"{name} = {value}: allowed are 0 to {COEFFICIENT_MAX}")
+            if not 0 <= value <= lm.COEFFICIENT_MAX:
+                raise ValueError(f"{name} = {value}: allowed are 0 to {lm.COEFFICIENT_MAX}")
             control |= bit
             words.append(value)
         await self.lfil(control, *words)
@@ -136,13 +179,13 @@ class Lm628(Lm628Calls):
         Raises:
             ValueError: a value out of range.
         """
-        control = (VELOCITY_MODE | (FORWARD if forward else 0)) if velocity_mode else 0
+        control = (lm.VELOCITY_MODE | (lm.FORWARD if forward else 0)) if velocity_mode else 0
         words: list[int] = []
-        least = -RATE_MAX if relative else 0
+        least = -lm.RATE_MAX if relative else 0
         values = (
-            ("acc", acc, LOADS[0], least, RATE_MAX),
-            ("vel", vel, LOADS[1], least, RATE_MAX),
-            ("pos", pos, LOADS[2], POSITION_MIN, POSITION_MAX),
+            ("acc", acc, lm.LOADS[0], least, lm.RATE_MAX),
+            ("vel", vel, lm.LOADS[1], least, lm.RATE_MAX),
+            ("pos", pos, lm.LOADS[2], lm.POSITION_MIN, lm.POSITION_MAX),
         )
         for name, value, bit, low, high in values:
             if value is None:
@@ -153,11 +196,11 @@ class Lm628(Lm628Calls):
             words.extend(words_of(value))
         await self.ltrj(control, *words)
         if self.checked:
-            await self._check_signals(ACCELERATION_LOADED if acc is not None else 0, 0)
+            await self._check_signals(lm.ACCELERATION_LOADED if acc is not None else 0, 0)
         if start:
             await self.stt()
         if start and self.checked:
-            modes = VELOCITY_MODE | FORWARD
+            modes = lm.VELOCITY_MODE | lm.FORWARD
             await self._check_signals(control & modes, modes)
 
     async def _check_signals(self, wanted: int, mask: int) -> None:
@@ -180,7 +223,7 @@ class Lm628(Lm628Calls):
         await self.stt()
 
     async def wait_status(
-        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = lm.TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the status until one of ``bits`` is set; return it.
 
@@ -213,11 +256,11 @@ class Lm628(Lm628Calls):
             ReadBackError: it has ended elsewhere (``checked``).
         """
         begun = await self.rddp() if self.checked and relative else 0
-        await self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
+        await self.rsti(0xFFFF & ~lm.TRAJECTORY_COMPLETE)
         if acc is not None or vel is not None:
             await self.load_trajectory(acc=acc, vel=vel)
         await self.load_trajectory(pos=pos, relative=relative, start=True)
-        await self.wait_status(TRAJECTORY_COMPLETE, longest)
+        await self.wait_status(lm.TRAJECTORY_COMPLETE, longest)
         if self.checked and (desired := await self.rddp()) != begun + pos:
             raise ReadBackError(f"the move has ended at {desired}; {begun + pos} was asked for")
         return await twice(self.rdrp) if self.checked else await self.rdrp()

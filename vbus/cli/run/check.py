@@ -97,7 +97,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
 
 def _rules() -> list[dict[str, Any]]:
     from vbus.board.check.checks import all_rules
-    from vbus.views.tables import ac_limits
+    from vbus.views.clauses import ac_limits
 
     return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
@@ -35,14 +34,10 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         with checked("record", "report"):
             format_of(record.report)
     if record.coverage:
-        from vbus.views.coverage.formats import COVERAGE_FORMATS
+        from vbus.views.coverage.formats import coverage_format
 
-        if Path(record.coverage).suffix not in COVERAGE_FORMATS:
-            known = ", ".join(COVERAGE_FORMATS)
-            source.fail(
-                ("record", "coverage"),
-                f"{record.coverage}: a coverage file's name ends in one of {known}",
-            )
+        with checked("record", "coverage"):
+            coverage_format(record.coverage)
     if record.suppress:
         with checked("record", "suppress"):
             suppressions_of(record.suppress)

@@ -58,25 +58,11 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--all", "every", is_flag=True, help="Tell every outcome, not 20.")
 @click.argument("program", nargs=-1, type=click.UNPROCESSED)
 def command(
-    board: str | None,
-    host: str | None,
-    avr: str | None,
-    pinmap: str | None,
-    only: str | None,
-    phases: int | None,
-    longest: int | None,
-    worlds: int | None,
-    seed: int,
-    jobs: int | None,
-    json: str | None,
-    junit: str | None,
-    page: str | None,
-    baseline: str | None,
-    world: str | None,
-    journal: str | None,
-    every: bool,
-    program: tuple[str, ...],
-) -> int:
+    board: str | None, host: str | None, avr: str | None, pinmap: str | None, only: str | None,
+    phases: int | None, longest: int | None, worlds: int | None, seed: int, jobs: int | None,
+    json: str | None, junit: str | None, page: str | None, baseline: str | None,
+    world: str | None, journal: str | None, every: bool, program: tuple[str, ...],
+) -> int:  # fmt: skip
     """Run a program in many worlds, in each of which one thing is broken; tell what it notices.
 
     \b

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
-from vbus.testing.plugins.acceptance_plugin import acceptances, finished
+from vbus.testing.plugins.acceptance_plugin import acceptances, fail_run, finished
 from vbus.testing.plugins.worlds_plugin import LIMITS, SEARCHING, WORLD, world_run
 
 if TYPE_CHECKING:
@@ -37,79 +37,45 @@ CALLED: pytest.StashKey[bool] = pytest.StashKey()
 """Whether a test has passed, as far as its call."""
 COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
+NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
+"""What is noted of a test that has passed."""
+
+
+_OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    "strict": {"action": "store_true",
+        "help": "bus cycles that break a datasheet are lost, and fail the test"},
+    "violations": {"choices": ("fail", "report"),
+        "help": "what a breach of a datasheet does to a test: fail it (the default), or be reported"
+        " if it fails anyway"},
+    "seed": {"type": int, "metavar": "N", "help": "seed of boards that are given no other"},
+    "wave": {"choices": ("never", "on-failure", "always"), "default": "never",
+        "help": "of which tests to keep a waveform (VCD)"},
+    "scope": {"choices": ("never", "on-failure"), "default": "on-failure",
+        "help": "of which tests to keep a page for a browser (HTML)"},
+    "dir": {"type": Path, "metavar": "DIR",
+        "help": "where journals, pages and waveforms are kept (pytest's temporary folder)"},
+    "github": {"action": "store_true",
+        "help": "annotate failing tests for GitHub, and add to the summary of the job"},
+    "coverage": {"action": "append", "nargs": "?", "const": "", "metavar": "FILE",
+        "help": "tell what the tests exercise of the chips; the file ends in .txt, .json, .html or"
+        " .xml (Cobertura); several may be given"},
+    "coverage-fail-under": {"type": float, "default": 0.0, "metavar": "PERCENT",
+        "help": "fail if less than this is exercised"},
+    "coverage-base": {"default": "", "metavar": "FILE",
+        "help": "tell what is exercised more or less than in this coverage file (.json)"},
+}  # fmt: skip
+"""What can be said on the command line, behind ``--vbus-``."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what can be said on the command line."""
     group = parser.getgroup("vbus", "virtual chips (vbus)")
-    group.addoption(
-        "--vbus-strict",
-        action="store_true",
-        help="bus cycles that break a datasheet are lost, and fail the test",
-    )
-    group.addoption(
-        "--vbus-violations",
-        choices=("fail", "report"),
-        help="what a breach of a datasheet does to a test: fail it (the default), or be reported"
-        " if it fails anyway",
-    )
-    group.addoption(
-        "--vbus-seed", type=int, metavar="N", help="seed of boards that are given no other"
-    )
-    group.addoption(
-        "--vbus-wave",
-        choices=("never", "on-failure", "always"),
-        default="never",
-        help="of which tests to keep a waveform (VCD)",
-    )
-    group.addoption(
-        "--vbus-scope",
-        choices=("never", "on-failure"),
-        default="on-failure",
-        help="of which tests to keep a page for a browser (HTML)",
-    )
-    group.addoption(
-        "--vbus-dir",
-        type=Path,
-        metavar="DIR",
-        help="where journals, pages and waveforms are kept (pytest's temporary folder)",
-    )
-    group.addoption(
-        "--vbus-github",
-        action="store_true",
-        help="annotate failing tests for GitHub, and add to the summary of the job",
-    )
-    group.addoption(
-        "--vbus-coverage",
-        action="append",
-        nargs="?",
-        const="",
-        metavar="FILE",
-        help="tell what the tests exercise of the chips; the file ends in .txt, .json, .html or"
-        " .xml (Cobertura); several may be given",
-    )
-    group.addoption(
-        "--vbus-coverage-fail-under",
-        type=float,
-        default=0.0,
-        metavar="PERCENT",
-        help="fail if less than this is exercised",
-    )
-    group.addoption(
-        "--vbus-coverage-base",
-        default="",
-        metavar="FILE",
-        help="tell what is exercised more or less than in this coverage file (.json)",
-    )
+    for name, given in _OPTIONS.items():
+        group.addoption(f"--vbus-{name}", **given)
 
 
 def _wants_coverage(config: pytest.Config) -> bool:
-    option = config.getoption
-    return bool(
-        option("--vbus-coverage")
-        or option("--vbus-coverage-fail-under")
-        or option("--vbus-coverage-base")
-    )
+    return any(config.getoption(f"--vbus-{name}") for name in _OPTIONS if "coverage" in name)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -261,9 +227,7 @@ def _chip_fixture(name: str, start: str) -> object:
     """Return the fixture ``name`` of the family whose part numbers begin with ``start``."""
 
     def chip(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-        from vbus.testing.chips import chip_bench
-
-        made = chip_bench(vbus_bench, start)
+        made = vbus_bench.chip(start)
         try:
             yield made
         finally:
@@ -338,6 +302,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     complaints = bench.complaints() if bench else []
     if complaints:
         pytest.fail("\n".join(complaints), pytrace=False)
+    if bench is not None:
+        item.stash[NOTES] = bench.notes()
     return result
 
 
@@ -352,11 +318,13 @@ def pytest_runtest_makereport(
 
         call.excinfo = cut_short(call.excinfo)
     report = yield
+    if call.when == "call" and report.passed:
+        report.__dict__["vbus_notes"] = item.stash.get(NOTES, [])
     if call.when != "teardown":
         item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
-    told = report.failed and not item.stash.get(SEARCHING, False)
-    if bench is not None and bench.boards and told and not bench.reported:
+    shown = report.failed and not item.stash.get(SEARCHING, False)
+    if bench is not None and bench.boards and shown and not bench.reported:
         failure = bench.failure_report()
         report.sections.append(("vbus", "\n".join(failure.lines)))
         report.user_properties += failure.properties
@@ -387,16 +355,25 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         config.stash[SHORT] = coverage.finish()
     except VbusError as error:
         config.stash[SHORT] = str(error)
-    if config.stash[SHORT] and session.exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    if config.stash[SHORT]:
+        fail_run(session)
 
 
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was exercised."""
+    """Say what was noted of tests that passed, and what was exercised."""
     coverage = config.stash.get(COVERAGE, None)
     short = config.stash.get(SHORT, "")
+    noted: dict[str, list[str]] = {}
+    for report in terminalreporter.stats.get("passed", []):
+        for rule, text in dict(getattr(report, "vbus_notes", [])).items():
+            noted.setdefault(rule, []).append(f"{report.nodeid}: {text}")
+    if noted:
+        terminalreporter.section("vbus notes of tests that passed")
+        for rule, texts in sorted(noted.items()):
+            tests = "1 test" if len(texts) == 1 else f"{len(texts)} tests, first"
+            terminalreporter.line(f"{rule} in {tests} {texts[0]}")
     if coverage is not None:
         terminalreporter.section("vbus coverage")
         for line in coverage.lines():

@@ -79,7 +79,7 @@ def values_of(board: Board) -> dict[str, Reading]:
 
 
 def texts_of(board: Board) -> list[str]:
-    """Return the names of what is told in words, ``"chip.packet"`` and ``"chip.violation"``."""
+    """Return the names of signals that are words, ``"chip.packet"`` and ``"chip.violation"``."""
     return [f"{chip.name}.{what}" for chip in board.chips for what in ("packet", "violation")]
 
 
