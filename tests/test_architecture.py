@@ -47,7 +47,6 @@ ROLES = {
     "compatible": "views",
     "upsets": "faults",
     "host": "client",
-    "access": "client",
     "calls": "client",
     "demo": "client",
     "generated": "client",

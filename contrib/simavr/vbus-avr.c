@@ -569,7 +569,7 @@ static unsigned bus_access(struct access access, unsigned data)
         = card_table_find(&sim.link.card, address, access.kind == STORE);
 
     if (port == NULL) {
-        say_once("nobody answers on the external memory bus", address);
+        say_once("no chip answers on the external memory bus", address);
         return 0xFF;
     }
     if (port->answers && access.kind == STORE)

@@ -185,7 +185,7 @@ def test_an_address_nobody_has_and_a_bus_that_is_off_read_ffh_and_are_named(
         "vbus-avr: the external memory interface is off (SRE): address 8000, by the instruction at"
     )
     assert none == (
-        "vbus-avr: nobody answers on the external memory bus: address 9000, by the instruction at"
+        "vbus-avr: no chip answers on the external memory bus: address 9000, by the instruction at"
     )
 
 

@@ -255,7 +255,7 @@ with connect(os.environ["VBUS_LINK"]) as bus:
         (
             "100 ms",
             "bus.read(0)",
-            "it polled 10000 times and was told nothing new, and nothing on the board",
+            "it polled 10000 times and read nothing new, and nothing on the board",
         ),
         ("4 ms", "bus.write(0, 0); bus.read(0)", "it was not done after 0.004 s of chip time"),
         ("100 ms", "bus.delay('10 ms'); bus.echo()", "it was not done after 0.1 s of chip time"),

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from vbus.serve.host_limits import HostStuck
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
-from vbus.testing.chips import chip_bench
+from vbus.testing.execute import Execute
 
 HERE = Path(__file__).parent
 DRIVERS = HERE / "drivers"
@@ -39,13 +39,42 @@ def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Out
             f"{driver}: {before!r} stands there {text.count(before)} times"
         )
         text = text.replace(before, after)
-    names: dict[str, Any] = {}
-    exec(compile(text, str(path), "exec"), names)
+    names = _module(text, driver)
     outcome = Outcome()
     for name, function in list(names.items()):
         if name.startswith("test_"):
             run_test(function, names.get("BOARD", ""), name, folder, outcome)
     return outcome
+
+
+def run_c(chip: str, number: int, folder: Path) -> Outcome:
+    """Run the C driver of a chip with a mistake, as ``vbus_exec`` does, and look at its motor."""
+    part, rest = BOARDS[chip]
+
+    def test_the_program_moves_its_axis(board: Any) -> None:
+        done = board.execute(DRIVERS / "drivers.c", chip, str(number), flags="-O0")
+        assert done.code == 0, done.errors
+        plant = next(iter(board.board.axes.values()))
+        assert abs(plant.count - rest) <= 6
+
+    outcome = Outcome()
+    run_test(test_the_program_moves_its_axis, part, "test_c", folder, outcome)
+    return outcome
+
+
+BOARDS = {
+    "lm629": ("LM629N-8", -3000),
+    "mcp1200": ("MCP-1200", -4000),
+    "mc1241a": ("MC1241A", -312),
+}
+
+
+def unusual(name: str, folder: Path) -> tuple[Outcome, set[str]]:
+    """Run one of the unusual things that right drivers do; return its outcome and what is noted."""
+    module = _module((DRIVERS / "unusual.py").read_text(), "unusual")
+    outcome = Outcome()
+    run_test(module[name], "", name, folder, outcome)
+    return outcome, module["NOTED"].get(name, set())
 
 
 def run_test(
@@ -74,8 +103,27 @@ def run_test(
     bench.close()
 
 
+def _module(text: str, name: str) -> dict[str, Any]:
+    names: dict[str, Any] = {}
+    exec(compile(text, str(DRIVERS / f"{name}.py"), "exec"), names)
+    return names
+
+
+class _Fixtures:
+    """What a test has that takes no fixture of a chip."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.board = bench.main().board
+        self.execute = Execute(bench)
+
+    @property
+    def bus(self) -> Any:
+        """A client's bus on the board, whose chips have come out of their reset."""
+        self.board.run_until(max(chip.ready_at() for chip in self.board.chips))
+        return connect_in_process(self.board)
+
+
 def _fixture(bench: Bench, name: str) -> Any:
     if name == "board":
-        tested = bench.main()
-        return SimpleNamespace(board=tested.board, clock=tested.clock, bench=bench)
-    return chip_bench(bench, name.upper().replace("MCP1200", "MCP-1200"))
+        return _Fixtures(bench)
+    return bench.chip(name.upper().replace("MCP1200", "MCP-1200"))

@@ -12,7 +12,7 @@ from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.card import cards
 from vbus.board.card.card_bus import CLOCK, CardBus
-from vbus.board.card.card_interrupt import ACK, INT, add_interrupt
+from vbus.board.card.cards import ACK, INT, add_interrupt
 from vbus.board.config import read_board_file, read_board_text
 from vbus.boardfile.cards import SIGNALS
 from vbus.boardfile.lines import Path
@@ -176,7 +176,7 @@ def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
 
 
 def rest_of(net: NetSection) -> int | None:
-    """Return the level of a net that nobody drives; None: as its first pin rests."""
+    """Return the level of a net that no pin drives; None: as its first pin rests."""
     return _RESTS.get(net.rest)
 
 

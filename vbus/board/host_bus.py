@@ -55,8 +55,8 @@ class HostBus(HostPort):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 
     **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
-    (slaved), or one cycle time after the cycle before. While somebody observes the bus nets the
-    cycle is played as strobes on them; otherwise only its two decisive instants are computed.
+    (slaved), or one cycle time after the cycle before. While the bus nets are observed, the cycle
+    is played as strobes on them; otherwise only its two decisive instants are computed.
     Replies, instants and violations are the same.
 
     **On a node** in virtual time a cycle beyond the grant is ordered for its instants, and the host
@@ -118,6 +118,7 @@ class HostBus(HostPort):
         self.pins: HostPins = HostPins(
             board.kernel, label, chips, board.glue_of(chips), self._edge_seen
         )
+        board.player.hosts.append(self.pins)
         self._places: Places = card.places(self.pins.side_names()) if card else [{}, {}]
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
@@ -157,7 +158,7 @@ class HostBus(HostPort):
         return pins.number(pins.lines, pins.line_names(), name, self.selection.selected)
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
-        """Decode a card address; None if nobody is there."""
+        """Decode a card address; None if no chip answers there."""
         return self._places[write].get(address)
 
     # -- choosing chips -----------------------------------------------------------------------
@@ -348,6 +349,8 @@ class HostBus(HostPort):
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels, all at this instant."""
         self._arrive()
+        if self.board.player.lent:
+            self.board.player.give_back()
         self.clock.judge(self.chips, self.clock.timed or self.pins.held_lines(mask))
         self.strobes.before()
         self.pins.set_lines(mask, levels)
@@ -362,13 +365,18 @@ class HostBus(HostPort):
     def drive(self, data: int) -> None:
         """Drive D0-D7 of the selected chips' bus."""
         self._arrive()
+        if self.board.player.lent:
+            self.board.player.give_back()
         self.clock.judge(self.chips, self.clock.timed)
+        self.pins.output_word()  # what lazy chips drive may be fought
         self.pins.of(self._data_chip().data_pin).drive(data & 0xFF)
         self._kernel.settle()
 
     def release(self) -> None:
         """Let D0-D7 float."""
         self._arrive()
+        if self.board.player.lent:
+            self.board.player.give_back()
         self.pins.of(self._data_chip().data_pin).release()
         self._kernel.settle()
 
@@ -454,6 +462,7 @@ class HostBus(HostPort):
             self.board.player.flush()
             self.strobes.before()
             self.pins.unsolder()
+            self.board.player.hosts.remove(self.pins)
             self.strobes.after()
             self.strobes.passes_glue_by()
         finally:  # whatever happens on the board: others may wait for the claim

@@ -1,4 +1,4 @@
-"""What a host is told of its board in the answer to HELLO."""
+"""The answer to HELLO: what a host learns of its board."""
 
 from vbus.board.card.cards import Card
 from vbus.board.host_selection import Selection

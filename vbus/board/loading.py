@@ -57,6 +57,7 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
 
 def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.flush()
+    board.player.lent.clear()
     if breaking is not None:
         breaking.apply()
     # Whoever is to be told of something is told now: it belongs to what is left behind.

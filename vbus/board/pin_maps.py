@@ -132,7 +132,7 @@ def wiring(
     glue: list[GluePart],
     pins: HostPins,
 ) -> str:
-    """Return the wiring text of a session: what its host's pin decoder is told.
+    """Return the wiring text of a session, for its host's pin decoder.
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
     with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is

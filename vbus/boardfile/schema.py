@@ -29,12 +29,7 @@ def schema() -> Schema:
     """Return the schema, with the settings of every chip, plant and fault that is registered."""
     definitions: Schema = {}
     board = _section(BoardFile, definitions)
-    return {
-        "$schema": DRAFT,
-        "title": "vbus board file",
-        **board,
-        "definitions": definitions,
-    }
+    return {"$schema": DRAFT, "title": "vbus board file", **board, "definitions": definitions}
 
 
 def value(option: Option) -> Schema:

@@ -15,7 +15,7 @@ from vbus.core.kernel import MS, US
 from vbus.core.signals import Observer, ValueTable, Violation
 from vbus.core.signals.values import reader
 from vbus.plugins import family_of
-from vbus.views.runs.motion import Motion
+from vbus.views.runs.motion import STEP, moves_of
 
 _SETTLE: Final = 10 * MS
 _ON: Final = 1037 * US
@@ -156,7 +156,10 @@ class Witness(Observer):
 
     def __init__(self, board: Board, reference: bool = False) -> None:
         self._board = board
-        self._motion = Motion(board)
+        self._counts: dict[str, list[int]] = {axis: [] for axis in board.axes}
+        """Where each axis was, once in a millisecond."""
+        self._timer = board.kernel.onlooker(self._look)
+        self._look()
         self._findings: dict[str, None] = {}
         self._cycles = 0
         self._groups = _Groups(board) if reference else None
@@ -165,6 +168,14 @@ class Witness(Observer):
         for chip in board.chips if reference else ():
             for output in family_of(chip.part).outputs:
                 board.watch(f"{chip.name}.{output}", _Edges(f"{chip.name}.{output}", self._edges))
+
+    def _look(self) -> None:
+        board = self._board
+        for chip in board.chips:
+            chip.advance()
+        for axis, counts in self._counts.items():
+            counts.append(board.axes[axis].count)
+        self._timer.at(board.now + STEP)
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -198,15 +209,16 @@ class Witness(Observer):
         there = {name: int(axis.count) for name, axis in board.axes.items()}
         board.run_for(_ON)
         later = _values(board)
-        axes = {
-            name: Axis(
-                [(m.path[0], m.path[-1], min(m.path), max(m.path)) for m in course.moves],
-                course.final,
-                max((_speed(m.path) for m in course.moves), default=0),
+        self._timer.cancel()
+        axes = {}
+        for name, looks in self._counts.items():
+            moves = list(moves_of(looks))
+            axes[name] = Axis(
+                [(m.path[0], m.path[-1], min(m.path), max(m.path)) for m in moves],
+                looks[-1],
+                max((_speed(m.path) for m in moves), default=0),
                 abs(int(board.axes[name].count) - there[name]) > _NEAR,
             )
-            for name, course in self._motion.stop().items()
-        }
         board.unobserve(self)
         return Account(
             cycles=cycles, now=now, findings=sorted(self._findings), axes=axes,
@@ -227,6 +239,10 @@ _NEAR: Final = 4
 """Counts by which a position may differ."""
 
 
+FLAGS: Final = -1
+"""In place of a tolerance: the value is made of bits, in some of which specimens differ."""
+
+
 @cache
 def _rows(
     table: ValueTable, axes: int
@@ -239,7 +255,8 @@ def _rows(
             continue
         for axis in row.of_axes(axes):
             at = f".{axis + 1}" if axes > 1 and "{}" in row.place else ""
-            rows.append((f"{at} {row.name}", _NEAR if row.lane in ("desired", "real") else 0))
+            near = _NEAR if row.lane in ("desired", "real") else FLAGS if row.fields else 0
+            rows.append((f"{at} {row.name}", near))
             places.append(row.number(axis))
     return rows, reader(f"[{', '.join(places)}]")
 

@@ -1,7 +1,7 @@
 """Which worlds a campaign has, and in which order they are tried."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from hashlib import sha256
 from itertools import pairwise, product
 from typing import Final
@@ -182,7 +182,7 @@ def _phases(made: Plan, board: Board, phases: int) -> Iterator[Planned]:
 def specimens(file: BoardFile, seed: int, most: int = SPECIMENS) -> Iterator[World]:
     """Give specimens that the manual allows: each extreme alone, then some drawn by the seed."""
     settings = extremes(file)
-    for chip, key, values in settings:
+    for chip, key, values in reversed(settings):
         for value in values:
             if most > 0:
                 most -= 1
@@ -250,15 +250,28 @@ def _threads(made: Plan) -> Iterator[Planned]:
     return iter(())
 
 
+def weakest(worlds: Iterable[World], weak: Callable[[World], bool]) -> World | None:
+    """Return the first world in which something is weak, with as little in it as will do.
+
+    Args:
+        worlds: in the order in which they are tried.
+        weak: tells whether it is; the same whenever it is asked.
+    """
+    found = next(filter(weak, worlds), None)
+    while found is not None:
+        less = next(filter(weak, shortened(found)), None)
+        if less is None:
+            break
+        found = less
+    return found
+
+
 def shortened(world: World) -> Iterator[World]:
-    """Give worlds with less in them: of a specimen, without one setting, its seed or its place."""
+    """Give worlds with less in them, but something: of a specimen, without one part of it."""
     if world.dimension != SPECIMEN:
         return
     parts = world.how.split(",") if world.how else []
-    if world.seed:
-        yield World(SPECIMEN, world.where, world.how)
-    if world.ahead:
-        yield World(SPECIMEN, "+0us", world.how, world.seed)
-    for place in range(len(parts)):
-        fewer = ",".join((*parts[:place], *parts[place + 1 :]))
-        yield World(SPECIMEN, world.where, fewer, world.seed)
+    fewer = [",".join((*parts[:place], *parts[place + 1 :])) for place in range(len(parts))]
+    less = [World(SPECIMEN, world.where, world.how), World(SPECIMEN, "+0us", world.how, world.seed)]
+    less += [World(SPECIMEN, world.where, how, world.seed) for how in fewer]
+    yield from (one for one in less if one != world and (one.how or one.seed or one.ahead))

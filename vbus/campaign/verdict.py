@@ -8,8 +8,9 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.campaign.account import Account, Axis
+from vbus.campaign.account import FLAGS, Account, Axis
 from vbus.campaign.plan import Plan, Planned
+from vbus.campaign.world import DIMENSIONS, REFERENCE, SPECIMEN, WAYS, World
 
 DETECTED: Final = "detected"
 NO_EFFECT: Final = "no effect"
@@ -39,8 +40,8 @@ class Result(Struct, frozen=True):
     findings: list[str] = []
 
 
-def judge(reference: Account, run: Account) -> Result:
-    """Say what a run came to.
+def judge(reference: Account, run: Account, world: World = REFERENCE) -> Result:
+    """Say what a run in a world came to.
 
     *Detected*: the host says so, by its exit code, a failed assertion, or something more on
     standard error. *No effect*: it ends as the reference run does, in motion, values and output.
@@ -57,7 +58,7 @@ def judge(reference: Account, run: Account) -> Result:
         return Result(DETECTED, f"exit code {run.code}" + (f": {said}" if said else ""), new)
     if _fewer_numbers(run.errors) != _fewer_numbers(reference.errors) and run.errors:
         return Result(DETECTED, f"it says: {_last_line(run.errors)}", new)
-    difference = next(_differences(reference, run), "")
+    difference = next(_differences(reference, run, world.dimension != SPECIMEN), "")
     if not difference:
         return Result(NO_EFFECT, "", new)
     return Result(FOUND if new else SILENT, difference, new)
@@ -72,7 +73,8 @@ def _fewer_numbers(text: str) -> str:
     return re.sub(r"[0-9]+", "#", text)
 
 
-def _differences(reference: Account, run: Account) -> Iterator[str]:
+def _differences(reference: Account, run: Account, flags: bool) -> Iterator[str]:
+    """Give what differs; in flags, specimens do so by themselves."""
     moving = {name for one in (reference, run) for name, axis in one.axes.items() if axis.runs}
     for name, was in reference.axes.items():
         axis = run.axes.get(name)
@@ -81,9 +83,9 @@ def _differences(reference: Account, run: Account) -> Iterator[str]:
             yield f"{name} {sentence}"
     for key, (value, near) in reference.values.items():
         other = run.values.get(key, (value, 0))[0]
-        if other == value or (near and moving):
+        if other == value or (near > 0 and moving) or (near == FLAGS and not flags):
             continue
-        if isinstance(value, str) or isinstance(other, str) or abs(other - value) > near:
+        if isinstance(value, str) or isinstance(other, str) or abs(other - value) > max(near, 0):
             yield f"{key} is {_number(other)}, not {_number(value)}"
     yield from _other_words(reference.output, run.output)
 
@@ -236,8 +238,6 @@ class Campaign:
 
 
 def _place(key: tuple[str, str]) -> tuple[int, int, str]:
-    from vbus.campaign.world import DIMENSIONS, WAYS
-
     dimension, way = key
     return (DIMENSIONS.index(dimension), WAYS.index(way) if way in WAYS else 0, way)
 

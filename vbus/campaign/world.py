@@ -176,8 +176,16 @@ def begin(board: Board, world: World) -> None:
     Raises:
         ValueError: the board cannot be so; the message says why.
     """
-    if world.ahead:
-        board.run_until(board.now + world.ahead)
+    board.run_for(world.ahead)
+    arm(board, world)
+
+
+def arm(board: Board, world: World) -> None:
+    """Break on a board what is broken in a world.
+
+    Raises:
+        ValueError: the board cannot be so; the message says why.
+    """
     arming = world.arming()
     if arming is not None:
         name, target, when, until, parameters = arming
@@ -199,6 +207,12 @@ def extremes(file: BoardFile) -> list[tuple[str, str, tuple[Value, ...]]]:
         for option in chip_class(chip.part).OPTIONS
         if option.extremes and option.name not in chip.settings
     ]
+
+
+def possible(file: BoardFile, world: World) -> bool:
+    """Tell whether the chips of a board may have the settings of a world."""
+    values = {(chip, key): [str(value) for value in values] for chip, key, values in extremes(file)}
+    return all(value in values.get((chip, key), ()) for chip, key, value in world.settings)
 
 
 def of_world(file: BoardFile, source: Source, world: World) -> tuple[BoardFile, Source]:

@@ -20,8 +20,8 @@ _T = TypeVar("_T")
 class Family(Struct, frozen=True):
     """What tools ask of a chip family.
 
-    What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by whoever asks
-    for it: a client loads no behaviour, a board no client. A tool does without what is left out.
+    What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by its user
+    alone: a client loads no behaviour, a board no client. A tool does without what is left out.
 
     Attributes:
         name: the family's, which its rules begin with.
@@ -157,7 +157,7 @@ class Family(Struct, frozen=True):
 
     @property
     def values(self) -> ValueTable:
-        """What a chip has inside, and what is told of it."""
+        """What a chip has inside, and how it is shown."""
         values: ValueTable = self._of_chip("VALUES", ValueTable())
         return values
 

@@ -27,6 +27,7 @@ class BusFrontEnd:
         chip: the chip.
     """
 
+    STATE: ClassVar[Names] = ()
     WIRING: ClassVar[Names] = ("_actions", "_chip", "_lines", "_place", "_table", "_width", "own")
     DERIVED: ClassVar[Names] = ("_looked", "_seen")
 
@@ -42,9 +43,16 @@ class BusFrontEnd:
         # Lines may follow one another within a batch: each edge counts once.
         self._looked: int = -1
         self._seen: i64 = 0
+        chip.front = self
         self.own: Watcher = Watcher(chip.kernel, self.moved)
         for pin in self._lines:
             pin.net.watch(self.own)
+
+    def forget_edges(self) -> None:
+        """Take the lines as they stand: no edge has been, and no time is judged from one."""
+
+    def settle(self) -> None:
+        """Judge what can be judged by now of the last cycle."""
 
     def levels(self) -> i64:
         """Return the levels of the control lines, a bit each, that of the first highest."""

@@ -17,7 +17,7 @@ from vbus.protocols.port import PortError
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
 MOST_CYCLES: Final = 4096
-"""So many different bus cycles are kept as edges."""
+"""Most different bus cycles that are remembered as edges."""
 
 
 class CycleEdge:
@@ -209,6 +209,11 @@ class HostPins:
         if all(any(id(line.net) in one for one in known) for line in self.lines):
             self._own_lines = [self.of(line) for line in self.lines]
         return self._own_lines
+
+    def at(self, chip: Chip) -> list[Pin]:
+        """Return this host's own pins on the bus of a chip."""
+        known = [self._soldered.get(id(pin.net)) for pin in chip.bus_pins]
+        return [pin for pin in known if pin is not None]
 
     def side(self, number: int) -> Pin:
         """Return the chip's pin behind side pin ``number``."""

@@ -51,7 +51,7 @@ class ChildProcesses:
         return offspring(child for child in children(os.getpid()) if child not in self._others)
 
     def reap(self, program: int = 0) -> None:
-        """Take notice of the ends of orphans; of the program's somebody else does."""
+        """Take notice of the ends of orphans; the end of the program is awaited elsewhere."""
         for child in children(os.getpid()):
             if child not in self._others and child != program:
                 with suppress(ChildProcessError):
@@ -107,7 +107,7 @@ def _ask(what: int, value: int) -> None:
 
 
 def _say(*sentences: str) -> None:
-    with suppress(OSError):  # nobody may be there who reads it
+    with suppress(OSError):  # the reader may have gone
         for sentence in sentences:
             click.echo(f"vbus exec: {sentence}", err=True)
 

@@ -87,7 +87,7 @@ class BoardLink:
         """
 
     def paused(self) -> bool:
-        """Tell whether somebody has paused the board: it answers when they let it go on."""
+        """Whether the board is paused: it answers when it goes on."""
         kind, _, path = self.where.partition(":")
         return kind in ("pty", "unix") and pause_mark(Path(path)).exists()
 

@@ -14,8 +14,7 @@ from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.glue import Placed, glue_fault
-from vbus.faults.messages import MESSAGES, concerned
-from vbus.faults.row import AXIS, LINK, ONCE, WIRE
+from vbus.faults.row import AXIS, LINK, MESSAGES, ONCE, WIRE, concerned
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
 
@@ -39,7 +38,7 @@ class FaultEffects:
     Attributes:
         buses: what is wrong with buses now, by number of fault.
         wires: the same of wires and parts of glue.
-        links: does the faults of links; None where nobody serves the board.
+        links: does the faults of links; None on a board without a server.
     """
 
     STATE: ClassVar[Names] = (
@@ -133,7 +132,7 @@ class FaultEffects:
         self.links = links
         for armed in self._armed.values() if links is not None else ():
             if armed.fault.target == LINK and armed.state == ACTING:
-                with suppress(ValueError):  # nobody is there whom it could concern
+                with suppress(ValueError):  # the link has no host now
                     self.begin(armed)
                     armed.fired = max(1, armed.fired)
 

@@ -76,7 +76,7 @@ def _fits(fault: Fault, values: dict[str, Value]) -> None:
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
 KEPT: Final = 1000
-"""Pieces of evidence that are kept."""
+"""Pieces of evidence that are stored."""
 
 _BEGIN: Final = 0
 _END: Final = 1
@@ -121,7 +121,7 @@ class Faults(Observer):
 
     @property
     def links(self) -> LinkActs | None:
-        """What does the faults of links; None where nobody serves the board."""
+        """What does the faults of links; None on a board without a server."""
         return self.acts.links
 
     @links.setter

@@ -118,7 +118,7 @@ WIRES: Final = (
     Fault("wire_reordered", "wire", "Of each two edges the second comes before the first.", WIRE,
           LASTS,
           (Option("gap", "s", 10_000_000, "from one to the other", low=1, high=10**12),)),
-    Fault("wire_cut", "wire", "The wire is cut: nobody on other nodes drives it here.", WIRE,
+    Fault("wire_cut", "wire", "The wire is cut: no other node drives it here.", WIRE,
           LASTS),
 )  # fmt: skip
 
@@ -128,7 +128,7 @@ TRANSPORT: Final = (
           COUNTED),
     Fault("half_answer", "transport", "Half of an answer comes, then silence.", LINK, LASTS),
     Fault("link_closed", "transport", "The link is closed.", LINK, ONCE),
-    Fault("link_dead", "transport", "The link is open, and nobody is there.", LINK, LASTS),
+    Fault("link_dead", "transport", "The link is open, and no host answers.", LINK, LASTS),
 )  # fmt: skip
 
 _THERE_OR_BACK: Final = Option(

@@ -27,7 +27,7 @@ class Wire:
     Attributes:
         name: as the board file has it.
         delay: how long an edge takes to the other nodes (ps).
-        rest: level while nobody drives it.
+        rest: level while no node drives it.
         width: number of wires, 1 or 8.
         ends: pins by the rank of their node.
     """

@@ -1,8 +1,10 @@
-"""What a host has asked for is carried out, although the host has gone."""
+"""Hosts that go: how a hang-up is noticed, and how what the host has asked for is carried out."""
 
+import asyncio
 import logging
+import select
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from vbus.core.kernel import NEVER, SECOND
@@ -29,18 +31,18 @@ class Departed(typing.Protocol):
 
 
 class DetachedWaits:
-    """What hosts have left under way that have gone.
+    """Carries out what hosts had asked for before they went.
 
     A host's end is orderly: the complete requests it had sent are carried out, in their order,
     whatever they wait for. A wait (DELAY, WAIT, a time stamp ahead) is carried out to its end, a
     CLAIM when the claim of another host ends, and then what stands behind. Half a request at the
-    end is discarded, with a warning. Whether a host has closed its link or was killed cannot be
-    told from here.
+    end is discarded, with a warning. A host that has closed its link and one that was killed look
+    the same here.
 
-    Where hosts are masters of time nobody is let in while time is still to pass for one that has
+    Where hosts are masters of time, no host is let in while time is still to pass for one that has
     gone: the next host begins at the same instant in every run. With another host there a wait
     longer than :data:`LONGEST` is given up, at an instant that is a multiple of that before its
-    end, with a warning. In real time nobody waits for those that have gone; a wait ends with its
+    end, with a warning. In real time no host waits for those that have gone; a wait ends with its
     host if nothing stands behind it, or, with a warning, if it is longer than that.
 
     Args:
@@ -104,7 +106,7 @@ class DetachedWaits:
             begin(link)
 
     def close(self) -> None:
-        """The board stops: nothing more is carried out, and nobody let in."""
+        """The board stops: nothing more is carried out, and no host let in."""
         self.closed = True
         arrivals, self._arrivals = self._arrivals, []
         for arrival in arrivals:
@@ -138,10 +140,7 @@ class _Arrival:
     """A host that has come meanwhile: what its transport reads is kept for its session."""
 
     def __init__(
-        self,
-        link: Link,
-        begin: Callable[[Link], None],
-        forget: Callable[["_Arrival"], None],
+        self, link: Link, begin: Callable[[Link], None], forget: Callable[["_Arrival"], None]
     ) -> None:
         self.link: Link = link
         self._begin: Callable[[Link], None] = begin
@@ -166,3 +165,63 @@ class _Arrival:
         else:
             self._forget(self)
             self.link.close()
+
+
+class DisconnectPoller:
+    """One descriptor for all sessions that wait.
+
+    Args:
+        loop: the event loop.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop: asyncio.AbstractEventLoop = loop
+        self._poll: select.epoll = select.epoll()
+        self._callbacks: dict[int, Callable[[], None]] = {}
+
+    def open(self) -> None:
+        """Notice from now on."""
+        self._loop.add_reader(self._poll.fileno(), self.look)
+
+    def close(self) -> None:
+        """Notice nothing more."""
+        self._loop.remove_reader(self._poll.fileno())
+        self._poll.close()
+
+    def watch(self, fd: int, callback: Callable[[], None]) -> None:
+        """Call back when the host behind ``fd`` has gone, until :meth:`forget`."""
+        if fd not in self._callbacks:
+            self._callbacks[fd] = callback
+            self._poll.register(fd, 0)  # errors and hang-ups are always told
+
+    def forget(self, fd: int) -> None:
+        """Look no more; again is harmless."""
+        if self._callbacks.pop(fd, None) is not None:
+            self._poll.unregister(fd)
+
+    def gone(self, fd: int) -> bool:
+        """Tell whether a host sends no more, though that may not have been noticed yet."""
+        return bool(_states([fd], select.POLLRDHUP))
+
+    def waits(self, fd: int) -> bool:
+        """Tell whether something has come that nobody has read."""
+        return any(state & select.POLLIN for _, state in _states([fd], select.POLLIN))
+
+    def gone_of(self, fds: Iterable[int]) -> set[int]:
+        """Return those whose hosts have gone altogether, and hear no more either."""
+        return {fd for fd, _ in _states(fds, 0)}
+
+    def look(self) -> None:
+        """Call back for whoever has gone."""
+        for fd, _ in self._poll.poll(0):
+            callback = self._callbacks.get(fd)
+            if callback is not None:
+                callback()
+
+
+def _states(fds: Iterable[int], asked: int) -> list[tuple[int, int]]:
+    """Return the descriptors of which there is something to tell now, each with what it is."""
+    poll = select.poll()
+    for fd in fds:
+        poll.register(fd, asked)
+    return poll.poll(0)

@@ -1,9 +1,12 @@
 """An event loop that serves hosts without a detour."""
 
 import asyncio
+import contextlib
+import os
 import select
 import selectors
 import signal
+import socket
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from contextvars import Context
@@ -137,3 +140,16 @@ def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]
 
     with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main(watchdog))
+
+
+def tell_ready() -> None:
+    """Say once that every link is open, where ``$NOTIFY_SOCKET`` asks for it."""
+    place = os.environ.pop("NOTIFY_SOCKET", "")
+    if not place:
+        return
+    address = f"\0{place[1:]}" if place.startswith("@") else place
+    with (
+        contextlib.suppress(OSError),  # who wanted to know has gone
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link,
+    ):
+        link.sendto(f"READY=1\nMAINPID={os.getpid()}\n".encode(), address)

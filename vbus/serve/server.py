@@ -18,8 +18,7 @@ from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
@@ -33,7 +32,7 @@ from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
 from vbus.transports.base import Link, MessageLink, Served, Transport
@@ -82,10 +81,10 @@ REAL_SECONDS: Final = 0.001
 
 
 class Server:
-    """Serves a board to its hosts until told to stop.
+    """Serves a board to its hosts until :meth:`stop`.
 
     Args:
-        board: the board; it is moved by nobody else from here on.
+        board: the board; from here on only the server moves its time.
         links: the hosts' entries.
         stall: what happens after a stall of the machine; see :class:`WallClockPacer`.
         report: takes sentences about what happens to links (a device was unplugged).
@@ -135,8 +134,9 @@ class Server:
         elif metrics is not None:
             self.metrics = MetricsPort(*metrics, self.statistics)
         self.details: Callable[[], dict[str, Any]] = dict
+        """Gives the parts of the detailed status report that others add."""
         self.skew: Callable[[], int | None] = lambda: None
-        """Makes more of what is told of the board."""
+        """Gives the clock skew between nodes; None on a board without nodes."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
@@ -363,7 +363,7 @@ class Server:
 
     @property
     def watched(self) -> bool:
-        """Whether somebody watches the board from another process."""
+        """Whether the board has watchers in other processes."""
         return any(local.connections for local in self.local_sockets[1:2])
 
     # -- telling about itself -------------------------------------------------------------------

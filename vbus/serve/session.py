@@ -12,10 +12,8 @@ from mypy_extensions import mypyc_attr
 from vbus.core.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.detached_waits import DetachedWaits, by_claim, report_half
-from vbus.serve.disconnects import DisconnectPoller
-from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
+from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy, SpinTurn
 from vbus.serve.time.statistics import Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states
@@ -47,7 +45,7 @@ class Serving(NamedTuple):
         disconnects: notices hosts that go while nothing is read from them.
         detached: says what is carried out of hosts that have gone, and when.
         on_end: called once when a session has ended.
-        settle: called before an answer leaves; False if it must not. None where nobody minds.
+        settle: called before an answer leaves; False if it must not. None: any answer may leave.
     """
 
     loop: asyncio.AbstractEventLoop
@@ -321,7 +319,7 @@ class Session:
             port.held = True
             port.hold_until = max(self._pacer.now, 1)
         if self._reading and not self.received:
-            self._wake_in_time()  # a HELLO may say that its host wants to be told
+            self._wake_in_time()  # its HELLO may ask for reports of pauses
         else:
             self._wait()
 
@@ -354,7 +352,7 @@ class Session:
                 self._push()
 
     def _push(self) -> None:
-        """Send what nobody asked for just now."""
+        """Send bytes that answer no request."""
         self._send()
         if len(self._pending) > MOST_EVENTS:
             log.warning(

@@ -61,7 +61,7 @@ class NameLock:
 
         Args:
             board: what the name is for.
-            patience: how long somebody may have it who only looks whether its owner lives (s).
+            patience: how long another process may hold it to test whether its owner lives (s).
 
         Raises:
             TransportError: another running process has it, or the directory cannot be written.

@@ -348,7 +348,7 @@ class ZenohTransport(Transport):
     # -- the board itself ---------------------------------------------------------------------
 
     def _owner(self, sample: zenoh.Sample) -> None:
-        """Somebody owns the keys of this board's name: it should be us alone."""
+        """A token of this board's name has come or gone: more than our own is a rival."""
         token = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and self._is_rival(token):
             self.report(

@@ -70,7 +70,7 @@ class Inbox:
 
         if ended is None:
             return zenoh.handlers.Callback(enter, indirect=False)
-        over = ended  # what is told of the end
+        over = ended  # the event of the end
         return zenoh.handlers.Callback(enter, lambda: put((lambda _: over(), None)), indirect=False)
 
     def _drain(self) -> None:

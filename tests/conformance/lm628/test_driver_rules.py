@@ -313,3 +313,26 @@ def _watcher(bench, seen):
     from vbus.core.signals import Watcher
 
     return Watcher(bench.kernel, lambda: seen.append(bench.now))
+
+
+@pytest.mark.spec("LM-CMD-19", "LM-CMD-20", "LM-CMD-18", "LM-BUS-9")
+def test_what_ends_when_busy_falls_has_ended_in_a_run_that_ends_before(bench):
+    bench.command("LFIL", 0x08)
+    bench.write(1, 0)
+    bench.write(1, 20)
+    assert [rule for rule, _ in left(bench)] == ["left-loaded"], "the word is under way"
+    bench.ready()
+    bench.write(0, 0x04)
+    assert left(bench) == [], "UDF is"
+    bench.ready()
+    bench.load(0, accel=ONE, velocity=ONE, position=5)
+    assert [rule for rule, _ in left(bench)] == ["left-loaded"]
+    bench.write(0, 0x01)
+    assert left(bench) == []
+    bench.ready()
+    bench.command("MSKI", 0x04)
+    assert [rule for rule, _ in left(bench)] == ["hi-stands"]
+    bench.command("RSTI")
+    bench.write(1, 0)
+    bench.write(1, 0)
+    assert left(bench) == []

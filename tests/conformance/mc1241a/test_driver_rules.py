@@ -217,3 +217,14 @@ def test_a_move_with_the_rates_of_the_one_before_is_right(moved: Bench) -> None:
     moved.move(pos=20, vel=0)
     moved.next_cycle(2)
     assert ("no-rate", "note") not in found(moved)
+
+
+@spec("PMD-UPD-1")
+def test_an_update_of_a_run_that_ends_before_the_cycle_has_taken_what_was_loaded(
+    moved: Bench,
+) -> None:
+    moved.send("SET_VEL", 5)
+    moved.send("UPDATE")
+    assert "left-loaded" not in dict(left(moved))
+    moved.send("SET_VEL", 6)
+    assert "left-loaded" in dict(left(moved))

@@ -156,6 +156,17 @@ def test_an_integral_gain_that_its_limit_cuts_to_0_is_none(bench, kp, rules):
     assert [rule for rule, _ in found(bench)] == rules
 
 
+@pytest.mark.spec("MCP-REG-2")
+@pytest.mark.parametrize(("feature", "noted"), [(0, True), (PID, False)])
+def test_gains_of_the_pid_filter_beside_the_lead_filter_are_noted(bench, feature, noted):
+    bench.extended()
+    bench.write(0x01, feature)
+    bench.write(0x61, 5, 0, 5)
+    bench.control()
+    bench.samples()
+    assert found(bench) == ([("pid-unused", "note")] if noted else [])
+
+
 @pytest.mark.spec("MCP-FLT-3", "MCP-FLT-4")
 @pytest.mark.parametrize("gain", ["KP", "KI", "KD", "KV", "KA"])
 def test_one_gain_is_enough_also_one_of_feed_forward(bench, gain):
@@ -255,6 +266,7 @@ def test_a_velocity_in_both_registers_is_right(bench, fine):
     bench.put("ACCELERATION", 0x100)
     bench.write(0x01, FINE if fine else 0)
     bench.put("PROFILE_VELOCITY", 4)
+    bench.put("FINAL_POSITION", 200)
     bench.put("VELOCITY", 0x400)
     bench.control()
     bench.samples()
@@ -306,6 +318,24 @@ def test_a_final_position_of_which_one_byte_is_written_is_noted_and_no_more(read
     ready.write(0x2A, 1)
     ready.write(0x2B, 0)
     assert found(ready) == [("part-position", "note")]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_profile_without_a_way_to_go_is_noted(ready):
+    ready.samples()
+    ready.write(0x00, F0)
+    ready.samples(400)
+    ready.write(0x00, F0)
+    ready.put("FINAL_POSITION", 0)
+    assert found(ready) == [("no-way", "note")]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_final_position_written_where_the_axis_stands_is_right(ready):
+    ready.samples()
+    ready.put("FINAL_POSITION", 0)
+    ready.write(0x00, F0)
+    assert found(ready) == []
 
 
 # -- the counter ----------------------------------------------------------------------------------

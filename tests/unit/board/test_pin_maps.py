@@ -147,7 +147,8 @@ MISTAKES = [
      ' is wired to "y", which is not among the chips of this host: x'),
     ('pinmap = "uno"', 'pinmap = "uno"\ncard = "c"\n[cards.c]\ndecode = "direct"\nchips = ["x"]',
      'b.toml:13: hosts[1].pinmap: a host has either a "card" or a "pinmap": addresses or port'
-     ' bits; both only if the card is the memory bus of the microcontroller ("memory = true")'),
+     ' bits; both only if the card is the memory bus of the microcontroller ("memory = true"),'
+     " or the map has only interrupt inputs (IRQ5)"),
 ]  # fmt: skip
 
 

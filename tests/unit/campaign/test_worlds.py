@@ -8,8 +8,8 @@ from vbus.campaign.account import Account, Seen, Witness
 from vbus.campaign.plan import Plan, Planned, in_order, plan, shortened, specimens
 from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
 from vbus.core.errors import ConfigError
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
-from vbus.testing.in_process import connect_in_process
 
 LM629 = of_part("LM629N-8", "ideal").replace("[board]", '[board]\ntime = "lockstep"')
 
@@ -135,7 +135,7 @@ def test_specimens_have_each_extreme_alone_first() -> None:
     file, _ = read_board_text(LM629)
     found = list(specimens(file, 0, 20))
     assert len(found) == 20
-    assert [world.how for world in found[:2]] == ["x.busy_clk=1", "x.busy_jitter_clk=80"]
+    assert [world.how for world in found[:2]] == ["x.reset_status=C4", "x.reset_time=1499 us"]
     assert found == list(specimens(file, 0, 20)) != list(specimens(file, 1, 20))
 
 

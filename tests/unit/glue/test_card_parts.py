@@ -241,7 +241,7 @@ def test_ranges_select_chips_at_strides_of_memory_and_one_of_them_both() -> None
         "slot 20000H: read x.0, write x.0", "slot 20004H: read x.1, write x.1",
         "slot 20008H: read y.0, write y.0", "slot 2000CH: read y.1, write y.1",
         "slot 20010H: read x.0+y.0, write x.0+y.0", "slot 20014H: read x.1+y.1, write x.1+y.1",
-        "slot 20018H-2001CH: nobody; at 20018H x./CS is high by slot-selects; y./CS is high by"
+        "slot 20018H-2001CH: no chip; at 20018H x./CS is high by slot-selects; y./CS is high by"
         " slot-selects",
     ]  # fmt: skip
     assert notes[0] == (
@@ -424,6 +424,6 @@ def test_the_map_says_nothing_of_inputs_that_are_tied() -> None:
     shown, _ = mapped((FOLDER / "avr_xmem.toml").read_text())
     levels = "bus.A4 0, bus.A5 1, bus.A6 0, bus.A7 0, LOWER 0"
     assert (
-        f"bus 8020H-80EFH: nobody; at 8020H x./CS is high by u1 ({levels}); y./CS is high by u1"
+        f"bus 8020H-80EFH: no chip; at 8020H x./CS is high by u1 ({levels}); y./CS is high by u1"
         f" ({levels})"
     ) in shown

@@ -24,9 +24,9 @@ from vbus.serve.time.pacer import (
     PIECE_NS,
     SLICE,
     STALL,
+    Tick,
     WallClockPacer,
 )
-from vbus.serve.time.ticks import Tick
 from vbus.serve.time.time_slicer import SLICE_NS
 
 

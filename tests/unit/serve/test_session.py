@@ -11,8 +11,7 @@ from tests.unit.faults.bench import build
 from vbus.board.board import Board
 from vbus.core.kernel import MS, SECOND, US
 from vbus.protocols.byte import ByteProtocol
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.session import BURST, Serving, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.spin_policy import CROWDED, LATE_NS

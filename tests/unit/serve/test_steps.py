@@ -18,8 +18,7 @@ from vbus.protocols.requests import REQUESTS
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.manual_host import ManualHost
 from vbus.serve.orders.control import Control, Order
 from vbus.serve.session import Serving, Session, SpinTurn

@@ -302,10 +302,7 @@ class _Checks:
             if (name in self._parts or name in glue) and output.removeprefix("!") not in known:
                 yield path, f"found {quoted(output)}; outputs are {listed(known)}"
             elif output.startswith("!") and card.has_circuit:
-                yield (
-                    path,
-                    f'{quoted(output)}: "acknowledge" and "line" turn no output round',
-                )
+                yield (path, f'{quoted(output)}: "acknowledge" and "line" turn no output round')
 
     def _card_line(self, card: CardSection, path: Path) -> Mistakes:
         if any(net.name == card.line for net in self._file.nets):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from vbus.board.card.card_interrupt import ACK, INT
+from vbus.board.card.cards import ACK, INT
 from vbus.board.check.glue_checks import GlueEnds
 from vbus.board.pin_maps import (
     DATA_WIRES,
@@ -154,11 +154,13 @@ class PinMapChecks:
         self, path: Path, host: HostSection, section: PinMapSection, reached: list[str]
     ) -> Mistakes:
         """Check that a host reaches the chips its pin map is wired to."""
-        if host.card in self._cards and not self._cards[host.card].memory:
+        has_bits = any(port_bit(bit)[:1] != INTERRUPTS for bit in section.pins)
+        if has_bits and host.card in self._cards and not self._cards[host.card].memory:
             yield (
                 path,
                 'a host has either a "card" or a "pinmap": addresses or port bits; both only if the'
-                ' card is the memory bus of the microcontroller ("memory = true")',
+                ' card is the memory bus of the microcontroller ("memory = true"), or the map has'
+                " only interrupt inputs (IRQ5)",
             )
         found = wires(self._map(section), self._chips, self._others)
         for chip in dict.fromkeys(wire.chip for wire in found):

@@ -73,6 +73,10 @@ RESET: Final = COMMANDS["RESET"].code
 
 MSKI: Final = COMMANDS["MSKI"].code
 RSTI: Final = COMMANDS["RSTI"].code
+LFIL: Final = COMMANDS["LFIL"].code
+UDF: Final = COMMANDS["UDF"].code
+LTRJ: Final = COMMANDS["LTRJ"].code
+STT: Final = COMMANDS["STT"].code
 
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",
@@ -198,9 +202,9 @@ AC: Final = AcTable(
     AcLimit("T9", "LM-TIM-9", "Port-select hold at least 30 ns", min_ps=30 * NS),
     AcLimit("T10", "LM-TIM-10", "Read data access time: valid 180 ns after /RD falls",
             max_ps=180 * NS, output=True),
-    AcLimit("T11", "LM-TIM-11", "Read data hold: nobody else drives D0-D7 until /RD rises",
+    AcLimit("T11", "LM-TIM-11", "Read data hold: no other driver on D0-D7 until /RD rises",
             output=True),
-    AcLimit("T12", "LM-TIM-12", "/RD high to hi-Z: nobody else drives D0-D7 for 180 ns",
+    AcLimit("T12", "LM-TIM-12", "/RD high to hi-Z: no other driver on D0-D7 for 180 ns",
             max_ps=180 * NS, output=True),
     AcLimit("T14", "LM-TIM-14", "/WR pulse width at least 100 ns", min_ps=100 * NS),
     AcLimit("T15", "LM-TIM-15", "Write data set-up at least 50 ns", min_ps=50 * NS),
@@ -396,7 +400,7 @@ OPTIONS: Final = (
            low=0.01, high=0.99, clause="LM-TIM-4"),
 )  # fmt: skip
 
-# -- Values: registers that commands load and read, and what is told of the chip ----------------
+# -- Values: registers that commands load and read, and telemetry --------------------------------
 
 _STATUS: Final = "status"
 _POSITION: Final = "position"

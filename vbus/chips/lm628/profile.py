@@ -5,8 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.motion.ramp import toward
-from vbus.chips.motion.trapezoid import arrived, stopping_distance
+from vbus.chips.motion.trapezoid import arrived, stopping_distance, toward
 from vbus.core.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.core.state import Names
 

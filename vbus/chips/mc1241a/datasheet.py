@@ -328,6 +328,7 @@ ILLEGAL_CODES: Final = frozenset({0x00, 0x03, 0x04, 0x22, *range(0x80, 0x100)})
 RESERVED_CODE: Final = 0x49
 """Does nothing and has a valid checksum (PMD-PKT-5)."""
 
+UPDATES: Final = (COMMANDS["UPDATE"].code, COMMANDS["MULTI_UPDATE"].code)
 STATUS_READERS: Final = frozenset(
     COMMANDS[name].code for name in ("GET_STATUS", "GET_INTRPT", "SET_1", "SET_2", "SET_I")
 )
@@ -634,7 +635,7 @@ OPTIONS: Final = (
 )  # fmt: skip
 """Keys a board file may give to the chip set."""
 
-# -- Values: registers that commands load and read, and what is told of the chip set ------------
+# -- Values: registers that commands load and read, and telemetry -------------------------------
 
 _STATUS: Final = "status"
 _POSITION: Final = "position"

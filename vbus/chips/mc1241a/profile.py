@@ -4,9 +4,8 @@ from typing import ClassVar, Final
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters
-from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
-from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.chips.motion.trapezoid import arrived, next_velocity, toward
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.state import Names
 
@@ -96,7 +95,7 @@ class Profile:
     def resting(self, active: ProfileRegisters) -> bool:
         """Whether further cycles with the same registers and a resting encoder change nothing.
 
-        What moves is told by the microstepper, which is not still.
+        Motion shows in the microstepper, which is not still.
         """
         if self._state != RUNNING or self.mode == ds.GEAR:
             return True

@@ -452,6 +452,14 @@ PART_POSITION: Final = Rule(
     "mcp1200.part-position", "MCP-REG-27",
     "Of a final position all three bytes are written, or the others stay as they were.", "note",
 )  # fmt: skip
+NO_WAY: Final = Rule(
+    "mcp1200.no-way", "MCP-TRP-5",
+    "A final position is written before F0 is set: a profile without a way to go is over.", "note",
+)  # fmt: skip
+PID_UNUSED: Final = Rule(
+    "mcp1200.pid-unused", "MCP-REG-2",
+    "Gains of the PID filter count with bit 3 of R01 set: without it the lead filter runs.", "note",
+)  # fmt: skip
 NO_INTEGRAL: Final = Rule(
     "mcp1200.no-integral", "MCP-FLT-3",
     "An integral gain has a limit above 0: with R66:R65 at 0 it does nothing.", "note",
@@ -495,8 +503,9 @@ ERRORS_STAND: Final = Rule(
 RULES: Final = (
     *AC["5 V"].rules.values(),
     CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
-    EXTENDED_OFF, LISTED_RANGE, NO_FORCE, SPLIT_POSITION, PART_POSITION, NO_INTEGRAL, JUMP,
-    NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY, OTHER_VELOCITY, NO_RATE, ERRORS_STAND,
+    EXTENDED_OFF, LISTED_RANGE, NO_FORCE, SPLIT_POSITION, PART_POSITION, NO_WAY, PID_UNUSED,
+    NO_INTEGRAL, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY, OTHER_VELOCITY,
+    NO_RATE, ERRORS_STAND,
 )  # fmt: skip
 
 # -- board file keys ----------------------------------------------------------------------------
@@ -525,7 +534,7 @@ OPTIONS: Final = (
            clause="MCP-TIM-9"),
 )  # fmt: skip
 
-# -- Values: what is told of the chip; its other registers are found as the map names them ------
+# -- Values: telemetry; the other registers are found as the map names them ------
 
 VALUES: Final = ValueTable(
     Value("mode", "mode()", key="mode", text=True),

@@ -1,18 +1,22 @@
 """Runs of a campaign: a program in one world after another, in several processes."""
 
+import io
 import os
+import runpy
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 import msgspec
 
 from vbus.board.board import Board
+from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
 from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
@@ -20,10 +24,13 @@ from vbus.campaign.plan import Planned
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import World, begin, of_world
 from vbus.cli.hosted.program import Ran, run_beside
+from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
 from vbus.core.runtime import private_runtime
 from vbus.core.wall_clock import monotonic
+from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
+from vbus.serve.in_process import connect_in_process
 
 _LONGER: Final = 4
 """A run may take so many times what the reference run takes, and :data:`_PATIENCE` more."""
@@ -98,6 +105,71 @@ class Program:
         )
 
 
+class Function:
+    """A function of Python that is given a client's bus, on a board in the same process.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        call: the function.
+    """
+
+    def __init__(self, file: BoardFile, source: Source, call: Callable[[Bus], object]) -> None:
+        self.file: BoardFile = file
+        self.source: Source = source
+        self._call = call
+
+    def run(self, world: World, reference: Account | None) -> Account:
+        """Run it in a world."""
+        board = build(*of_world(self.file, self.source, world))
+        limit, cycles = limits_of(reference)
+        witness = Witness(board, reference is None)
+        try:
+            begin(board, world)
+        except ValueError as error:
+            raise VbusError(f"{world}: {error}") from None
+        watch = HostWatch(board, Limits(cycles, board.now + limit, IN_VAIN))
+        code, output, errors = 0, io.StringIO(), io.StringIO()
+        with redirect_stdout(output), redirect_stderr(errors):
+            bus = connect_in_process(board)
+            try:
+                result = self._call(bus)
+                if result is not None:
+                    print(result)
+            except HostStuck:
+                pass
+            except SystemExit as error:
+                code = error.code if isinstance(error.code, int) else int(error.code is not None)
+                errors.write(str(error.code) if code else "")
+            except Exception as error:
+                code = 1
+                errors.write(f"{type(error).__name__}: {error}")
+            finally:
+                bus.close()
+        watch.close()
+        return witness.account(
+            code=code, stuck=watch.stuck, slow=watch.slow, output=output.getvalue(),
+            errors=errors.getvalue(),
+        )  # fmt: skip
+
+
+def function_of(text: str) -> Callable[[Bus], object]:
+    """Return the function that ``FILE.py:NAME`` names.
+
+    Raises:
+        VbusError: there is no such file or function.
+    """
+    path, _, name = text.rpartition(":")
+    if not Path(path).is_file():
+        raise VbusError(f"{text}: there is no file {path or text}; write FILE.py:FUNCTION")
+    sys.path.insert(0, str(Path(path).resolve().parent))
+    found = runpy.run_path(path, run_name="campaign").get(name)
+    if not callable(found):
+        raise VbusError(f"{text}: {path} has no function {name}")
+    call: Callable[[Bus], object] = found
+    return call
+
+
 @contextmanager
 def _said() -> Iterator[list[str]]:
     """Catch what this process and those that come from it say; what it was is in the list then."""
@@ -136,7 +208,7 @@ def _start(subject: Subject, reference: Account) -> None:
 
 def _try(world: World) -> Result:
     subject, reference = _SUBJECT[-1]
-    return judge(reference, subject.run(world, reference))
+    return judge(reference, subject.run(world, reference), world)
 
 
 def run_all(

@@ -50,6 +50,8 @@ class FirstViolations(Observer):
     def __init__(self) -> None:
         self.first: dict[tuple[str, str], Violation] = {}
         self.count: dict[tuple[str, str], int] = {}
+        self.hints: list[str] = []
+        """What is to be said of them at the end."""
 
     def violation(self, violation: Violation) -> None:
         """Note one."""
@@ -68,7 +70,7 @@ class FirstViolations(Observer):
                 f"{violation.severity}: {violation.chip}: {violation.rule} ({violation.clause})"
                 f" at {when}: {violation.detail}{more}"
             )
-        return lines
+        return [*lines, *self.hints]
 
 
 def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
@@ -137,7 +139,7 @@ def run_on_board(
     """Run a program on a board that lives as long as the program; return its exit code.
 
     The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
-    served as well. What was broken is told at the end, on stderr; if the file asks for records, so
+    served as well. Violations are listed at the end, on stderr; if the file asks for records, so
     is where they are and what became of each axis.
 
     Args:
@@ -146,7 +148,7 @@ def run_on_board(
         host: what the program reaches: chips, card, pin map.
         command: gives program and arguments, for the address of the link.
         transcript: file that takes the bus cycles.
-        summary: whether what was broken is told.
+        summary: whether violations are listed.
         limit: chip time it may take (ps), and it may not poll in vain either; None: it may go on
             as it likes.
         scope: where the board is shown in a browser; else where its file says.
@@ -171,6 +173,8 @@ def run_on_board(
     lines = ran.findings.lines()
     if _files(file, None):
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
+    elif ran.code and not ran.hangs:
+        lines += ran.outcome.brief()
     for line in lines if summary else ():
         complain(line)
     return ran.code or (exit_codes.FAILURE if ran.lost else exit_codes.OK)
@@ -226,6 +230,7 @@ def run_beside(
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     watched = bool(_files(file, None))
+    outcome.look()
     if watched:
         board.observe(outcome)
     with ExitStack() as stack:
@@ -267,8 +272,8 @@ def run_beside(
             code = runner.run(running)
         for found in board.left_over():
             findings.violation(found)
-        if watched:
-            outcome.look()
+        findings.hints = board.hints(findings.first.values())
+        outcome.look()
         if written is not None:
             written.end()
             if written.error:

@@ -1,4 +1,4 @@
-"""``vbus cflags``: what a C compiler must be told to build a host against the C client."""
+"""``vbus cflags``: the options with which a C compiler builds a host against the C client."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class Shim:
         return [str(Path(include_dir()) / source) for source in self.sources]
 
     def flags(self) -> list[str]:
-        """Return all that the compiler is told."""
+        """Return all options of the compiler."""
         return [*(f"-I{folder}" for folder in self.includes()), *self.options, *self.files()]
 
 
@@ -96,10 +96,9 @@ PLAIN: Final = Shim((), ("vbus.c",))
 
 @click.command("cflags")
 @click.option(
-    "--shim",
-    type=click.Choice(list(SHIMS)),
+    "--shim", type=click.Choice(list(SHIMS)),
     help="Headers with which sources written for other machines compile as they are.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(shim: str | None, as_json: bool) -> None:
     """Print the compiler options of the C client: include path and source file.

@@ -84,6 +84,7 @@ _WITHOUT: Final = {
     "--join", metavar="NAME", help="In place of --board: a running board, as vbus ls has it."
 )
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
+@click.option("--cpu", metavar="SPEC", help="PROGRAM is a firmware image; cortex-m3.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
 @record_options
@@ -105,6 +106,7 @@ def command(
     link: str | None,
     join: str | None,
     avr: str | None,
+    cpu: str | None,
     pinmap: str | None,
     transcript: str | None,
     summary: bool,
@@ -122,11 +124,13 @@ def command(
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
     vbus exec --join bench -- ./host                on the board that vbus ls calls bench
     vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+    vbus exec --board board.toml --cpu cortex-m3 firmware.elf
     vbus exec --board board.toml --limit "10 s" -- ./host   of chip time; or polls in vain
 
     SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
     firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
-    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats.
+    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats. With --cpu
+    it is a processor, and of these cycles=, until= and stats.
     """
     if sum(way is not None for way in (board, link, join)) != 1:
         raise click.UsageError(
@@ -157,6 +161,22 @@ def command(
         from vbus.cli.run.exec import link_of
 
         link = link_of(join, firmware=avr is not None)
+    if cpu is not None:
+        from vbus.cli.run.exec_cpu import run_cpu
+
+        if board is None or avr is not None:
+            raise click.UsageError(
+                "--cpu goes with --board, whose [cpu] section says what the image runs on, and"
+                " without --avr"
+            )
+        if len(program) != 1:
+            raise click.UsageError("--cpu takes one firmware image and no arguments")
+        try:
+            return run_cpu(
+                cpu, program[0], board, pinmap, transcript, summary, wanted, metrics or "", runner
+            )
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--cpu") from None
     if avr is not None:
         from vbus.cli.run.exec_avr import run_avr
 

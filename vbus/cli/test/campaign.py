@@ -4,6 +4,7 @@ import hashlib
 import os
 import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from vbus.campaign.account import Account
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
-    from vbus.cli.hosted.campaign_runs import Subject
+    from vbus.cli.hosted.campaign_runs import Function, Subject
 
 _MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
 _TOLD: Final = 20
@@ -38,7 +39,8 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 
 
 @click.command("campaign", context_settings={"ignore_unknown_options": True})
-@click.option("--board", metavar="FILE", required=True, help="The board file.")
+@click.option("--board", metavar="FILE", help="The board file; with pytest, tests have theirs.")
+@click.option("--host", metavar="FILE.py:NAME", help="A function that is given a bus, no PROGRAM.")
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware, as in vbus exec.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--only", metavar="DIMENSION,...", help="Try these dimensions alone.")
@@ -54,31 +56,20 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--world", metavar="WORLD", help="Run once, in this world; --journal as in exec.")
 @click.option("--journal", metavar="FILE", help="With --world: write every call of the host.")
 @click.option("--all", "every", is_flag=True, help="Tell every outcome, not 20.")
-@click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
+@click.argument("program", nargs=-1, type=click.UNPROCESSED)
 def command(
-    board: str,
-    avr: str | None,
-    pinmap: str | None,
-    only: str | None,
-    phases: int | None,
-    longest: int | None,
-    worlds: int | None,
-    seed: int,
-    jobs: int | None,
-    json: str | None,
-    junit: str | None,
-    page: str | None,
-    baseline: str | None,
-    world: str | None,
-    journal: str | None,
-    every: bool,
-    program: tuple[str, ...],
-) -> int:
+    board: str | None, host: str | None, avr: str | None, pinmap: str | None, only: str | None,
+    phases: int | None, longest: int | None, worlds: int | None, seed: int, jobs: int | None,
+    json: str | None, junit: str | None, page: str | None, baseline: str | None,
+    world: str | None, journal: str | None, every: bool, program: tuple[str, ...],
+) -> int:  # fmt: skip
     """Run a program in many worlds, in each of which one thing is broken; tell what it notices.
 
     \b
     vbus campaign --board board.toml -- ./host
     vbus campaign --board board.toml --for 5m --json campaign.json -- ./host
+    vbus campaign --board board.toml --host driver.py:move      a function, in this process
+    vbus campaign --for 5m -- pytest tests                      pytest --vbus-campaign=5m tests
     vbus campaign --board board.toml --only phase --phases 64 -- ./host
     vbus campaign --board board.toml --world cycle:x.17:flip3 -- ./host    one run, told as it is
 
@@ -87,8 +78,10 @@ def command(
     sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each of
     vbus fault --list once). The exit code is 1 if a silent outcome is not in the baseline.
     """
-    from vbus.cli.run.exec_avr import run_avr
-
+    if board is None:
+        return _pytest(program, longest, worlds)
+    if (host is None) == (not program):
+        raise click.UsageError("name either a PROGRAM or a function with --host")
     if journal is not None and world is None:
         raise click.UsageError("--journal goes with --world: a campaign is many runs")
     for name, value in (("--json", json), ("--junit", junit), ("--page", page)):
@@ -96,23 +89,40 @@ def command(
             raise click.UsageError(f"{name} goes with a campaign, and --world is one run")
     chosen = _dimensions(only)
 
+    def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
+        campaign = Settings(
+            subject, file, source, chosen, phases or 0, seed,
+            jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, avr, pinmap, program),
+            _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
+        )  # fmt: skip
+        return campaign.run(json, junit, page, baseline, every)
+
     def run(
         file: "BoardFile",
         source: "Source",
-        host: "HostSection",
+        section: "HostSection",
         made: Callable[[str], list[str]],
         *_: object,
     ) -> int:
         from vbus.cli.hosted.campaign_runs import Program
 
         if world is not None:
-            return _replay(world, file, source, host, made, journal)
-        campaign = Settings(
-            Program(file, source, host, made), file, source, chosen, phases or 0, seed,
-            jobs or os.cpu_count() or 1, longest, worlds, _words(board, avr, pinmap, program),
-            _digest(source.text, program),
-        )  # fmt: skip
-        return campaign.run(json, junit, page, baseline, every)
+            return _replay(world, file, source, section, made, journal)
+        return tried(Program(file, source, section, made), file, source)
+
+    if host is not None:
+        from vbus.board.config import read_board_file
+        from vbus.cli.hosted.campaign_runs import Function, function_of
+
+        for option, value in (("--avr", avr), ("--pinmap", pinmap), ("--journal", journal)):
+            if value is not None:
+                raise click.UsageError(f"{option} goes with a PROGRAM")
+        file, source = read_board_file(board)
+        function = Function(file, source, function_of(host))
+        if world is not None:
+            return _replay_function(world, function)
+        return tried(function, file, source)
+    from vbus.cli.run.exec_avr import run_avr
 
     if avr is not None:
         if len(program) != 1:
@@ -142,9 +152,31 @@ def _dimensions(only: str | None) -> tuple[str, ...]:
     return names
 
 
-def _words(board: str, avr: str | None, pinmap: str | None, program: tuple[str, ...]) -> list[str]:
+def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
+    """Let pytest make the campaign."""
+    from vbus.core.kernel import SECOND
+
+    if program[:1] != ("pytest",):
+        raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
+    given = click.get_current_context()
+    for name in ("host", "avr", "pinmap", "only", "phases", "jobs", "json", "junit", "page",
+                 "baseline", "world", "journal"):  # fmt: skip
+        if given.params[name] is not None:
+            raise click.UsageError(f"--{name} does not go with pytest; pytest has its own options")
+    if longest is not None and worlds is not None:
+        raise click.UsageError("with pytest write either --for or --worlds")
+    budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else "=100"
+    words = ["-m", "pytest", f"--vbus-campaign{budget}", *program[1:]]
+    return subprocess.run([sys.executable, *words]).returncode
+
+
+def _words(
+    board: str, host: str | None, avr: str | None, pinmap: str | None, program: tuple[str, ...]
+) -> list[str]:
     """Return the words after ``vbus campaign`` by which one world is run, but for the world."""
     words = ["--board", board]
+    if host:
+        return [*words, "--host", host]
     words += ["--avr", avr] if avr else []
     words += ["--pinmap", pinmap] if pinmap else []
     return [*words, "--", *program]
@@ -198,6 +230,27 @@ def _replay(
     for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
         complain(line)
     return ran.code
+
+
+def _replay_function(name: str, function: "Function") -> int:
+    """Call a function in one world; say what it was and what came of it."""
+    from vbus.campaign.verdict import judge
+    from vbus.campaign.world import REFERENCE, read_world
+
+    try:
+        world = read_world(name)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--world") from None
+    reference = function.run(REFERENCE, None)
+    run = function.run(world, reference)
+    result = judge(reference, run, world)
+    sys.stdout.write(run.output)
+    sys.stderr.write(run.errors)
+    complain(f"world: {world.sentence()}")
+    complain(f"{result.verdict}: {result.reason}" if result.reason else result.verdict)
+    for finding in result.findings:
+        complain(f"finding: {finding}")
+    return run.code
 
 
 class Settings:

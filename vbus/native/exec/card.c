@@ -206,7 +206,7 @@ static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip
     if (count == MOST_REPORTS)
         return;
     said[count++] = address;
-    card_say("nobody answers a %s of %d byte%s at %s 0x%x; %s", write ? "write" : "read", (int)size,
+    card_say("no chip answers a %s of %d byte%s at %s 0x%x; %s", write ? "write" : "read", (int)size,
              size > 1 ? "s" : "", card.memory ? "address" : "port", address,
              write ? "it is lost" : "FFh is read");
     card_say_place("by the", ip, "");

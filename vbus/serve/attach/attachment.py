@@ -16,14 +16,13 @@ from vbus.serve.attach.far_port import FarPort
 from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import LocalSocket, Telling
 from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.registry import control_path, status_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.spin_turn import SpinTurn
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link
@@ -32,7 +31,7 @@ from vbus.transports.runtime import mark_pause
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""
 PAUSE_SECONDS: Final = 0.5
-"""How often is looked whether somebody has paused it, or lets it go on."""
+"""How often to look whether the board is paused (s)."""
 READY: Final = "ready"
 
 
@@ -79,7 +78,7 @@ class Attachment:
 
     Args:
         wanted: what is to be attached.
-        board: what the remote board has told.
+        board: what the remote board's HELLO says.
         report: takes sentences about what happens.
 
     Raises:
@@ -254,12 +253,12 @@ class Attachment:
             self._looking.add_done_callback(self._looked)
 
     async def _tell_pauses(self) -> None:
-        """Leave word here while somebody has paused the board, where its link tells of that."""
-        told = False
+        """Mark the board as paused here while it is, where its link reports that."""
+        marked = False
         while True:
             paused = any(one.paused for one in self._upstreams)
-            if paused != told:
-                told = paused
+            if paused != marked:
+                marked = paused
                 self._mark_pause(paused)
             await asyncio.sleep(PAUSE_SECONDS)
 

@@ -155,7 +155,7 @@ class FarPort(RelayPort):
     # -- what a protocol asks for ---------------------------------------------------------------
 
     def info(self) -> PortInfo:
-        """Return what the board's HELLO has told."""
+        """Return the contents of the board's HELLO."""
         assert self._info is not None, "the session is held until then"
         return self._info
 

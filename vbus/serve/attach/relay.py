@@ -51,7 +51,7 @@ class RelayPort(HostPort):
 
 
 class Passage(Protocol):
-    """The wire format of the board's own link: what it means is nobody's business here."""
+    """The wire format of the board's own link: bytes pass through without being read."""
 
     WIRING: ClassVar[Names] = ("_relay",)
 

@@ -292,7 +292,7 @@ class RealTime(Peers):
             self.skew.note(message.round, rank, message.at, message.uncertainty, self._here())
 
     def _look_for_gap(self, rank: int, number: int) -> None:
-        """Time does not wait here: what was sent while a cable was out is lost, and told."""
+        """Time does not wait here: what was sent while a cable was out is lost, and reported."""
         lost = number - self._next.get(rank, number)
         self._next[rank] = number + 1
         if lost > 0:

@@ -31,7 +31,7 @@ FIRST: Final = "the live board goes back only"
 
 
 class Onlooker(Protocol):
-    """Somebody who watches the board from another process."""
+    """A watcher of the board in another process."""
 
     WHO: ClassVar[str]
     """Who it is, in words."""

@@ -41,10 +41,7 @@ class SnapshotOrders:
     """
 
     def __init__(
-        self,
-        board: Board,
-        pacer: WallClockPacer,
-        sessions: Callable[[], Iterator[Session]],
+        self, board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
     ) -> None:
         self._board: Board = board
         self._pacer: WallClockPacer = pacer

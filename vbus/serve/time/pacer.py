@@ -17,10 +17,71 @@ from vbus.core.kernel import END, FAR, MS, NEVER, SECOND
 from vbus.core.wall_clock import monotonic_ns
 from vbus.serve.time.overload import Overload
 from vbus.serve.time.statistics import LAG_PS, Histogram
-from vbus.serve.time.ticks import Tick
 from vbus.serve.time.time_slicer import SLICE_NS, TimeSlicer
 from vbus.serve.time.time_source import TimeSource, chip_time, nothing
 from vbus.transports.linux import TimerFd
+
+TICK: Final = 10 * MS
+"""How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
+SHORTEST_TICK: Final = 5 * MS
+LONGEST_TICK: Final = 200 * MS
+WATCHED_TICK: Final = 50 * MS
+"""The longest tick while somebody looks on."""
+RESTING_TICK: Final = 1_000 * MS
+"""The longest tick while nothing moves, nobody looks on and no host asks."""
+CHEAP_NS: Final = 50_000
+DEAR_NS: Final = 200_000
+"""A chip that is brought up to date in less or more than this is looked after less or more often:
+who asks it waits for what it owes. Of many, all are looked after as their mean has it: few long
+visits take less than many short ones, since each finds what it works on far from the processor."""
+RESTING_NS: Final = 20_000
+"""A round of all chips that takes less: boards at rest are left alone."""
+
+
+class Tick:
+    """The time between two rounds in which lazy chips are brought up to date.
+
+    Attributes:
+        span: how long it is now (ps).
+        longest: the longest while anything moves (ps).
+    """
+
+    def __init__(self) -> None:
+        self._scale: int = 1
+        self.span: int = TICK
+        self.longest: int = LONGEST_TICK
+
+    def scale(self, scale: int) -> None:
+        """Let chip time run so many times as fast as the wall clock: begin anew."""
+        self._scale = scale
+        self.longest = LONGEST_TICK * scale
+        self.begin()
+
+    def begin(self) -> None:
+        """What was at rest may move by now."""
+        self.span = TICK * self._scale
+
+    @property
+    def visit(self) -> int:
+        """Chip time worth computing in one go after a stall, at any rate (ps)."""
+        return min(self.span, self.longest) // self._scale
+
+    def adapt(self, took: int, chips: int, watched: bool) -> None:
+        """Take a round into account.
+
+        Args:
+            took: wall time of it (ns).
+            chips: how many were brought up to date.
+            watched: whether somebody looks on.
+        """
+        each = took // max(chips, 1)
+        if each < CHEAP_NS:
+            self.span *= 2
+        elif each > DEAR_NS:
+            self.span = max(self.span // 2, SHORTEST_TICK * self._scale)
+        most = RESTING_TICK if took < RESTING_NS else LONGEST_TICK
+        self.span = min(self.span, (WATCHED_TICK if watched else most) * self._scale)
+
 
 AHEAD: Final = 2 * MS
 """How far chip time may run ahead of the wall clock (ps)."""
@@ -37,7 +98,7 @@ FREE_SLICE: Final = 10 * SECOND
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
 DAY: Final = 24 * 3600 * SECOND
-"""How long before the end of time people are told that it comes near (ps)."""
+"""How long before the end of time a warning says that it comes near (ps)."""
 
 log = logging.getLogger("vbus")
 
@@ -121,13 +182,13 @@ class WallClockPacer(TimeSource):
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
         self.on_end: Callable[[], None] = nothing
-        """Called when time has ended on a board that nobody but the pacer moves."""
+        """Called when time has ended on a board that only the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
         self._near: int = END - DAY
         """Beyond this instant there is something to tell or to stop (ps)."""
         self.bound: int = NEVER
-        """Whoever controls the board lets time run no further (ps); NEVER if nobody does."""
+        """The controller of the board lets time run no further (ps); NEVER without a controller."""
         self.on_bound: Callable[[], None] = nothing
         """Called when time is there: moves the bound, or halts."""
 
@@ -204,7 +265,7 @@ class WallClockPacer(TimeSource):
         self.board.limit = self.board.kernel.now + AHEAD
         return False
 
-    # -- in somebody's control ----------------------------------------------------------------
+    # -- controlled by another part ------------------------------------------------------------
 
     def halt(self) -> None:
         """Let time stand still from now on."""
@@ -233,7 +294,7 @@ class WallClockPacer(TimeSource):
             self.confine(self.bound)
 
     def _catch_up_to_bound(self) -> bool:
-        """Bring the board to the present, or as far as whoever controls it lets it come."""
+        """Bring the board to the present, or as far as its controller lets it come."""
         board = self.board
         began = self.clock()
         present, ahead = board.now, LEASE
@@ -253,7 +314,7 @@ class WallClockPacer(TimeSource):
     def _within(self, instant: int) -> int:
         """Return how far towards ``instant`` hosts may let time run (ps).
 
-        Not to the bound itself: whoever has set it looks before anybody goes on there.
+        Not to the bound itself: there the controller looks before any host goes on.
         """
         return max(min(instant, self.bound - 1, END), int(self.board.now))
 
@@ -276,7 +337,7 @@ class WallClockPacer(TimeSource):
         """Say so if time has ended.
 
         Raises:
-            TimeEndedError: it has, on a board that nobody but the pacer moves.
+            TimeEndedError: it has, on a board that only the pacer moves.
         """
         if self.over:
             raise TimeEndedError(
@@ -377,7 +438,7 @@ class WallClockPacer(TimeSource):
                 self.on_moved()
 
     def forget(self, callback: Callable[[], None]) -> None:
-        """Call ``callback`` no more: whoever wanted time to pass is not there."""
+        """Call ``callback`` no more: its session has gone."""
         self._wakes = [wake for wake in self._wakes if wake[2] != callback]
         heapq.heapify(self._wakes)
 
@@ -485,7 +546,7 @@ class WallClockPacer(TimeSource):
         if slices.catch_up():
             board.limit = self._within(board.now + LEASE)
             if self.free and not slices.moving:
-                self._slice = SLICE  # nobody has asked for a day of rest
+                self._slice = SLICE  # no host has asked for a day of rest
             elif there:
                 self._adapt_slice(ran + slices.took, FREE_NS if self.free else SLICE_NS)
             self._wake(board.now)

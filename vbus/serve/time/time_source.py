@@ -1,4 +1,4 @@
-"""What sessions ask of time, whoever moves it."""
+"""What sessions ask of time."""
 
 from collections.abc import Callable
 from typing import Final
@@ -31,7 +31,7 @@ def nothing() -> None:
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class TimeSource:
-    """Time as a session knows it; by itself that of chips elsewhere, which nobody here moves.
+    """Time as a session knows it; by itself that of chips elsewhere, which no pacer here moves.
 
     Args:
         clock: wall time in ns; for tests.

@@ -56,7 +56,7 @@ def _see_it_end(pid: int, name: str, heard: int, server: int) -> None:
         if ready := dict(poll.poll(LOOK * 1000)):
             if ready != {heard: select.POLLIN}:
                 return
-            poll.modify(heard, 0)  # that it is closed is told all the same
+            poll.modify(heard, 0)  # that it is closed is reported all the same
             longest = CLOSING
             continue
         waited += LOOK

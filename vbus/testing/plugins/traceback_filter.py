@@ -10,7 +10,7 @@ import pytest
 from vbus.core.errors import VbusError
 from vbus.testing.limits import HostStuck
 
-PACKAGE: Final = Path(__file__).parents[1]
+PACKAGE: Final = Path(__file__).parents[2]
 
 
 def cut_short(found: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:

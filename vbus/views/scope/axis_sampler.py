@@ -1,7 +1,7 @@
 """The samples of one chip as rows of its lanes, taken down where they are made.
 
-Compiled with the core: while somebody watches, this runs in every sample of every axis; while
-nobody does, none of it is there, and nothing asks for it.
+Compiled with the core: while the board has a scope, this runs in every sample of every axis;
+without one, it is not there and costs nothing.
 """
 
 from collections.abc import Callable
@@ -97,7 +97,7 @@ class PlantLanes:
         self._latest: int = 0
 
     def note(self, now: int, ahead: int) -> None:
-        """Take what holds from ``ahead`` (ps) on; what is told first, from now on."""
+        """Take what holds from ``ahead`` (ps) on; the row that comes first, from now on."""
         if ahead < self._latest:
             for lane in self.lanes:
                 lane.early = True
@@ -113,7 +113,7 @@ class AxisSampler:
         times: when chips are looked at.
         chip: the chip.
         lanes: all lanes.
-        levels: the pins looked at, where their edges are not told.
+        levels: the pins looked at, where their edges are not observed.
 
     Attributes:
         registers: what is in the chip.

@@ -12,14 +12,14 @@ MESSAGE: Final = 1 << 20
 
 
 class Stream:
-    """Frames in their order. Each page has a place in it; nobody waits for a page.
+    """Frames in their order. Each page has a place in it; a slow page delays no other.
 
-    Where there is too much the oldest is left out, but for labels and tables: what comes later
-    counts on them. A page that would have been sent it is told by a mark.
+    Where there are too many the oldest are left out, but for labels and tables, which later frames
+    need. A page that has missed some gets a mark.
 
     Args:
-        description: what a page is told first.
-        most: bytes kept; None for all.
+        description: what a page gets first.
+        most: bytes stored; None for all.
     """
 
     def __init__(self, description: dict[str, Any], most: int | None = MOST_KEPT) -> None:

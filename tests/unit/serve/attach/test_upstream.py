@@ -10,8 +10,7 @@ from vbus.core.errors import TransportError
 from vbus.serve.attach.meter import Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import MOST_PENDING, Upstream, opened
-from vbus.serve.detached_waits import DetachedWaits
-from vbus.serve.disconnects import DisconnectPoller
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.loop import HostLoop
 from vbus.serve.session import Serving, SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
