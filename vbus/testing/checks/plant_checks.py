@@ -86,7 +86,7 @@ class _Check:
             self._equal(counts, number, self._step(again, drive, number), "a second run")
             before = looked.count
             value = self._step(looked, drive, number)
-            self._equal(counts, number, value, "a run in which somebody looks at it")
+            self._equal(counts, number, value, "a run in which it is observed")
             self._look(looked, before, number)
             self._rest(looked, drive, number)
 
