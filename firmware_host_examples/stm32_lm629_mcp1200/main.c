@@ -240,6 +240,8 @@ static int move_lm629(int32_t target)
     while (interrupts == came)
         __asm__ volatile("wfi");
     pause_ms(40);
+    if (failed(lm629_clear_flags(LM629_TRAJECTORY_COMPLETE), "RSTI")) /* HI falls */
+        return 1;
     if (failed(lm629_read_real_position(&real), "RDRP"))
         return 1;
     say("LM629 at ");

@@ -8,7 +8,7 @@ import pytest
 
 from tests.cpu.conftest import EXAMPLES, build
 from vbus.cli.run.exec_cpu import run_cpu
-from vbus.core.errors import ProgramError
+from vbus.core.errors import ConfigError, ProgramError
 
 FOLDER = EXAMPLES / "mc1241a_dos"
 BOARD = FOLDER / "board.toml"
@@ -160,3 +160,24 @@ def test_a_program_of_another_kind_is_refused(data: bytes, message: str, tmp_pat
         run_cpu("8086", str(tmp_path / "x.com"), str(BOARD))
     with pytest.raises(ProgramError, match="is no DOS program"):
         run_cpu("8086", sys.executable, str(BOARD))
+
+
+@pytest.mark.parametrize("key", ['family = "stm32f4"', "rom = 0x8000", "uart = 0x9000"])
+def test_a_key_of_another_processor_is_refused(key: str, tmp_path: Path) -> None:
+    board = tmp_path / "board.toml"
+    board.write_text(BOARD.read_text().replace("cycles = 10", f"cycles = 10\n{key}\n#"))
+    with pytest.raises(
+        ConfigError, match=rf"{key.split()[0]} of \[cpu\] means nothing to the 8086"
+    ):
+        run_cpu("8086", str(program(tmp_path, END)), str(board))
+
+
+def test_a_port_that_the_processor_does_not_have_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    board = tmp_path / "board.toml"
+    text = BOARD.read_text().replace("IRQ5", "PA0").replace("base = 0x340", "memory = true")
+    board.write_text(text)
+    assert run_cpu("8086", str(program(tmp_path, END)), str(board)) == 2
+    said = capfd.readouterr().err
+    assert "the pin map uses port A, and this processor has IRQ0 to IRQ15" in said

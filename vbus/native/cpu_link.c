@@ -122,7 +122,7 @@ static void settle(void)
 
 int cpu_open(const char *where)
 {
-    cpu.error = pin_link_open(&bus, where);
+    cpu.error = pin_link_open(&bus, where, PIN_BITS);
     bus.clock = now;
     return cpu.error;
 }

@@ -25,12 +25,12 @@ def main() -> int:
     if error < 0:
         print(f"vbus cpu: {link}: {native.cpu_sentence(error).decode()}", file=sys.stderr)
         return exit_codes.NO_LINK
-    machine = machine_of(kind, settings.cpu, image, native, settings.cycles, settings.until)
     try:
+        machine = machine_of(kind, settings.cpu, image, native, settings.cycles, settings.until)
         code = machine.run()
     except Stopped as end:
-        machine.say(str(end))
-        code = end.code
+        print(f"vbus cpu: {end}", file=sys.stderr)
+        return end.code
     if settings.stats:
         print(machine.statistics(), file=sys.stderr)
     return code

@@ -156,6 +156,7 @@ def build(machine: Machine) -> None:
     section = machine.section
     machine.shared.big_endian = True
     machine.processor = M68000(machine, section.family == "68020")
+    machine.has_ports(range(INTERRUPTS, INTERRUPTS + 1), "IRQ1 to IRQ7")
     machine.memory(section.rom, section.rom_size, False)
     machine.memory(section.ram, section.ram_size, True)
     machine.card_windows(1 << 32)

@@ -295,6 +295,23 @@ class Machine:
         """Return the levels at those bits of a port to which anything is wired."""
         return int(self.native.cpu_input(port) & self.native.cpu_wired(port))
 
+    def has_ports(self, ports: range, what: str) -> None:
+        """Refuse a pin map that uses a port which this processor does not have.
+
+        Args:
+            ports: the numbers of those it has.
+            what: their names, for the message.
+
+        Raises:
+            Stopped: it uses another.
+        """
+        for port in range(_PORTS):
+            if port not in ports and self.native.cpu_wired(port):
+                name = "IRQ inputs" if port == INTERRUPTS else f"port {'ABCDEFGHIJKL'[port]}"
+                raise Stopped(
+                    exit_codes.USAGE, f"the pin map uses {name}, and this processor has {what}"
+                )
+
     def load(self) -> None:
         """Put the image into memory.
 

@@ -338,6 +338,7 @@ def build(machine: Machine) -> None:
 
     processor = Pc(machine)
     machine.processor = processor
+    machine.has_ports(range(INTERRUPTS, INTERRUPTS + 1), "IRQ0 to IRQ15")
     machine.memory(0, 0x100000, True)
     hook = machine.engine.hook_add
     guarded = machine.guarded

@@ -23,6 +23,7 @@ class Kind(Struct, frozen=True):
         model: name of its model, as the emulator has it; empty: the usual one.
         read: reads an image and says whether it is for this processor.
         memory: where program memory begins and its size, and the same of RAM.
+        keys: those of ``[cpu]`` that not every processor has.
         family: whose peripherals it has, if the board file names none.
     """
 
@@ -32,6 +33,7 @@ class Kind(Struct, frozen=True):
     model: str
     read: Callable[[str], Image]
     memory: tuple[int, int, int, int]
+    keys: tuple[str, ...] = ()
     family: str = ""
 
 
@@ -45,15 +47,22 @@ def _m68k(path: str) -> Image:
 
 _VME: Final = (0, 0x40000, 0x100000, 0x40000)
 _M: Final = (0x08000000, 0x100000, 0x20000000, 0x20000)
+_MEMORY: Final = ("rom", "rom_size", "ram", "ram_size", "vectors")
+_M_KEYS: Final = (*_MEMORY, "family")
+_VME_KEYS: Final = (*_MEMORY, "uart")
 PROCESSORS: Final = {
     "cortex-m3": Kind(
-        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M3", _arm, _M, "stm32f1"
+        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M3", _arm, _M, _M_KEYS, "stm32f1"
     ),
     "cortex-m4": Kind(
-        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M4", _arm, _M, "stm32f4"
+        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M4", _arm, _M, _M_KEYS, "stm32f4"
     ),
-    "68000": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, "68000"),
-    "68020": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, "68020"),
+    "68000": Kind(
+        "m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, _VME_KEYS, "68000"
+    ),
+    "68020": Kind(
+        "m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, _VME_KEYS, "68020"
+    ),
     "8086": Kind("pc", "X86", ("16",), "", read_dos, (0, 0, 0, 0)),
 }
 
@@ -69,6 +78,12 @@ def with_defaults(kind: Kind, section: CpuSection) -> CpuSection:
         ram=section.ram or ram,
         ram_size=section.ram_size or ram_size,
     )
+
+
+def foreign(kind: Kind, section: CpuSection) -> list[str]:
+    """Return the keys of a section that mean nothing to a processor."""
+    keys = {*_M_KEYS, *_VME_KEYS} - set(kind.keys)
+    return sorted(key for key in keys if getattr(section, key))
 
 
 def machine_of(

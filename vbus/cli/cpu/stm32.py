@@ -528,4 +528,6 @@ def build(machine: Machine) -> None:
     if section.family == "stm32f4":
         machine.memory(0x10000000, 0x10000, True)  # CCM
     equip(machine, processor, section.family)
+    ports = FAMILIES[section.family].ports
+    machine.has_ports(range(ports), f"ports A to {'ABCDEFGHI'[ports - 1]}")
     machine.card_windows(0xE0000000)

@@ -121,7 +121,8 @@ def built(name: str, source: Path, options: list[str], hint: str) -> Path:
         text=True,
     )  # fmt: skip
     if done.returncode:
-        first = next(iter(done.stderr.strip().splitlines()), "")
+        lines = done.stderr.strip().splitlines() or [""]
+        first = next((line for line in lines if "error:" in line), lines[0])
         raise VbusError(f"{name} cannot be built; {hint} ({first})")
     made.replace(program)  # in one step: another process may build it too
     return program

@@ -11,12 +11,12 @@ import msgspec
 
 from vbus.board.config import read_board_file
 from vbus.boardfile.cpu import CpuSection
-from vbus.cli.cpu.processors import PROCESSORS, with_defaults
+from vbus.cli.cpu.processors import PROCESSORS, foreign, with_defaults
 from vbus.cli.cpu.settings import Settings
 from vbus.cli.hosted.program import run_on_board
 from vbus.cli.run.exec_avr import built, host_of_firmware, parse
 from vbus.core.errors import ConfigError, VbusError
-from vbus.core.values.settings import among
+from vbus.core.values.settings import among, listed
 from vbus.native import include_dir
 from vbus.serve.serving import recorded
 
@@ -81,8 +81,13 @@ def run_cpu(
             f"{file.path}: how fast is the {settings.processor}? Write a [cpu] section with"
             ' clock = "72 MHz"'
         )
-    settings.cpu = with_defaults(kind, file.cpu)
     kind.read(image)
+    if keys := foreign(kind, file.cpu):
+        raise ConfigError(
+            f"{file.path}: {listed(keys)} of [cpu] means nothing to the {settings.processor}; leave"
+            " it out"
+        )
+    settings.cpu = with_defaults(kind, file.cpu)
     if find_spec("unicorn") is None:
         raise VbusError(
             "the emulator is not installed; pip install 'vbus[cpu]' gets unicorn, which is under"
