@@ -41,7 +41,7 @@ PHASES: Final = 16
 SPECIMENS: Final = 64
 """How many specimens are tried at most: each extreme alone, and others drawn by the seed."""
 _EACH: Final = 64
-"""How many cycles of one group are tried in one way at most; the others are told as not tried."""
+"""How many cycles of one group are tried in one way at most; the others are listed as not tried."""
 _STEP: Final = 17 * US
 """Specimens differ in where in a sample their host begins, too, by multiples of this (ps)."""
 _STEPS: Final = 32

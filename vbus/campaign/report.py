@@ -118,10 +118,10 @@ def lines(
                  str(total.left), _share(total.coverage)]  # fmt: skip
         yield f"{name:24}" + "".join(f"{cell:>10}" for cell in cells)
     yield from _refused(campaign)
-    told = campaign.told()
-    for number, one in enumerate(told):
+    shown = campaign.told()
+    for number, one in enumerate(shown):
         if most is not None and number >= most:
-            yield f"{len(told) - most} more; --all tells them, --json and --page have them"
+            yield f"{len(shown) - most} more; --all tells them, --json and --page have them"
             break
         new = "" if one.key in known or one.result.verdict == HANG or not known else " (new)"
         yield f"{one.result.verdict}{new}: {one.planned.group}, {one.planned.world.sentence()}"
@@ -216,8 +216,8 @@ def _cell(tried: list[Tried], line: Line) -> str:
     same = sum(other.result.verdict == verdict for other in tried)
     findings = "".join(f"\nfinding: {finding}" for finding in one.result.findings)
     world = one.planned.world
-    told = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(world)}"
+    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(world)}"
     return (
         f"<td class={_HEADS[verdict].replace(' ', '')}><details><summary>{_HEADS[verdict]}"
-        f" {same}/{len(tried)}</summary><pre>{escape(told)}</pre></details>"
+        f" {same}/{len(tried)}</summary><pre>{escape(text)}</pre></details>"
     )

@@ -46,7 +46,7 @@ def judge(reference: Account, run: Account, world: World = REFERENCE) -> Result:
     *Detected*: the host says so, by its exit code, a failed assertion, or something more on
     standard error. *No effect*: it ends as the reference run does, in motion, values and output.
     *Hang*: it was ended. Else it is *silent*; a rule that it breaks, and the reference run does
-    not, is told apart.
+    not, is listed apart.
     """
     new = sorted({*run.findings} - {*reference.findings})
     if run.slow:
@@ -158,7 +158,7 @@ class Tried(Struct, frozen=True):
 
     @property
     def quiet(self) -> bool:
-        """Whether nobody was told that something was wrong."""
+        """Whether no output said that something was wrong."""
         return self.result.verdict in (SILENT, FOUND)
 
 

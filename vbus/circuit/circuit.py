@@ -383,8 +383,8 @@ class Circuit:
     def hints(self, violations: Iterable[Violation]) -> list[str]:
         """Return what a host should know of violations beside what they say, each sentence once."""
         by_name = self._by_name
-        told = [by_name[v.chip].hint(v.rule, v.when) for v in violations if v.chip in by_name]
-        return list(dict.fromkeys([text for text in told if text]))
+        hints = [by_name[v.chip].hint(v.rule, v.when) for v in violations if v.chip in by_name]
+        return list(dict.fromkeys([text for text in hints if text]))
 
     def _clash(self, net: Net) -> None:
         if net.guard is not None:

@@ -14,7 +14,7 @@ DURABLE: Final = {
 
 
 def ready_lines(status: dict[str, Any]) -> list[str]:
-    """Return what people are told of a board that is ready."""
+    """Return the lines about a board that is ready."""
     from vbus.core.values.units import show
 
     time = status["policy"]
@@ -37,7 +37,7 @@ def ready_lines(status: dict[str, Any]) -> list[str]:
 
 
 def attached_lines(status: dict[str, Any], counts: bool = True) -> list[str]:
-    """Return what people are told of an attachment.
+    """Return the lines about an attachment.
 
     Args:
         status: what ``vbus ls --json`` shows of it.

@@ -129,9 +129,9 @@ class BoardLink:
 
 
 PAUSE_SECONDS: Final = 0.02
-"""Between two attempts."""
+"""Between two attempts to open a link (s); a board is ready within 120 ms (docs/performance.md)."""
 START_SECONDS: Final = 5.0
-"""How long a board that has begun to start may take."""
+"""How long a board that has begun to start may take (s): 40 times that."""
 
 
 class RetryPolicy:

@@ -20,7 +20,7 @@ KINDS: Final = (
 
 
 MOST_LINKS: Final = 8
-"""Names that may lead to a board's name one after the other."""
+"""Names that may lead to a board's name one after the other: more are taken for a circle."""
 
 
 def open_link(where: str) -> BoardLink:

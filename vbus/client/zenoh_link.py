@@ -71,17 +71,19 @@ def endpoints_of(board: str, given: str) -> tuple[str, ...]:
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5
-"""How long a board may take to answer at all."""
+"""How long a board may take to answer at all (s). It trades slow networks for the time until a
+wrong name is reported; a link may name a patience of its own."""
 RECOVERY_SECONDS: Final = 3.0
-"""How long a board that has answered before may be out of reach."""
+"""How long a board that has answered before may be out of reach (s), by the same trade."""
 AGAIN_SECONDS: Final = 0.1
-"""How often a message is repeated meanwhile."""
+"""How often a message is repeated meanwhile (s)."""
 REPEAT_SECONDS: Final = 0.5
-"""After which time without an answer a message is repeated: the answer may have been lost."""
+"""After which time without an answer a message is repeated: the answer may have been lost (s).
+It trades repeated messages to busy boards for the pause that a lost one makes."""
 ASK_SECONDS: Final = 1.0
 """How long the answer to the end of the session is waited for."""
 TICK_SECONDS: Final = 0.1
-"""How often is looked after messages without an answer."""
+"""How often to look for messages without an answer (s): a fifth of :data:`REPEAT_SECONDS`."""
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority", "patience")

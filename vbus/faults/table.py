@@ -97,7 +97,7 @@ BUS: Final = (
           " have shown before.", CHIP, COUNTED),
     Fault("bus_pulled", "bus", "Data lines that nothing drives keep nothing: they show a level.",
           CHIP, LASTS, (_LEVEL,)),
-    Fault("contention", "bus", "Somebody else drives the data lines too.", CHIP, COUNTED,
+    Fault("contention", "bus", "Another driver is on the data lines too.", CHIP, COUNTED,
           (Option("data", "count", 0, "with this byte", low=0, high=255),)),
 )  # fmt: skip
 

@@ -124,7 +124,7 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
 
 /* --- levels ----------------------------------------------------------------------------------- */
 
-/* What stands at a pin: 0, 1, or 2 where nobody drives it. */
+/* What stands at a pin: 0, 1, or 2 where no pin drives it. */
 static unsigned at(const struct pin_decoder *decoder, const struct pin_source *source)
 {
     if (source->kind == TIED)
@@ -233,7 +233,7 @@ void pin_decoder_look(struct pin_decoder *decoder, unsigned port)
 
 /* --- the microcontroller's side --------------------------------------------------------------- */
 
-/* Move the lines before glue that go to `level` now; those that nobody drives are idle (high). */
+/* Move the lines before glue that go to `level` now; those without a driver are idle (high). */
 static void move_lines(struct pin_decoder *decoder, unsigned level)
 {
     unsigned turn, mask = 0;

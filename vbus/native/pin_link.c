@@ -97,7 +97,7 @@ void pin_link_side(void *context, unsigned number, unsigned level)
     keep(link, vbus_pin(&link->bus, number, level));
 }
 
-/* Lines and buses before glue: nothing of them is a whole cycle, and nobody promises anything. */
+/* Lines and buses before glue: nothing of them is a whole cycle, and there are no leases. */
 static void move_lines(void *context, unsigned mask, unsigned levels)
 {
     struct pin_link *link = (struct pin_link *)context;

@@ -28,10 +28,10 @@ struct pin_link {
     int realtime;      /* the wall clock is the board's time: a write is waited for */
     int error;         /* the first error; nothing is sent any more */
     int touched;       /* the chips were touched since the last pin_link_sync */
-    int told;          /* a read has told of the lines since the last pin_link_sync: see `edge` */
-    uint64_t edge;     /* no output line moves before this instant of the host's clock, as told last */
+    int told;          /* a read has reported the lines since the last pin_link_sync: see `edge` */
+    uint64_t edge;     /* no output line moves before this, by the last report (host's clock) */
     uint64_t origin;   /* chip time when the host's own clock was 0: another may have run before */
-    uint32_t outputs;  /* their levels, as told last */
+    uint32_t outputs;  /* their levels by the last report */
     uint64_t step;     /* what looking at a clock takes in lockstep (ps) */
     uint64_t cycles;   /* bus cycles so far, or moves of strobes before glue */
     unsigned selected;

@@ -192,7 +192,7 @@ class DisconnectPoller:
         """Call back when the host behind ``fd`` has gone, until :meth:`forget`."""
         if fd not in self._callbacks:
             self._callbacks[fd] = callback
-            self._poll.register(fd, 0)  # errors and hang-ups are always told
+            self._poll.register(fd, 0)  # errors and hang-ups are always reported
 
     def forget(self, fd: int) -> None:
         """Look no more; again is harmless."""
@@ -204,7 +204,7 @@ class DisconnectPoller:
         return bool(_states([fd], select.POLLRDHUP))
 
     def waits(self, fd: int) -> bool:
-        """Tell whether something has come that nobody has read."""
+        """Whether bytes have come that are not read yet."""
         return any(state & select.POLLIN for _, state in _states([fd], select.POLLIN))
 
     def gone_of(self, fds: Iterable[int]) -> set[int]:
@@ -212,7 +212,7 @@ class DisconnectPoller:
         return {fd for fd, _ in _states(fds, 0)}
 
     def look(self) -> None:
-        """Call back for whoever has gone."""
+        """Call back for hosts that have gone."""
         for fd, _ in self._poll.poll(0):
             callback = self._callbacks.get(fd)
             if callback is not None:

@@ -116,7 +116,7 @@ class HostWatch(Observer):
         self._limits: Limits = limits
         self._most: int = limits.cycles
         self._news_at: int = 0
-        """Until this instant the polls are known to be told something new (ps)."""
+        """Until this instant the polls are known to read something new (ps)."""
         self._ahead: list[str] = []
         """How the chips would be when the chip time is over, if the polls are in vain till then."""
         self._judged: int = 0
@@ -217,7 +217,7 @@ class HostWatch(Observer):
             )
         elif polls.count >= FOREKNOWN * limits.polls and self._in_vain():
             self.pass_bound(
-                f"it polled {polls.count} times and was told nothing new, and would be told nothing"
+                f"it polled {polls.count} times and read nothing new, and would read nothing"
                 f" new before {format_instant(self._until)} of chip time: {polls}"
             )
         elif polls.seconds() > limits.polling:
@@ -242,7 +242,7 @@ class HostWatch(Observer):
         )
 
     def _in_vain(self) -> bool:
-        """Whether the polls are told nothing new before the chip time is over.
+        """Whether the polls read nothing new before the chip time is over.
 
         A twin of the board is let run, so that chip time decides and not the wall clock. Only where
         nothing but its chips and plants is known to act on the board.
@@ -264,7 +264,7 @@ class HostWatch(Observer):
             return False
         try:
             twin = fork(board)
-        except SnapshotError:  # made in Python, or with a part of somebody's own
+        except SnapshotError:  # made in Python, or with a part of the caller's own
             return False
         start, span = board.now, self._until - board.now
         for look in reversed(range(LOOKS_AHEAD)):

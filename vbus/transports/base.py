@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 REST_SECONDS: Final = 0.2
-"""How long nothing is tried after the system has run out of descriptors or memory."""
+"""How long nothing is tried after the system has run out of descriptors or memory (s): the socket
+stays readable, so an attempt at once would spin."""
 
 
 class Link:

@@ -20,9 +20,10 @@ from vbus.transports.states import TERMINAL
 
 _READ_SIZE: Final = 1 << 16
 _MOST_READ: Final = 1 << 18
-"""Bytes read of a host's first ones; it may write as fast as they are read."""
+"""Bytes read of a host's first ones at most: it may write as fast as they are read."""
 LOOK_SECONDS: Final = 0.05
-"""How often is looked for clients where the system gives no watch."""
+"""How often to look for clients where the system gives no watch (s): a new client waits as long,
+and the machine wakes as often."""
 
 
 class PtyLink(Link):
@@ -184,7 +185,7 @@ class PtyTransport(Transport):
     What cannot be known: clients that have opened the terminal, written and closed before the
     server has looked once share it with one that opened it in the same moment. As long as that
     one has written nothing, what is there is the others', and is carried out as theirs; once it
-    has written, the bytes cannot be told apart, and all are taken as its own.
+    has written, the bytes look alike, and all are taken as its own.
 
     Whether a client has the terminal open is known from the master: it reports a hang-up while
     none has. An edge-triggered epoll makes an event of that state, an inotify watch tells of

@@ -17,6 +17,7 @@ from vbus.core.wall_clock import monotonic
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
+"""How long a busy lock is tried again, and how often: one that only tests it lets go at once."""
 LONGEST_ADDRESS: Final = 107
 """Bytes of a Unix socket's path that the system takes."""
 

@@ -15,7 +15,7 @@ EVENT: Final = "event"
 """From the board to a host that has not asked just now: only a link that is cut loses it."""
 
 MOST_KEPT: Final = 1024
-"""Messages that one fault keeps back; more are lost."""
+"""Messages that one fault holds back; more are lost. A bound of memory."""
 
 Arrive = Callable[[int], None]
 """Lets a message arrive, so many times; called once, with 0 if it does not come."""

@@ -145,7 +145,7 @@ class ZenohLink(MessageLink):
         return self.exchange.leave()
 
     def push(self, data: bytes) -> None:
-        """Send events to the host, and to nobody else; when it has asked for them."""
+        """Send events to the host, and to no other; when it has asked for them."""
         if self._events is None:
             self._unheard.append(data)
             if sum(map(len, self._unheard)) > MOST_EVENTS:

@@ -17,7 +17,8 @@ from vbus.network import envelope
 from vbus.transports.zenoh_host import send_refusal
 
 MOST_WAITING: Final = 65536
-"""Messages that may wait for the event loop; more are dropped and asked again by their hosts."""
+"""Messages that may wait for the event loop; more are dropped and asked again by their hosts.
+A bound of memory."""
 
 log = logging.getLogger("vbus")
 

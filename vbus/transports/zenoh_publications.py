@@ -19,11 +19,12 @@ from vbus.transports.zenoh_host import send_reply
 from vbus.transports.zenoh_inbox import Inbox
 
 EVERY_SECONDS: Final = 0.05
-"""How often a key is published at most."""
+"""How often a key is published at most (s): a person sees no more."""
 STATUS_EVERY: Final = 20
-"""Every how many of these times the status is."""
+"""Every how many of these times the status is: once a second."""
 MOST_ROWS: Final = 20_000
-"""Bus cycles, or edges of a pin, that one message carries; the rest is counted as lost."""
+"""Bus cycles, or edges of a pin, that one message carries; the rest is counted as lost.
+It bounds a message at 400,000 rows a second."""
 
 
 class Topic:

@@ -104,7 +104,7 @@ def test_chip_time_decides_of_polls_until_a_move_is_over(velocity: int, in_vain:
         assert watch.stuck == ""
         return
     now = board.now
-    with pytest.raises(HostStuck, match="it polled 300 times and was told nothing new, and would"):
+    with pytest.raises(HostStuck, match="it polled 300 times and read nothing new, and would"):
         polled(bus, 400, 0)
     assert board.now < now + MS, "the board itself has not gone on"
     assert not watch.slow
@@ -133,7 +133,7 @@ def test_polls_of_every_family_are_foreseen(
                 bus.delay("70us")
                 bus.write(address, data) if write else bus.read(address)
 
-    with pytest.raises(HostStuck, match="would be told nothing new before"):
+    with pytest.raises(HostStuck, match="would read nothing new before"):
         poll()
     assert not watch.slow
 

@@ -46,7 +46,7 @@ def address_map(file: BoardFile, board: Board) -> list[CardAnswer]:
 
     Args:
         file: the board file.
-        board: a board of that file which nobody needs any more: every address is tried on it.
+        board: a spare board of that file: every address is tried on it.
     """
     found: list[CardAnswer] = []
     for card in file.cards:

@@ -347,7 +347,7 @@ class EncoderPins:
         self._inputs: q.Quadrature = encoder.inputs
         self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
         self._turn: int = int(chip.settings["counts_per_turn"])
-        # Where the index input went low, until it goes high or was told to be grounded.
+        # Where the index input went low, until it goes high or is declared grounded.
         self._low_from: int = 0
         self._low: bool = False
         watcher = Watcher(chip.kernel, self.look)

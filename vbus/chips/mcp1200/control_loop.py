@@ -118,7 +118,7 @@ def work_clocks(registers: RegisterFile, mode: i64) -> i64:
 class ExceptionSources:
     """Exception sources noted since the last look; one action for all of them (MCP-EXC-1).
 
-    The flags in the status register are set by whoever sees the cause, at once; this is only
+    The flags in the status register are set by the block that sees the cause, at once; this is only
     what the next control sample does about it.
 
     Attributes:

@@ -437,7 +437,7 @@ class PositionCounter:
         self._breakpoint.reached()
 
     def edge(self, cycle: int) -> None:
-        """The encoder reaches a count that somebody waits for."""
+        """The encoder reaches a count that is waited for."""
         encoder = self._encoder
         count = encoder.at_count
         entered = encoder.enters_index()

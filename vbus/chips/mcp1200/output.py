@@ -131,7 +131,7 @@ class Pwm:
         return self.start + self.length
 
     def steady(self) -> bool:
-        """Whether every further frame is the same level throughout, as long as nobody writes."""
+        """Whether every further frame is the same level throughout, as long as no host writes."""
         command = self._registers.pwm
         if 0 < self.high < self.length or self.sign != sign_of(command):
             return False
@@ -228,7 +228,7 @@ class PlantDrive:
 class OutputPins:
     """Puts the pins to the levels that registers and clocks give.
 
-    PWM and step edges are only worked out for the instants somebody looks at, or while Pulse or
+    PWM and step edges are only computed for instants that are observed, or while Pulse or
     Sign are listened to.
 
     Args:
@@ -297,7 +297,7 @@ class OutputPins:
         return LOW if low else HIGH
 
     def may_move(self) -> bool:
-        """Whether samples, and what comes of them, can move an output that somebody listens to."""
+        """Whether samples, and what comes of them, can move an output that has a listener."""
         registers, loop = self._registers, self._loop
         # The next sample obeys a command for another mode of operation.
         if loop.request != NO_REQUEST:

@@ -34,7 +34,7 @@ def widest(sampled: SampledRegisters) -> i64:
 
 
 class CommandedMotion:
-    """Where the axis is told to be, and how fast; every generator moves this.
+    """Commanded position and velocity of the axis; every generator moves this.
 
     Attributes:
         position: 24-bit command position.

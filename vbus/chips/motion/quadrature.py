@@ -268,7 +268,7 @@ def judge_inputs(chip: Chip, ac: AcTable, inputs: Quadrature, found: int) -> boo
     Args:
         chip: whose inputs they are.
         ac: its limits.
-        inputs: the decoder that was told the edge.
+        inputs: the decoder that took the edge.
         found: what it found.
     """
     lost = False

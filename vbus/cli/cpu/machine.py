@@ -179,7 +179,7 @@ class Processor(ABC):
         return int(self.machine.get(self.PC))
 
     def where(self) -> int:
-        """Return the same as the emulator is told."""
+        """Return the same, for the emulator."""
         return self.here()
 
 

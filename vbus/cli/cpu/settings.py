@@ -13,7 +13,7 @@ class Settings(Struct):
         cpu: its section of the board file, with the usual values where that says nothing.
         cycles: clock cycles after which the run ends; 0: none.
         until: what the firmware sends at the end.
-        stats: whether speed is told at the end.
+        stats: whether the speed is printed at the end.
     """
 
     processor: str

@@ -227,7 +227,7 @@ def run_all(
         worlds: in the order in which they are tried.
         jobs: number of processes.
         until: instant of the wall clock after which none is begun.
-        told: is called with each world and what came of it, in that order.
+        told: called with each world and what came of it, in that order.
 
     Raises:
         VbusError: a run cannot be made.

@@ -60,7 +60,7 @@ def run_cpu(
         board: board file; it is served as long as the firmware runs.
         pinmap: which pin map of the board file; else its only one.
         transcript: file that takes the bus cycles.
-        summary: whether the rules that were broken are told.
+        summary: whether the rules that were broken are listed.
         record: replaces keys of the file's ``[record]``.
         metrics: replaces ``listen`` of its ``[metrics]``.
         runner: takes the arguments of ``run_on_board``, and runs the program.

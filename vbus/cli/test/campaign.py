@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
 _TOLD: Final = 20
-"""Outcomes that are told one by one; --all tells all of them."""
+"""Outcomes that are listed one by one; --all lists all of them."""
 
 
 def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
@@ -71,7 +71,7 @@ def command(
     vbus campaign --board board.toml --host driver.py:move      a function, in this process
     vbus campaign --for 5m -- pytest tests                      pytest --vbus-campaign=5m tests
     vbus campaign --board board.toml --only phase --phases 64 -- ./host
-    vbus campaign --board board.toml --world cycle:x.17:flip3 -- ./host    one run, told as it is
+    vbus campaign --board board.toml --world cycle:x.17:flip3 -- ./host    one run, in full
 
     Dimensions: cycle (a bit of a bus cycle inverted, its strobe lost or doubled, its answer late,
     busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'

@@ -11,7 +11,7 @@ from vbus.core.bits import sign_extend
 from vbus.core.errors import NotReadyError
 
 READY_POLLS: Final = 1000
-"""Status reads after which a chip that is still busy is given up."""
+"""Status reads after which a chip that is still busy is given up, where polls take wall time."""
 READY_TIME: Final = "10ms"
 """The same where the board waits for us: far above every busy time, and a reset."""
 

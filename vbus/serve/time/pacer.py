@@ -25,15 +25,19 @@ TICK: Final = 10 * MS
 """How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
 SHORTEST_TICK: Final = 5 * MS
 LONGEST_TICK: Final = 200 * MS
+"""The longest tick of a board that moves: 8,180 axes on a core with it, 7,770 with 100 ms, 7,100
+with 50 ms, 6,870 with 25 ms (docs/performance.md)."""
 WATCHED_TICK: Final = 50 * MS
-"""The longest tick while somebody looks on."""
+"""The longest tick while the board is observed: watchers get news as often."""
 RESTING_TICK: Final = 1_000 * MS
-"""The longest tick while nothing moves, nobody looks on and no host asks."""
+"""The longest tick while nothing moves, no observer is there and no host asks: a board at rest
+wakes the machine once a second."""
 CHEAP_NS: Final = 50_000
 DEAR_NS: Final = 200_000
 """A chip that is brought up to date in less or more than this is looked after less or more often:
-who asks it waits for what it owes. Of many, all are looked after as their mean has it: few long
-visits take less than many short ones, since each finds what it works on far from the processor."""
+a host that asks waits for what it owes. Of many, all are looked after as their mean has it: few
+long visits take less than many short ones, since each finds what it works on far from the
+processor."""
 RESTING_NS: Final = 20_000
 """A round of all chips that takes less: boards at rest are left alone."""
 
@@ -72,7 +76,7 @@ class Tick:
         Args:
             took: wall time of it (ns).
             chips: how many were brought up to date.
-            watched: whether somebody looks on.
+            watched: whether the board is observed.
         """
         each = took // max(chips, 1)
         if each < CHEAP_NS:
@@ -84,19 +88,24 @@ class Tick:
 
 
 AHEAD: Final = 2 * MS
-"""How far chip time may run ahead of the wall clock (ps)."""
+"""How far chip time may run ahead of the wall clock (ps). It trades sleeps of hosts with short
+DELAYs for how early a host may see an edge."""
 STALL: Final = 100 * MS
-"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
+"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1). The
+worst wake-up of a server on a crowded machine was 31 ms (docs/performance.md)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
 PIECE_NS: Final = 1_000_000
-"""Wall time for which chips are brought up to date in one go in real time: hosts wait for it."""
+"""Wall time for which chips are brought up to date in one go in real time. Hosts wait for it, but
+long visits cost less: a chip's memory is far away at first (docs/performance.md)."""
 FREE_NS: Final = 1_000_000
-"""Wall time of a slice where nothing holds time back, as far as that can be known before."""
+"""Wall time of a slice where nothing holds time back, as far as that can be known before. With it
+``--rate max`` has 0.95 of the core alone (docs/performance.md), and a host waits no longer."""
 FREE_SLICE: Final = 10 * SECOND
-"""Chip time of the longest of these."""
+"""Chip time of the longest of these: it bounds the jump of a board at rest."""
 LEASE: Final = 20 * MS
-"""Chip time by which a host that is master of time may move it in one go; more is sliced."""
+"""Chip time by which a host that is master of time may move it in one go; more is sliced. It trades
+turns of the event loop for how long other hosts wait."""
 DAY: Final = 24 * 3600 * SECOND
 """How long before the end of time a warning says that it comes near (ps)."""
 

@@ -8,9 +8,10 @@ from vbus.protocols.quantities import format_instant
 from vbus.views.latest_lines import LatestLines
 
 KINDS: Final = 16
-"""Packets that a loop of polls may consist of."""
+"""Packets that a loop of polls may consist of: fewer would miss loops over several axes, and each
+more is compared with every packet."""
 COMMANDS: Final = 8
-"""Packets before the polls that are kept."""
+"""Packets before the polls that a message shows: what the host waits for is among them."""
 
 
 class Polls:

@@ -5,20 +5,23 @@ from collections.abc import Callable
 from typing import Final
 
 PATIENCE: Final = 8
-"""Lone messages in a row after which a session is not looked at any longer than needed."""
+"""Lone messages in a row after which a session sleeps at once. It trades the wake-ups of a host
+that polls for 30 us of looks, as often, for one that does not."""
 RETRY: Final = 64
-"""Lone messages after which looking is tried again."""
+"""Lone messages after which looking is tried again: 30 us spread over 64 trips."""
 LATE_NS: Final = 1_000_000
-"""Who gave way for so long between two messages gave the processor to others."""
+"""A session that gave way for so long between two messages gave the processor to others: far
+above a sched_yield on an idle processor, about 1 us."""
 CROWDED: Final = 1024
-"""Messages after which looking is tried again then."""
+"""Messages after which looking is tried again then; ``benchmarks/fair_links.py`` measures what it
+gives to hosts beside each other."""
 
 
 class SpinPolicy:
     """The patience of one session.
 
     It is lost for a while when nothing came, and for longer where others want the processor:
-    whoever sleeps is let in sooner than who gives way.
+    a process that sleeps is let in sooner than one that gives way.
 
     Attributes:
         left: how many more lone messages it takes to lose it; 0: it is lost.
@@ -47,11 +50,12 @@ class SpinPolicy:
 
 LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
 """How often to look for a next message before sleeping: some 30 us. Not on a single processor:
-where others keep it busy, who gives way comes back later than who is woken."""
+a process that gives way on a busy one comes back later than one that is woken. With it a trip over
+a terminal takes 0.75 to 0.85 of that to a C echo that sleeps (docs/performance.md)."""
 
 
 class SpinTurn:
-    """Whom a server served last: only a host alone is looked for, which takes time from others.
+    """Session served last. Only a sole session may spin.
 
     Attributes:
         last: the session served last.

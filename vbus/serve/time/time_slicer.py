@@ -11,11 +11,11 @@ SLICE_NS: Final = 20_000_000
 """Wall time of a slice; between two of them hosts are served and Ctrl-C is heard. What is begun is
 finished: one chip brought up to date, or one stretch of :data:`SHORTEST`."""
 FIRST: Final = 10 * MS
-"""Chip time run in one go on a board nothing is known of yet."""
+"""Chip time run in one go on a board of unknown speed."""
 SHORTEST: Final = 20 * US
 LONG_NS: Final = 5_000_000
 SHORT_NS: Final = 1_000_000
-"""Stretches that take longer are halved, shorter ones doubled."""
+"""Stretches that take longer are halved, shorter ones doubled; four of the longest fill a slice."""
 
 
 class TimeSlicer:

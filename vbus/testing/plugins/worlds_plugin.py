@@ -237,7 +237,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def _in_world(item: pytest.Item, world: "World") -> list[pytest.TestReport]:
-    """Run a test in a world, of which nobody is told; return the reports."""
+    """Run a test in a world without reporting it; return the reports."""
     before = item.stash.get(WORLD, None)
     parent = cast(pytest.Item, item.parent)  # whose fixtures stay from one run to the next
     item.stash[SEARCHING] = True

@@ -22,7 +22,8 @@ from vbus.views.scope.registers import ChipRegisters
 
 FIRST_REST: Final = MS
 LONGEST_REST: Final = SECOND
-"""How soon a chip that rests is looked at again: each time it still rests, twice as late."""
+"""How soon a chip that rests is looked at again: each time it still rests, twice as late. So it
+costs ten looks, and then one a second."""
 
 
 _NEVER: Final[i64] = int(NEVER)

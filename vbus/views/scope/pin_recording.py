@@ -123,10 +123,10 @@ class Sampler:
         self._places: dict[LaneTold, tuple[int, int]] = {}
         """By lane: place of its first bit, and the mask of its bits there."""
         place = 0
-        for lane, told in zip(self._rows.lanes, description["lanes"], strict=True):
-            mask = (1 << told["width"]) - 1 << place
+        for lane, one in zip(self._rows.lanes, description["lanes"], strict=True):
+            mask = (1 << one["width"]) - 1 << place
             self._places[lane] = place, mask & (1 << 8 * width) - 1
-            place += told["width"]
+            place += one["width"]
 
     def take(self, frames: bytes) -> Iterator[bytes]:
         """Give the samples up to where the frames end."""

@@ -44,7 +44,8 @@ OTHER: Final = 5
 """Kinds of packets."""
 
 MOST_ROWS: Final = 8192
-"""Rows of a frame at most: a page reads one after the other, and can draw between them."""
+"""Rows of a frame at most: a page reads one after the other, and can draw between them.
+250,000 rows a second are 30 frames (docs/performance.md)."""
 
 Columns = Callable[[Sequence[float]], Column]
 
@@ -335,7 +336,7 @@ class Recorded:
     """The lanes of a run that is over.
 
     Attributes:
-        description: what a page is told first.
+        description: what a page gets first.
         frames: all that happened.
         outcome: what came of the replay.
     """

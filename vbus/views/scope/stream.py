@@ -6,9 +6,9 @@ from vbus.views.scope.frames import HEAD, LASTING, MARKS, NOW, frame, numbers, t
 from vbus.views.scope.lanes import GAP_MARK, GAPS
 
 MOST_KEPT: Final = 1 << 28
-"""Bytes kept of a board that runs."""
+"""Bytes stored of a board that runs: 256 MB; older ones are left out, with a mark."""
 MESSAGE: Final = 1 << 20
-"""Bytes from which on what a page has missed goes in several."""
+"""Bytes from which on what a page has missed goes in several messages: it draws between them."""
 
 
 class Stream:

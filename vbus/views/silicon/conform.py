@@ -98,7 +98,7 @@ class Candidate:
         model: the cycle as the model would have it.
         cycles: bus cycles before it.
         reads: reads among them.
-        undriven: whether nothing drove the bus: then no value is told.
+        undriven: whether nothing drove the bus: then no value is given.
         settled: whether all of it is known.
         ignored: whether it does not count.
     """
