@@ -75,8 +75,9 @@ def command(
 
     Dimensions: cycle (a bit of a bus cycle inverted, its strobe lost or doubled, its answer late,
     busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
-    sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each of
-    vbus fault --list once). The exit code is 1 if a silent outcome is not in the baseline.
+    sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each
+    that "vbus fault list" has, once). The exit code is 1 if a silent outcome is not in the
+    baseline.
     """
     if board is None:
         return _pytest(program, longest, worlds)
