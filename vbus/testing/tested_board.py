@@ -93,7 +93,7 @@ class TestedBoard:
     def axes(self) -> list[str]:
         """Return what became of each axis: by the journal, so that a test that passes pays nothing.
 
-        It is ended. A run of more than :data:`MOST_PLAYED` cycles gives no lines.
+        It is ended. A run of more than :data:`~vbus.cli.outcome.MOST_PLAYED` cycles gives no lines.
         """
         from vbus.cli.outcome import MOST_PLAYED, axes_played
 
