@@ -9,11 +9,14 @@ from tests.boards import BENCH
 from tests.e2e.command import running, vbus
 from vbus import connect
 
-BOARD = BENCH + """\
+BOARD = (
+    BENCH
+    + """\
 [record]
 journal = "{folder}/run.vbj"
 report = "{folder}/run.txt"
 """
+)
 ACCEPT = '[[suppress]]\nrule = "lm628.busy-write"\nreason = "known"\n'
 
 

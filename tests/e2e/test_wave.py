@@ -15,7 +15,9 @@ from tests.waiting import until
 from vbus import connect
 from vbus.client.lm628 import Lm628
 
-BOARD = BENCH + """\
+BOARD = (
+    BENCH
+    + """\
 [record]
 journal = "{folder}/run.vbj"
 [waves.late]
@@ -24,6 +26,7 @@ trigger = "violation"
 duration = "1 us"
 profile = "sigrok"
 """
+)
 
 
 @pytest.fixture
