@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from vbus.serve.host_limits import HostStuck
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
 from vbus.testing.execute import Execute
-from vbus.testing.in_process import connect_in_process
 
 HERE = Path(__file__).parent
 DRIVERS = HERE / "drivers"

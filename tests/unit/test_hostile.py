@@ -19,8 +19,8 @@ from vbus.client.bus import Bus
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import SECOND
 from vbus.plugins import chip_class
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.hostile import failed, find_weakness, play
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
 

@@ -12,7 +12,7 @@ from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.card import cards
 from vbus.board.card.card_bus import CLOCK, CardBus
-from vbus.board.card.card_interrupt import ACK, INT, add_interrupt
+from vbus.board.card.cards import ACK, INT, add_interrupt
 from vbus.board.config import read_board_file, read_board_text
 from vbus.boardfile.cards import SIGNALS
 from vbus.boardfile.lines import Path

@@ -21,6 +21,7 @@ from vbus.core.signals import (
     ValueTable,
     Violation,
 )
+from vbus.core.signals.axis import DRIVES
 from vbus.core.state import UNDECLARED, Names
 
 OUTPUT: Final = 0
@@ -223,6 +224,25 @@ class Chip:
             ValueError: the plant does not take the kind of drive this chip gives.
         """
         raise NotImplementedError
+
+    def check_plant(self, axis: int, plant: Plant, *drives: str) -> None:
+        """Refuse a plant for an axis (0-based) that is not there, or that takes no such drive.
+
+        Args:
+            axis: its number.
+            plant: the mechanics.
+            drives: the kinds of drive the chip gives, of which the plant must take one.
+
+        Raises:
+            ValueError: says which axes there are, or what the plant takes.
+        """
+        if not 0 <= axis < self.axis_count:
+            raise ValueError(f"the {self.part} has no axis {axis + 1}; it has {self.axis_count}")
+        if not any(drive in plant.TAKES for drive in drives):
+            given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
+            raise ValueError(
+                f"the {self.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
+            )
 
     # -- what few families answer otherwise --------------------------------------------------
 

@@ -18,18 +18,19 @@ class LentBus:
         hosts: the pins of every host.
 
     Attributes:
-        user: pins of the host of the last cycle.
+        chip: the chip.
+        byte: what the last cycle has left on the data bus.
     """
 
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, hosts: list[HostPins]) -> None:
-        self.user: HostPins | None = None
-        self._chip: Chip = chip
-        self._driven: dict[int, int] = {
-            id(own): own.level for one in hosts for own in one.at(chip) if own.level != Z
-        }
-        self._byte: int = chip.data_pin.level
+        self.chip: Chip = chip
+        self.byte: int = 0
+        self._driven: list[tuple[Pin, int]] = [
+            (own, own.level) for one in hosts for own in one.at(chip) if own.level != Z
+        ]
+        self._data: int = chip.data_pin.level
         self._history: list[tuple[int, ...]] = [pin.net.history for pin in chip.bus_pins]
         self._edges: Saved = {}
         if chip.front is not None:
@@ -38,21 +39,25 @@ class LentBus:
 
     def put_back(self, hosts: list[HostPins]) -> None:
         """Put the hosts' pins back; no time is judged from these edges."""
-        self._chip.judged = False
-        pins = [own for one in hosts for own in one.at(self._chip)]
-        # Some let go before others drive: nothing is fought that was not.
-        for own in sorted(pins, key=lambda own: id(own) in self._driven):
-            own.drive(self._driven.get(id(own), Z))
+        self.chip.judged = False
+        there = [own for one in hosts for own in one.at(self.chip)]
+        driven = [(own, level) for own, level in self._driven if own in there]
+        for own in there:  # before others drive: nothing is fought that was not
+            if all(own is not one for one, _ in driven):
+                own.release()
+        for own, level in driven:
+            own.drive(level)
 
     def recall(self) -> None:
         """Let the chip know of the edges before, and of none since."""
-        chip = self._chip
+        chip = self.chip
         if chip.front is not None:
             chip.front.forget_edges()
             load(chip.front, self._edges)
-        chip.data_pin.drive(self._byte)
+        chip.data_pin.drive(self._data)
         for pin, history in zip(chip.bus_pins, self._history, strict=True):
             pin.net.history = history
+        chip.bus_net.value = self.byte
 
 
 class StrobePlayer:
@@ -63,7 +68,7 @@ class StrobePlayer:
     """
 
     WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards", "hosts")
-    DERIVED: ClassVar[Names] = ("_tail", "lent")
+    DERIVED: ClassVar[Names] = ("_tail", "_user", "lent")
 
     def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
@@ -73,6 +78,8 @@ class StrobePlayer:
         """Pins of every host that is there."""
         self.lent: dict[str, LentBus] = {}
         """Buses whose lines whole cycles have moved since a host moved some itself, by chip."""
+        self._user: HostPins | None = None
+        """Pins of the host of the last cycle."""
         self.guards: list[Guard] = []
         """Who may owe nets their levels."""
 
@@ -85,9 +92,6 @@ class StrobePlayer:
             The byte on the data bus at the latching edge.
         """
         self.flush()
-        for chip in chips:
-            if not chip.CONNECTOR:
-                self._lend(chip, pins)
         kernel = self._kernel
         strobes: list[CycleEdge] = []
         for chip in chips:
@@ -95,6 +99,7 @@ class StrobePlayer:
             strobes = strobes + pins.strobes(chip, write, address, data)
         if not strobes:
             return self._answer(chips, write, address, data, when)
+        self._lend(chips, pins)
         # What a computer's bus moves at one instant moves together; no decoder sees it half.
         at_once = chips[0].CONNECTOR
         if len(chips) > 1 and not at_once:
@@ -110,6 +115,7 @@ class StrobePlayer:
                 kernel.settle()
                 value = together(chips)
                 latched = True
+                self._note_bytes(chips)
             if offset > 0:
                 self._tail.append((when + offset, pin, level))
                 continue
@@ -129,9 +135,11 @@ class StrobePlayer:
         for chip in chips:
             if write:
                 chip.write(address, data)
+                chip.bus_net.value = data
             else:
                 chip.begin_read(address)
                 chip.bus_net.value = chip.end_read()
+        self._note_bytes(chips)
         self._kernel.settle()
         return together(chips)
 
@@ -139,18 +147,29 @@ class StrobePlayer:
     # about nothing: before another host's cycle its host lets go of them, and before a host moves
     # lines itself, they and what the chip knows of edges are as hosts have left them by hand.
 
-    def _lend(self, chip: Chip, pins: HostPins) -> None:
-        """Give a chip's bus to a host for a whole cycle."""
-        bus = self.lent.get(chip.name)
-        if bus is None:
-            bus = self.lent[chip.name] = LentBus(chip, self.hosts)
-        if bus.user is not pins:
-            bus.user, chip.judged = pins, False
+    def _lend(self, chips: list[Chip], pins: HostPins) -> None:
+        """Give chips' buses to a host for a whole cycle."""
+        to = [chip for chip in chips if not chip.CONNECTOR]
+        taken = [chip for chip in to if chip.name not in self.lent]
+        for chip in to:  # the latest is the last
+            known = self.lent.pop(chip.name, None)
+            self.lent[chip.name] = known if known is not None else LentBus(chip, self.hosts)
+        if self._user is not pins:
+            self._user = pins
+            taken = [bus.chip for bus in self.lent.values()]
+        for chip in taken:
+            chip.judged = False
             for other in self.hosts:
                 if other is not pins:
                     for own in other.at(chip):
                         own.release()
+        if taken:
             self._kernel.settle()
+
+    def _note_bytes(self, chips: list[Chip]) -> None:
+        for chip in chips:
+            if chip.name in self.lent:
+                self.lent[chip.name].byte = chip.bus_net.value
 
     def give_back(self) -> None:
         """Put every bus back as hosts have left it by hand."""

@@ -20,11 +20,11 @@ from vbus.core.errors import ConfigError, VbusError
 from vbus.core.runtime import private_runtime
 from vbus.core.signals import Violation
 from vbus.protocols.quantities import format_instant
+from vbus.serve.in_process import connect_in_process
 from vbus.serve.output_file import write_file
 from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.checks.around_chip import ChipBench
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
 from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of

@@ -17,7 +17,7 @@ from vbus.campaign.plan import specimens, weakest
 from vbus.campaign.world import REFERENCE, World, begin, of_world, with_settings
 from vbus.client.bus import Bus
 from vbus.core.errors import ConfigError
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
 

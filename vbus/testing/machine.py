@@ -15,9 +15,9 @@ from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
+from vbus.serve.in_process import HostTurn, connect_in_process
 from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.clock import coming, span_of
-from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
 

@@ -8,8 +8,8 @@ from vbus.campaign.account import Account, Seen, Witness
 from vbus.campaign.plan import Plan, Planned, in_order, plan, shortened, specimens
 from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
 from vbus.core.errors import ConfigError
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
-from vbus.testing.in_process import connect_in_process
 
 LM629 = of_part("LM629N-8", "ideal").replace("[board]", '[board]\ntime = "lockstep"')
 

@@ -12,8 +12,8 @@ from vbus.client import Bus
 from vbus.client.lm628 import Lm628
 from vbus.client.mcp1200 import PROFILE, VELOCITY, Mcp1200
 from vbus.core.errors import NotReadyError, ReadBackError
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
-from vbus.testing.in_process import connect_in_process
 
 Move = Callable[[Bus, bool], int]
 

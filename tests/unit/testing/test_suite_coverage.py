@@ -24,7 +24,7 @@ def test_registers(vbus_mcp1200):
 
 @pytest.mark.vbus(violations="report")
 def test_early(vbus_board):
-    from vbus.testing.in_process import connect_in_process
+    from vbus.serve.in_process import connect_in_process
     connect_in_process(vbus_board).write(0, 0x1E)
 
 def test_of_nothing():

@@ -16,11 +16,11 @@ from vbus.core.kernel import MS, NS
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.in_process import connect_in_process
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.testing.bench import Bench
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.clock import BoardClock
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.triggers import Triggers
 
 SHORT = 100 * NS

@@ -17,11 +17,11 @@ from vbus.client import Bus
 from vbus.client.mcp1200 import PROFILE
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.clock import BoardClock
 from vbus.testing.execute import Execute
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.machine import TestedMachine
 from vbus.testing.robot import robot
 from vbus.testing.triggers import Triggers

@@ -6,7 +6,7 @@ pytest_plugins = "pytester"
 
 TOO_EARLY = """
 import pytest
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 
 def too_early(board, times=1):
     bus = connect_in_process(board)
@@ -266,7 +266,7 @@ def test_a_project_that_makes_no_sense_is_refused(
 
 CLOSES = """
 import pytest
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 
 @pytest.fixture
 def driver(vbus_board):
@@ -370,7 +370,7 @@ def test_notes_of_tests_that_pass_stand_in_the_summary(
 def test_a_write_into_the_reset_at_power_on_is_told_what_helps(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         """
-        from vbus.testing.in_process import connect_in_process
+        from vbus.serve.in_process import connect_in_process
 
         def test_busy_alone_is_polled(vbus_board):
             bus = connect_in_process(vbus_board)

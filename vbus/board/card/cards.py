@@ -1,12 +1,17 @@
-"""Card adapters: how addresses on a plug-in card select a chip and its ports."""
+"""Card adapters: how addresses on a plug-in card select a chip and its ports. Their interrupt: the
+outputs wired-OR, a flip-flop that an access clears, a line that cards share."""
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Final
 
 from msgspec import Struct, field
 
-from vbus.board.card.card_interrupt import active_low
 from vbus.chips.base import Chip
-from vbus.chips.tables import CardRow
+from vbus.chips.tables import CardRow, PinRow
+from vbus.circuit.circuit import Circuit
+from vbus.core.signals import HIGH, LOW
+from vbus.glue import logic
+from vbus.glue.table import OPEN, Block
 from vbus.protocols.port import CardAccess
 
 Places = list[dict[int, CardAccess]]
@@ -14,6 +19,9 @@ Places = list[dict[int, CardAccess]]
 
 DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
+
+INT: Final = PinRow("/INT", "od", title="interrupt, active low, open collector")
+ACK: Final = PinRow("/ACK", "in", title="clears the flip-flop while it is low")
 
 
 def decodes(chip: Chip | type[Chip]) -> dict[str, tuple[CardRow, ...]]:
@@ -172,3 +180,34 @@ def card_of_rows(
             if row.write is not None:
                 writes[offset] = (chip, row.write)
     return Card(name, base, reads, writes, floating)
+
+
+# -- its interrupt ---------------------------------------------------------------------------------
+
+
+def active_low(pin: str) -> bool:
+    """Tell whether a pin of this name is active when it is low, as in the manuals."""
+    return pin[:1] in ("/", "~")
+
+
+def add_interrupt(board: Circuit, name: str, outputs: list[str], latched: bool, edge: bool) -> None:
+    """Put what stands between the outputs of a card that interrupt and its line on a board.
+
+    The outputs are one wire, active as long as one of them is. Without a flip-flop ``/INT`` follows
+    it. With one ``/INT`` is low until ``/ACK`` is low: edge sensing, from when the wire becomes
+    active; level sensing, from when it is active, and at least as long.
+
+    Args:
+        board: the board.
+        name: the card's name; its pins are ``"name./INT"`` and, latched, ``"name./ACK"``.
+        outputs: the outputs of chips that interrupt.
+        latched: whether there is a flip-flop.
+        edge: whether only an edge sets it.
+    """
+    pins = [board.find_pin(output) for output in outputs]
+    active = tuple([LOW if active_low(pin.name) else HIGH for pin in pins])
+    rows = (INT, ACK) if latched else (INT,)
+    names = (*outputs, ACK.name) if latched else tuple(outputs)
+    block = Block(names, (INT.name,), logic.card_interrupt(active, latched, edge), OPEN)
+    borrowed = {output: (pin, 0) for output, pin in zip(outputs, pins, strict=True)}
+    board.add_glue(name, rows, (block,), borrowed)

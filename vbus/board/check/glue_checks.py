@@ -5,8 +5,8 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card.card_interrupt import ACK, INT
 from vbus.board.card.card_parts import names_of
+from vbus.board.card.cards import ACK, INT
 from vbus.board.glue_plan import plan_glue
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path

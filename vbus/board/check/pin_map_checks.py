@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from vbus.board.card.card_interrupt import ACK, INT
+from vbus.board.card.cards import ACK, INT
 from vbus.board.check.glue_checks import GlueEnds
 from vbus.board.pin_maps import (
     DATA_WIRES,

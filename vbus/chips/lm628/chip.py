@@ -144,12 +144,7 @@ class LM628(FrontEndHost):
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach the mechanics; the chip has one axis, number 0."""
-        if axis != 0:
-            raise ValueError(f"axis {axis}: a {self.part} has axis 0 only")
-        if "drive" not in plant.TAKES:
-            raise ValueError(
-                f"a {self.part} gives a servo command; {type(plant).__name__} takes {plant.TAKES}"
-            )
+        self.check_plant(axis, plant, "drive")
         self.encoder.connect(plant, ds.SAMPLE_CLK / self.clock.hz)
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:

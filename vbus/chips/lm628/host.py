@@ -6,8 +6,8 @@ from vbus.chips.lm628 import datasheet as lm
 from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
 from vbus.client.aio.twice import twice
+from vbus.client.aio.waits import read_until
 from vbus.core.errors import NotReadyError, ReadBackError
-from vbus.protocols.quantities import format_instant, parse_duration
 
 _STOPS: Final = {
     "smoothly": lm.STOP_SMOOTHLY,
@@ -102,13 +102,10 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: the chip has not been reset, or does not come out of it.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while (status := await self.status()) not in (0x84, 0xC4):
-            if await self.bus.now() > end:
-                raise NotReadyError(
-                    f"status {status:02X}h {longest} after reset; 84h or C4h is required"
-                )
-            await self.bus.delay("100us")
+        lacking = "status {0:02X}h {1} after reset; 84h or C4h is required"
+        await read_until(
+            self.bus, self.status, lambda status: status in (0x84, 0xC4), longest, "100us", lacking
+        )
         await self.rsti(0x0000)
         await self.wait_ready()
         if (status := await self.status()) not in (0x80, 0xC0):
@@ -233,17 +230,10 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: none is set after ``longest`` of chip time.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while True:
-            status = await self.status()
-            if status & bits:
-                return status
-            if await self.bus.now() >= end:
-                raise NotReadyError(
-                    f"status {status:02X}h after {format_instant(parse_duration(longest))};"
-                    f" none of the bits {bits:02X}h is set"
-                )
-            await self.bus.delay(every)
+        lacking = f"status {{0:02X}}h after {{1}}; none of the bits {bits:02X}h is set"
+        return await read_until(
+            self.bus, self.status, lambda status: status & bits != 0, longest, every, lacking
+        )
 
     async def move(
         self, pos: int, *, acc: int | None = None, vel: int | None = None, relative: bool = False,

@@ -315,12 +315,7 @@ class MC1241A(ChipSet):
         Raises:
             ValueError: no such axis, or a plant that does not take phase currents.
         """
-        if not 0 <= axis < self.axis_count:
-            raise ValueError(f"the {self.part} has no axis {axis + 1}")
-        if "phases" not in plant.TAKES:
-            raise ValueError(
-                f"the {self.part} gives phase currents; this plant takes {', '.join(plant.TAKES)}"
-            )
+        self.check_plant(axis, plant, "phases")
         self.cycles.connect(axis, plant)
         self._reckon()
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.client.aio.access import Packets, calls_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
-from vbus.core.errors import ChecksumError, NotReadyError
-from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.client.aio.waits import read_until
+from vbus.core.errors import ChecksumError
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
 """Profile modes as their ``SET_PRFL_`` commands call them."""
@@ -160,17 +160,10 @@ class Mc1241a(Mc1241aCalls):
         Raises:
             NotReadyError: none is set after ``longest`` of chip time.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while True:
-            status = await self.get_status()
-            if status & bits:
-                return status
-            if await self.bus.now() >= end:
-                raise NotReadyError(
-                    f"status {status:04X}h after {format_instant(parse_duration(longest))};"
-                    f" none of the bits {bits:02X}h is set"
-                )
-            await self.bus.delay(every)
+        lacking = f"status {{0:04X}}h after {{1}}; none of the bits {bits:02X}h is set"
+        return await read_until(
+            self.bus, self.get_status, lambda status: status & bits != 0, longest, every, lacking
+        )
 
     async def move(
         self, pos: int, *, vel: int | None = None, acc: int | None = None, longest: str = "60s"

@@ -272,11 +272,7 @@ class MCP1200(HostInterface):
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
-        if axis != 0:
-            raise ValueError(f"{self.part} has one axis, number 0, not {axis}")
-        if "drive" not in plant.TAKES and "pulses" not in plant.TAKES:
-            kinds = ", ".join(plant.TAKES)
-            raise ValueError(f"{self.part} gives drive or pulses; this plant takes {kinds}")
+        self.check_plant(axis, plant, "drive", "pulses")
         home = self.settings["home_switch"] != "none"
         encoder = self.axis.encoder
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)

@@ -6,8 +6,8 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.client.aio.access import RegisterCycles, calls_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
 from vbus.client.aio.twice import twice
-from vbus.core.errors import NotReadyError, ReadBackError
-from vbus.protocols.quantities import parse_duration
+from vbus.client.aio.waits import read_until
+from vbus.core.errors import ReadBackError
 
 PROFILE: Final = 0
 POSITION_INTERPOLATION: Final = 3
@@ -224,14 +224,9 @@ class Mcp1200(Mcp1200Calls):
         return await self.read_capture()
 
     async def _until(self, address: int, bits: int, level: int, longest: str) -> int:
-        end = await self.bus.now() + parse_duration(longest)
-        while True:
-            value = await self.cycles.read(address)
-            if value & bits == level:
-                return value
-            if await self.bus.now() >= end:
-                raise NotReadyError(
-                    f"R{address:02X}H is {value:02X}h after {longest};"
-                    f" of the bits {bits:02X}h, {level:02X}h must be set"
-                )
-            await self.bus.delay("500us")
+        wanted = f"of the bits {bits:02X}h, {level:02X}h must be set"
+        lacking = f"R{address:02X}H is {{0:02X}}h after {{1}}; {wanted}"
+        return await read_until(
+            self.bus, lambda: self.cycles.read(address), lambda value: value & bits == level,
+            longest, "500us", lacking,
+        )  # fmt: skip

@@ -10,6 +10,7 @@ from vbus.boardfile.key import NAMES, Below, Section, below, rows
 from vbus.boardfile.sections import BoardFile
 from vbus.cli.generate.layout import ROOT, filled, table
 from vbus.core.options import Option
+from vbus.core.signals.axis import DRIVES
 from vbus.core.values import units
 from vbus.core.values.settings import allowed, quoted
 from vbus.faults.row import AXIS, COUNTED, LINK, MESSAGES, NET, OF_BYTES, ONCE, WIRE, Fault
@@ -150,12 +151,11 @@ def _parts() -> list[str]:
 
 
 def _models() -> list[str]:
-    takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
     lines: list[str] = []
     for name in plugins.names(plugins.PLANTS):
         plant = plugins.plant_class(name)
         summary = (plant.__doc__ or "").strip().partition("\n")[0]
-        kinds = ", ".join(takes[kind] for kind in plant.TAKES)
+        kinds = ", ".join(DRIVES[kind] for kind in plant.TAKES)
         lines += _part(name, f"{summary} Takes: {kinds}.", plant.OPTIONS)
     return lines[:-1]
 

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from vbus.core.errors import PluginError, listen_errors
 from vbus.core.kernel import NS
-from vbus.views.names import plain
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
 from vbus.views.scope.recording import COMMAND, OTHER, READ, STATUS_READ, VIOLATED, WRITTEN
 from vbus.views.scope.rows import LaneTold, Row, Rows
+from vbus.views.wave.signals import plain
 
 try:
     import foxglove

@@ -160,7 +160,7 @@ def _chip_of(board: Any, name: str) -> Any:
 
 def _by_nets(chip: Any, data: str, channels: Sequence[str]) -> dict[str, str]:
     """Return channels by pin where they have the name of its wire, as in waves of a board."""
-    from vbus.views.names import bit_names, plain
+    from vbus.views.wave.signals import bit_names, plain
 
     by_name = {plain(channel): channel for channel in channels}
     found = {}

@@ -7,9 +7,10 @@ from vbus.board.board import Board
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
 from vbus.core.signals import Net, Observer
-from vbus.views.scope.frames import ALL, NOW, SAMPLES, Column, frame
+from vbus.views.scope.frames import ALL, NOW, Column, frame
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import LINE, NUMBER
+from vbus.views.scope.recording import Ticks, sample_frames
 from vbus.views.scope.rows import LaneTold, Rows
 
 
@@ -85,12 +86,9 @@ class PinRecorder(Observer):
         Args:
             column: how numbers are written.
         """
-        frames = []
-        for _, lane in self._nets:
-            times, values = lane.take_values()
-            if times:
-                columns = column([when - times[0] for when in times]), column(values)
-                frames.append(frame(SAMPLES, lane.number, len(times), times[0], *columns))
+        ticks = Ticks(column)
+        lanes = [lane for _, lane in self._nets if lane.times]
+        frames = [one for lane in lanes for one in sample_frames(lane, column, ticks)]
         return [*frames, frame(NOW, ALL, 0, self._board.now)]
 
     def leave_out(self) -> None:

@@ -15,11 +15,11 @@ from vbus.core.errors import CaptureError
 from vbus.core.signals import Observer, Pin, Violation
 from vbus.core.state import load, save
 from vbus.protocols.quantities import format_instant
-from vbus.views.names import bit_names
 from vbus.views.silicon.capture import Sample
 from vbus.views.silicon.channel_map import Wiring
 from vbus.views.silicon.outputs import UNKNOWN, Difference, OutputWatch
 from vbus.views.silicon.start import Start, watch_of
+from vbus.views.wave.signals import bit_names
 
 
 @dataclass(frozen=True, slots=True)
