@@ -5,27 +5,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import BENCH
 from tests.e2e.command import running, vbus
 from vbus import connect
-
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/x"
-"""
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
-    (tmp_path / "bench.toml").write_text(BOARD)
+    (tmp_path / "bench.toml").write_text(BENCH)
     for name, code in (("a", 0x02), ("b", 0x04)):
         options = ("--journal", tmp_path / f"{name}.vbj", "--coverage", tmp_path / f"{name}.json")
         with running(tmp_path / "bench.toml", *options), connect(f"unix:{tmp_path}/run/x") as bus:

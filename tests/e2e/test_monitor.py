@@ -9,30 +9,18 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests.boards import BENCH
 from tests.e2e.command import running, start, vbus
 from vbus import connect
 from vbus.cli.look.monitor import View, screen
 from vbus.client.bus import Bus
-
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/x"
-"""
 
 
 @pytest.fixture
 def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
     path = tmp_path / "bench.toml"
-    path.write_text(BOARD)
+    path.write_text(BENCH)
     return path
 
 
@@ -181,7 +169,7 @@ def test_a_host_that_moves_the_strobes_is_shown_like_any_other(board: Path, tmp_
         bus.release()
         bus.delay("1ms")
 
-    board.write_text(BOARD + f'[record]\njournal = "{tmp_path}/s.vbj"\n')
+    board.write_text(BENCH + f'[record]\njournal = "{tmp_path}/s.vbj"\n')
     with running(board):
         process = watch("--count", "2")
         with connect(f"unix:{tmp_path}/run/x") as bus:

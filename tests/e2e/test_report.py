@@ -5,24 +5,18 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import BENCH
 from tests.e2e.command import running, vbus
 from vbus import connect
 
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/x"
+BOARD = (
+    BENCH
+    + """\
 [record]
 journal = "{folder}/run.vbj"
 report = "{folder}/run.txt"
 """
+)
 ACCEPT = '[[suppress]]\nrule = "lm628.busy-write"\nreason = "known"\n'
 
 

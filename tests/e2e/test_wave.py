@@ -9,22 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import BENCH
 from tests.e2e.command import running, start, vbus
 from tests.waiting import until
 from vbus import connect
 from vbus.client.lm628 import Lm628
 
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/x"
+BOARD = (
+    BENCH
+    + """\
 [record]
 journal = "{folder}/run.vbj"
 [waves.late]
@@ -33,6 +26,7 @@ trigger = "violation"
 duration = "1 us"
 profile = "sigrok"
 """
+)
 
 
 @pytest.fixture

@@ -1,0 +1,17 @@
+"""Board files that tests of several files use; what a test adds stands in the test."""
+
+from typing import Final
+
+BENCH: Final = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x"
+"""
+"""One LM629 without a motor, in lockstep, at a Unix socket of the runtime directory."""
