@@ -168,8 +168,8 @@ def both(make: Callable[[type[HostBus]], Work]) -> tuple[Work, Work]:
     return make(RecordedBus), make(recorded(HostBus))
 
 
-_RECORDER = "unit/trace/test_recorder.py"
-_REPLAY = "unit/trace/test_replay.py, frozen"
+_RECORDER = "unit/views/test_recorder.py"
+_REPLAY = "unit/views/test_replay.py, frozen"
 WAYS = (
     Way("chips/base.py", "a chip at rest, left alone for 1000 samples", "differential, frozen",
         at_rest),
@@ -185,7 +185,7 @@ WAYS = (
     Way("record/again.py", "a driver played again", _REPLAY,
         lambda: replayed(journal.moves)),
     Way("cli/journal_lines.py", "a driver's journal explained",
-        "unit/tools/test_journal_lines.py", explained),
+        "unit/cli/test_journal_lines.py", explained),
 )  # fmt: skip
 
 

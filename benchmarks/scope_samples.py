@@ -3,8 +3,8 @@
 ``python benchmarks/scope_samples.py``.
 
 Three boards in turn: one watched by nobody; one asked by name for telemetry at each sample, by
-interpreted code; one recorded by :class:`vbus.views.scope.look.Look`. Frames are made every 50 ms,
-as a server makes them.
+interpreted code; one recorded by :class:`vbus.views.scope.axis_sampler.AxisSampler`. Frames are
+made every 50 ms, as a server makes them.
 """
 
 import argparse

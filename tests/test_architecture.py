@@ -31,13 +31,13 @@ TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples"
 ORDER = (
     "version", "core", "native", "compiled", "protocols", "chips", "plant", "glue", "plugins",
     "network", "client", "circuit", "events", "faults", "boardfile", "board", "record", "views",
-    "nodes", "transports", "serve", "cli", "testing", "__init__", "__main__",
+    "nodes", "campaign", "transports", "serve", "cli", "testing", "__init__", "__main__",
 )  # fmt: skip
 """Rooms, the lowest first: a room imports those before it, for type checkers and in functions too.
 A folder is a room, a file beside the folders too; see :data:`ROLES` for the folder of a chip."""
 PURE = {
     "core", "protocols", "chips", "plant", "glue", "circuit", "events", "faults", "boardfile",
-    "board", "record", "views", "nodes",
+    "board", "record", "views", "nodes", "campaign",
 }  # fmt: skip
 ASKS_THE_MACHINE = {"runtime", "wall_clock"}
 """Files of the ground floor that are not pure: where sockets are, and the clock on the wall."""
@@ -47,7 +47,6 @@ ROLES = {
     "compatible": "views",
     "upsets": "faults",
     "host": "client",
-    "access": "client",
     "calls": "client",
     "demo": "client",
     "generated": "client",

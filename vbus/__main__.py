@@ -7,7 +7,7 @@ def main() -> None:
     """Run the command line; Ctrl-C while it is still being imported ends it as later."""
     try:
         if sys.argv[1:] in (["--version"], ["-V"]):
-            from vbus.cli.version_line import version_line
+            from vbus.compiled import version_line
 
             print(version_line())  # without the parser of the command line, which takes longer
             return

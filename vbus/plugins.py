@@ -122,7 +122,7 @@ def family_of(part: str) -> Family:
     """Return the family behind a part number.
 
     Entry points of ``vbus.chips`` are named by the start of the part numbers they answer for; the
-    longest name that fits wins, so ``LM629`` may be somebody else's than ``LM62``. An entry is a
+    longest name that fits wins, so ``LM629`` may be of another package than ``LM62``. An entry is a
     :class:`~vbus.chips.family.Family`, or a chip class: a family of which nothing else is known.
 
     Raises:
@@ -162,7 +162,7 @@ def families() -> list[Family]:
 
 
 def family(name: str) -> Family:
-    """Return the family called ``name``; one of which nothing else is known if nobody has it.
+    """Return the family called ``name``; if no package has it, one of which nothing else is known.
 
     Where a board has chips of it, no other plug-in is loaded.
     """

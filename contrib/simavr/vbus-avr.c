@@ -29,6 +29,7 @@
 
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
+#include <simavr/avr_twi.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_core.h>
@@ -79,6 +80,11 @@ static struct {
     int until_port, until_bit, until_level;
     const char *awaited;
 
+    avr_twi_t *twi;
+    avr_irq_t *twi_in;
+    unsigned twi_port, scl, sda; /* where its pins are, a bit each */
+    unsigned twi_low;            /* those that it pulls low */
+
     int terminal, kept, pace;
     struct timespec began;
     avr_irq_t *uart_in;
@@ -126,10 +132,15 @@ static uint64_t cycle_at(uint64_t instant)
     return cycle;
 }
 
+/* The time of a request; bytes on the TWI may have been ahead of the instruction. */
 static uint64_t now(void *context)
 {
+    static uint64_t latest;
+    uint64_t instant = ps_of(sim.avr->cycle + sim.ahead);
+
     (void)context;
-    return ps_of(sim.avr->cycle + sim.ahead);
+    latest = instant > latest ? instant : latest;
+    return latest;
 }
 
 /* --- interrupt lines and other outputs of chips --------------------------------------------------- */
@@ -197,11 +208,20 @@ static avr_cycle_count_t look_at_outputs(avr_t *avr, avr_cycle_count_t when, voi
 
 /* --- ports ---------------------------------------------------------------------------------------- */
 
+static unsigned taken_by_the_bus(unsigned port);
+
 static void port_moved(struct port *port)
 {
     avr_t *avr = sim.avr;
     unsigned drive = avr->data[port->port->r_ddr], level = avr->data[port->port->r_port];
+    unsigned taken = taken_by_the_bus(port->number);
 
+    if (sim.twi != NULL && port->number == sim.twi_port && avr_regbit_get(avr, sim.twi->twen)) {
+        taken |= sim.scl | sim.sda;
+        drive = (drive & ~taken) | sim.twi_low;
+    }
+    drive &= ~taken | sim.twi_low;
+    level &= ~taken;
     if (sim.stop)
         return;
     if (sim.link.pins.drive[port->number] == drive && sim.link.pins.level[port->number] == level)
@@ -494,6 +514,30 @@ static unsigned on_the_bus(unsigned address)
     return (address & 0xFF) | ((address >> 8 & mine) | (port & ~mine & 0xFF)) << 8;
 }
 
+/* The bits of a port that are the memory interface while it is on: port A, the address lines of port C
+ * that XMM does not free, and /WR, /RD and ALE on port G. They are no port bits then. */
+static unsigned taken_by_the_bus(unsigned port)
+{
+    unsigned count;
+
+    if (sim.link.card.count == 0 || !(sim.avr->data[XMCRA] & SRE))
+        return 0;
+    count = sim.avr->data[XMCRB] & 7;
+    return port == 0 ? 0xFF : port == 2 ? (count == 7 ? 0 : 0xFF >> count) : port == 6 ? 0x07 : 0;
+}
+
+static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    static const unsigned PORTS[] = {0, 2, 6};
+    unsigned turn;
+
+    (void)param;
+    avr->data[address] = value;
+    for (turn = 0; turn < sizeof PORTS / sizeof *PORTS; turn++)
+        if (sim.ports[PORTS[turn]].port != NULL)
+            port_moved(&sim.ports[PORTS[turn]]);
+}
+
 /* One clock cycle more than internal memory, and the wait states of the sector. */
 static unsigned extra_cycles(unsigned address)
 {
@@ -525,7 +569,7 @@ static unsigned bus_access(struct access access, unsigned data)
         = card_table_find(&sim.link.card, address, access.kind == STORE);
 
     if (port == NULL) {
-        say_once("nobody answers on the external memory bus", address);
+        say_once("no chip answers on the external memory bus", address);
         return 0xFF;
     }
     if (port->answers && access.kind == STORE)
@@ -570,6 +614,106 @@ static avr_flashaddr_t run_with_a_bus(avr_t *avr)
             take_outputs();
     }
     return after;
+}
+
+/* --- TWI -------------------------------------------------------------------------------------------
+ *
+ * simavr's TWI speaks in bytes, and cares little for how long they take. Here they become moves of SCL
+ * and SDA: a bit every microsecond, one byte behind the other.
+ */
+
+static const struct {
+    const char *part;
+    char port;
+    unsigned char scl, sda;
+} TWI_PINS[] = {
+    {"atmega48", 'C', 5, 4}, {"atmega88", 'C', 5, 4}, {"atmega168", 'C', 5, 4}, {"atmega328", 'C', 5, 4},
+    {"atmega8", 'C', 5, 4}, {"atmega164", 'C', 0, 1}, {"atmega324", 'C', 0, 1}, {"atmega644", 'C', 0, 1},
+    {"atmega1284", 'C', 0, 1}, {"atmega16", 'C', 0, 1}, {"atmega32", 'C', 0, 1}, {"atmega640", 'D', 0, 1},
+    {"atmega128", 'D', 0, 1}, {"atmega256", 'D', 0, 1}, {"atmega64", 'D', 0, 1},
+};
+
+/* Let SCL and SDA be at these levels a third of a microsecond further on; what is on SDA then. */
+static unsigned twi_move(unsigned scl, unsigned sda)
+{
+    static uint64_t moved; /* at which cycle */
+    struct port *port = &sim.ports[sim.twi_port];
+
+    moved = (moved > sim.avr->cycle ? moved : sim.avr->cycle) + sim.frequency / 3000000;
+    sim.ahead = moved - sim.avr->cycle;
+    sim.twi_low = (scl ? 0 : sim.scl) | (sda ? 0 : sim.sda);
+    port_moved(port);
+    return (sim.link.pins.external[sim.twi_port] & sim.sda) != 0;
+}
+
+/* Nine bits, of which SDA is let go where they are 1; what has been on it. */
+static unsigned twi_bits(unsigned bits)
+{
+    unsigned place, found = 0;
+
+    for (place = 0; place < 9; place++) {
+        unsigned bit = bits >> (8 - place) & 1;
+
+        twi_move(0, bit);
+        found = found << 1 | twi_move(1, bit);
+        twi_move(0, bit);
+    }
+    return found;
+}
+
+static void twi_out(avr_irq_t *irq, uint32_t value, void *param)
+{
+    avr_twi_msg_irq_t message;
+    uint64_t own = sim.ahead;
+    unsigned found;
+
+    (void)irq;
+    (void)param;
+    message.u.v = value;
+    if (message.u.twi.msg & TWI_COND_START) {
+        twi_move(!(sim.twi_low & sim.scl), 1);
+        twi_move(1, 1);
+        twi_move(1, 0); /* the start, or one that is repeated */
+        found = twi_bits((unsigned)message.u.twi.addr << 1 | 1);
+        if (!(found & 1))
+            avr_raise_irq(sim.twi_in, avr_twi_irq_msg(TWI_COND_ACK, message.u.twi.addr, 1));
+    } else if (message.u.twi.msg & TWI_COND_WRITE) {
+        found = twi_bits((unsigned)message.u.twi.data << 1 | 1);
+        if (!(found & 1))
+            avr_raise_irq(sim.twi_in, avr_twi_irq_msg(TWI_COND_ACK, message.u.twi.addr, 1));
+    } else if (message.u.twi.msg & TWI_COND_READ) {
+        found = twi_bits(0x1FE | !avr_regbit_get(sim.avr, sim.twi->twea));
+        avr_raise_irq(sim.twi_in,
+                      avr_twi_irq_msg(TWI_COND_READ, message.u.twi.addr, (uint8_t)(found >> 1)));
+    }
+    if (message.u.twi.msg & TWI_COND_STOP) {
+        twi_move(0, 0);
+        twi_move(1, 0);
+        twi_move(1, 1);
+    }
+    sim.ahead = own;
+}
+
+static void open_twi(const char *part)
+{
+    avr_io_t *io = sim.avr->io_port;
+    unsigned turn = 0, count = sizeof TWI_PINS / sizeof *TWI_PINS;
+
+    while (turn < count && strncmp(part, TWI_PINS[turn].part, strlen(TWI_PINS[turn].part)) != 0)
+        turn++;
+    while (io != NULL && strcmp(io->kind, "twi") != 0)
+        io = io->next;
+    if (io == NULL || turn == count)
+        return;
+    sim.twi_port = (unsigned)(TWI_PINS[turn].port - 'A');
+    sim.scl = 1U << TWI_PINS[turn].scl;
+    sim.sda = 1U << TWI_PINS[turn].sda;
+    if (!(sim.ports[sim.twi_port].watched & sim.sda))
+        return; /* nothing is wired there */
+    sim.twi = (avr_twi_t *)io;
+    sim.twi_in = avr_io_getirq(sim.avr, AVR_IOCTL_TWI_GETIRQ(sim.twi->name), TWI_IRQ_INPUT);
+    avr_irq_register_notify(
+        avr_io_getirq(sim.avr, AVR_IOCTL_TWI_GETIRQ(sim.twi->name), TWI_IRQ_OUTPUT), twi_out, NULL);
 }
 
 /* --- UART ----------------------------------------------------------------------------------------- */
@@ -905,7 +1049,7 @@ int main(int argc, char **argv)
                         " what it knows\n", part);
         return USAGE;
     }
-    error = pin_link_open(&sim.link, link);
+    error = pin_link_open(&sim.link, link, 8);
     if (error < 0) {
         fprintf(stderr, "vbus-avr: %s: %s\n", link,
                 error == VBUS_E_SYSTEM ? strerror(sim.link.bus.system) : pin_link_strerror(error));
@@ -932,6 +1076,11 @@ int main(int argc, char **argv)
     sim.avr->sleep = do_not_sleep;
     find_ports();
     find_levels();
+    open_twi(part);
+    if (sim.link.card.count > 0) {
+        avr_register_io_write(sim.avr, XMCRA, write_control, NULL);
+        avr_register_io_write(sim.avr, XMCRB, write_control, NULL);
+    }
     if (missing_port() >= 0) {
         fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
                 'A' + missing_port(), part);

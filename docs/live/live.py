@@ -12,10 +12,10 @@ from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
+from vbus.testing import connect_in_process
 from vbus.testing.boards import for_test
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import BUDGET, HostWatch
-from vbus.views.scope.clauses import clause_frame
+from vbus.views.clauses import clause_frame
 from vbus.views.scope.page_file import one_file
 from vbus.views.scope.recording import Recorder
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from vbus.cli.look.picture import picture
+from vbus.cli.look.plot import picture
 
 COLOURS = ("#1f6fb4", "#c8432b", "#2e8b57", "#8a5bb5")
 

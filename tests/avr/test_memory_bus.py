@@ -7,6 +7,7 @@ import pytest
 
 from tests.avr.conftest import Compile
 from tests.avr.test_firmware import CLOCK, Run, run, transcript
+from vbus.board.build import load_board_text
 from vbus.cli.run.exec_avr import run_avr
 from vbus.core.errors import ConfigError
 
@@ -184,7 +185,7 @@ def test_an_address_nobody_has_and_a_bus_that_is_off_read_ffh_and_are_named(
         "vbus-avr: the external memory interface is off (SRE): address 8000, by the instruction at"
     )
     assert none == (
-        "vbus-avr: nobody answers on the external memory bus: address 9000, by the instruction at"
+        "vbus-avr: no chip answers on the external memory bus: address 9000, by the instruction at"
     )
 
 
@@ -230,5 +231,66 @@ def test_a_card_of_ports_does_not_fit_a_pin_map(run: Run, tmp_path: Path) -> Non
     with pytest.raises(ConfigError, match="both only if the card is the memory bus"):
         run(tmp_path / "none.elf", spec=MEGA, board=BOARD.replace("memory = true\n", ""))
     both = BOARD.replace('PE2 = "/RST"', 'PE2 = "/RD"')
-    with pytest.raises(ConfigError, match='"x" is on the card of a host with this map: leave out'):
+    with pytest.raises(ConfigError, match="or leave out all of its bus: a card reaches it, too"):
         run(tmp_path / "none.elf", spec=MEGA, board=both)
+
+
+BY_HAND = BOARD.replace(
+    'PE2 = "/RST"\n',
+    "".join(f'PA{bit} = "D{bit}"\n' for bit in range(8))
+    + 'PC0 = "/PS"\nPC7 = "!/CS"\nPG0 = "/WR"\nPG1 = "/RD"\n',
+)
+"""The ports that are the memory interface are wired to the chip as port bits, too."""
+
+
+def test_port_bits_are_the_bus_before_and_after_the_interface_is_on(
+    run: Run, firmware: Compile, transcript: Callable[[], list[str]]
+) -> None:
+    """While SRE is set ports A, C and G are the interface: what is written to them waits."""
+    elf = firmware(
+        CHIP
+        + """static uint8_t by_hand(void)
+        {
+            uint8_t data;
+
+            PORTC = 0x80;
+            PORTG = 0x01; /* /RD */
+            data = PINA;
+            PORTG = 0x03;
+            PORTC = 0;
+            return data;
+        }
+        int main(void)
+        {
+            PORTG = 0x03;
+            DDRG = 0x03;
+            DDRC = 0xFF;
+            say_hex(by_hand());
+            XMCRA = _BV(SRE);
+            say_hex(STATUS);
+            PORTC = 0x80;
+            DDRA = 0xFF;
+            PORTA = 0x1D;
+            PORTG = 0x02; /* /WR: no cycle, the pins are not those of port G */
+            PORTG = 0x03;
+            say_hex(STATUS);
+            DDRA = 0;
+            PORTC = 0;
+            XMCRA = 0;
+            say_hex(by_hand());
+            return 0;
+        }""",
+        "atmega2560",
+    )
+    assert run(elf, spec=MEGA, board=BY_HAND) == (0, ["84", "84", "84", "84"])
+    assert [line.partition(" x")[0] for line in transcript()] in (["x r 0 84"], ["x r 0 84"] * 4)
+
+
+def test_a_chip_on_the_card_is_wired_by_port_bits_wholly_or_not_at_all() -> None:
+    text = BY_HAND.replace('PG0 = "/WR"\n', "")
+    with pytest.raises(ConfigError) as told:
+        load_board_text(text)
+    assert (
+        'pinmaps.mega: "x" cannot be reached: /WR not wired; wire each to a port bit, or tie it'
+        ' with "low" or "high", or leave out all of its bus: a card reaches it, too'
+    ) in str(told.value)

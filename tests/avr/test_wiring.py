@@ -21,8 +21,9 @@ def cycles(path: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     ("layer", "part", "clock"),
-    [("avr_ports", "atmega328p", 16_000_000), ("avr_xmem", "atmega2560", 14_745_600)],
-)
+    [("avr_ports", "atmega328p", 16_000_000), ("avr_xmem", "atmega2560", 14_745_600),
+     ("avr_gpio_xmem", "atmega2560", 14_745_600)],
+)  # fmt: skip
 def test_a_driver_moves_two_axes_behind_a_decoder(
     layer: str, part: str, clock: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,7 +135,8 @@ def _display() -> str:
 MADE: Final = "what it needs was to be made by those"
 PROGRAMS: Final[dict[str, Callable[[], str]]] = {
     "docker": _docker, "pulseview": _display, "chromium": str, "sigrok-cli": str, "gdb": str,
-    "avr-gcc": str, "gcc": str, "picocom": str, "npm": str,
+    "avr-gcc": str, "gcc": str, "picocom": str, "npm": str, "arm-none-eabi-gcc": str,
+    "m68k-linux-gnu-gcc": str, "nasm": str,
 }  # fmt: skip
 """What vbus does not bring along: what else this machine may lack for it."""
 NO_PACKAGE: Final = ("no Docker engine answers", "no docker on this machine", "no display",

@@ -73,7 +73,7 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
         assert broken.count("\nx broke lm628.busy-write at 21") == 4
         assert reported[0].endswith("\n2 passed, 7 deselected in ")
         assert reported[1].endswith("\n2 failed, 7 deselected in ")
-        hangs = "HostStuck: the host hangs: it polled 10000 times and was told nothing new"
+        hangs = "HostStuck: the host hangs: it polled 10000 times and read nothing new"
         assert reported[1].count(f"\nE   vbus.serve.host_limits.{hangs}") == 2
         assert reported[1].count('under:   x.reset_status = "C4"') == 2
     say_what_is_left_out(typist)

@@ -179,7 +179,7 @@ def test_a_link_fault_that_cannot_act_says_why(tmp_path: Path) -> None:
         texts = [entry["text"] for entry in order("bench", "fault.log")]
         assert texts == [
             "there is no link host3: count the [[hosts]] from 0",
-            "nobody is connected to host0",
+            "no host is connected to host0",
         ]
 
 

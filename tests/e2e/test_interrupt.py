@@ -18,7 +18,7 @@ plant = "motor"
 model = "dc_motor"
 ''')
 from vbus.client.lm628 import Lm628
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 axis = Lm628(connect_in_process(board))
 axis.check_reset()
 axis.load_filter(kp=300, kd=2000)

@@ -31,8 +31,8 @@ from vbus.native import include_dir
 from vbus.protocols.frames import frame
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
+from vbus.serve.in_process import InProcessLink
 from vbus.serve.server import LinkSpec, Server
-from vbus.testing.in_process import InProcessLink
 from vbus.testing.limits import Limits
 from vbus.testing.programs import run_program
 from vbus.testing.serving import ServedBoard

@@ -21,7 +21,7 @@ from tests.e2e.test_scope import MOVE, drive, entries, link_in
 from tests.e2e.test_scope import folder as folder
 from tests.unit.faults.bench import build
 from tests.waiting import until
-from vbus.cli.look.feed import Feed
+from vbus.cli.sources import Feed
 from vbus.serve.registry import ask, status_path
 
 

@@ -12,7 +12,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import toy_board
 from tests.e2e.test_sessions import UNIX, connect
 from tests.waiting import until
-from vbus.cli.look.feed import Feed
+from vbus.cli.sources import Feed
 from vbus.core.errors import VbusError
 from vbus.serve.orders.watching import MOST_WAVE, RemoteWatcher, WaveView
 from vbus.serve.registry import watch_path

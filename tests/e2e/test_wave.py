@@ -82,6 +82,9 @@ def test_a_waveform_of_a_journal(folder: Path) -> None:
     done = vbus("wave", folder / "run.vbj", "-o", "/dev/full")
     assert done.returncode == 1
     assert "No space left on device" in done.stderr
+    (folder / "cut.vbj").write_bytes((folder / "run.vbj").read_bytes()[:-3])
+    done = vbus("wave", folder / "cut.vbj", "-o", folder / "c.vcd")
+    assert done.stderr.startswith(f"vbus: {folder / 'cut.vbj'}: ")
 
 
 @pytest.mark.slow

@@ -49,6 +49,25 @@ def test_a_plain_binary_does_the_same_on_every_run(example: str, tmp_path: Path)
     assert len(transcripts[0].splitlines()) > 50
 
 
+def test_a_card_with_a_reset_latch_beside_its_chip(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [require("cc"), "-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-I../mcp1200_c", "-o",
+         str(tmp_path / "program"), "vme_card.c", "../mcp1200_c/mcp1200_driver.c"],
+        cwd=EXAMPLES / "mcp1200_mmio", capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    board = EXAMPLES / "mcp1200_mmio" / "vme_card.toml"
+    done = subprocess.run(
+        vbus("exec", "--board", str(board), "--", str(tmp_path / "program")),
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "latch 00h", "status F8h, latch 01h", "moved, position reached",
+        "position 0 after the reset",
+    ]  # fmt: skip
+
+
 def test_it_can_be_watched_in_gdb(tmp_path: Path) -> None:
     """As the page "Bring your driver" says: each trapped access is a signal gdb passes on."""
     gdb = require("gdb")

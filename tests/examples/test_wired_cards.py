@@ -40,7 +40,7 @@ def run(board: Path, program: Path, transcript: Path) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("card", ["wired_card", "indexed_card"])
+@pytest.mark.parametrize("card", ["wired_card", "indexed_card", "ppi_card"])
 def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -> None:
     program, transcript = tmp_path / "move", tmp_path / "bus.txt"
     done = subprocess.run(
@@ -196,7 +196,7 @@ def test_a_program_that_polls_a_card_in_vain_is_ended_and_told_by_the_chips_own_
     assert done.returncode != 0
     said = done.stderr.splitlines()
     assert said[0] == (
-        "vbus: the program hangs: it polled 10000 times and was told nothing new, and nothing on"
+        "vbus: the program hangs: it polled 10000 times and read nothing new, and nothing on"
         " the board can change any more: x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE since 1us"
     )
     assert not [line for line in said if line.startswith("vbus: slot has")]

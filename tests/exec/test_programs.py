@@ -112,7 +112,7 @@ def test_every_form_of_in_and_out_becomes_byte_cycles(
         "byte 5a", "word 2211 11 22", "long 332211", "outsb 16", "insb 16 16", "words 2423 2423",
         "longs 434241", "immediate ff",
     ]  # fmt: skip
-    assert "nobody answers a write of 1 byte at port 0x20; it is lost" in done.stderr
+    assert "no chip answers a write of 1 byte at port 0x20; it is lost" in done.stderr
 
 
 def test_a_port_number_in_the_instruction_reaches_the_card(probe: Callable[..., Done]) -> None:
@@ -134,7 +134,7 @@ def test_an_access_nobody_answers_is_reported_once_with_its_place(
     done = probe("nobody")
     assert done.stdout.splitlines() == ["ff", "ff", "ff", "ff80"]
     lines = done.stderr.splitlines()
-    assert lines[0] == "vbus exec: nobody answers a read of 1 byte at port 0x7300; FFh is read"
+    assert lines[0] == "vbus exec: no chip answers a read of 1 byte at port 0x7300; FFh is read"
     assert "by the instruction at 0x" in lines[1]
     assert "/probe" in lines[1]
     assert lines[2] == "vbus exec: the card answers reads at 0x300 to 0x37f"

@@ -156,7 +156,7 @@ def test_a_write_that_nobody_takes_is_told_where_writes_are_answered(tmp_path: P
     card = 'base = 0x300\ndecode = "isa"\nchips = ["x"]'
     done = execute(tmp_path, board.format(time="lockstep", card=card), program)
     lines = done.stderr.splitlines()
-    assert lines[0] == ("vbus exec: nobody answers a write of 1 byte at port 0x304; it is lost")
+    assert lines[0] == ("vbus exec: no chip answers a write of 1 byte at port 0x304; it is lost")
     assert lines[2] == "vbus exec: the card answers writes at 0x300, 0x302, 0x308"
-    assert lines[3] == "vbus exec: nobody answers a read of 1 byte at port 0x302; FFh is read"
+    assert lines[3] == "vbus exec: no chip answers a read of 1 byte at port 0x302; FFh is read"
     assert lines[5] == "vbus exec: the card answers reads at 0x300, 0x304"

@@ -29,7 +29,7 @@ from vbus.views.coverage.formats import COVERAGE_FORMATS, as_text
 from vbus.views.findings.formats import FORMATS
 from vbus.views.findings.report import Report
 from vbus.views.findings.suppress import suppressions_of
-from vbus.views.scope.replayed import replayed
+from vbus.views.scope.recording import replayed
 from vbus.views.scope.rows import Rows
 
 VIEWS: Final = FOLDER / "views.toml"

@@ -35,7 +35,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.frames import frame
-from vbus.protocols.hello import decode_hello
+from vbus.protocols.info import decode_hello
 from vbus.protocols.port import HostPort
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine
 from vbus.protocols.terminal import TerminalProtocol

@@ -267,7 +267,7 @@ def difference(root: Path, mutant: Mutant) -> tuple[str, str]:
 
 ROLES: Final = {
     "packets": "vbus/views", "coverage": "vbus/views", "upsets": "vbus/faults",
-    "access": "", "calls": "", "host": "", "demo": "", "generated": "",
+    "calls": "", "host": "", "demo": "", "generated": "",
 }  # fmt: skip
 """What files of a chip's folder count for that are not its behaviour; clients are not mutated."""
 

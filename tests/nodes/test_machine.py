@@ -18,10 +18,10 @@ from vbus.core.errors import NodeMismatchError, SnapshotError
 from vbus.core.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, build_nodes, conductor_of, trace_hash
 from vbus.nodes.messages import Mark, Message, Need, NodeReport, Reports, decode, encode
+from vbus.nodes.node import merged
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
-from vbus.nodes.trace import merged
 from vbus.protocols.port import PortError
 
 FILE, SOURCE = read_board_text(BOARD, "four.toml")
@@ -375,7 +375,7 @@ def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
     part.receive(NodeReport("1", 1, 0, 0, 5, -1, ()))
-    with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
+    with pytest.raises(NodeMismatchError, match="node b has sent two different reports of round 0"):
         part.receive(NodeReport("1", 1, 0, 0, 6, -1, ()))
 
 

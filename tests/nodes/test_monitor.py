@@ -15,7 +15,7 @@ import pytest
 from tests.nodes.processes import Bench
 from tests.nodes.test_realtime import REAL, order
 from tests.waiting import PATIENCE
-from vbus.cli.look.feed import Together, boards_of
+from vbus.cli.sources import Together, boards_of
 from vbus.core.kernel import MS
 
 

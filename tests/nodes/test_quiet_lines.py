@@ -7,7 +7,7 @@ import pytest
 from tests.nodes.four_chips import Script
 from vbus.board.config import read_board_text
 from vbus.chips.lm628.axis import ServoAxis
-from vbus.chips.mcp1200.outputs import OutputPins
+from vbus.chips.mcp1200.output import OutputPins
 from vbus.core.kernel import US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of

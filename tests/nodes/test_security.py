@@ -109,7 +109,7 @@ def test_a_node_without_rights_is_told_and_the_right_one_still_waited_for(
         code, out = ended(computers.bench(name).start("b"))
         assert code == 4, out
         assert f'node b is not let in: the holder of the certificate "{name}" {may}' in out
-        assert "vbus/four/@nodes/**; see [zenoh.allow] of whoever listens there" in out
+        assert "vbus/four/@nodes/**; see [zenoh.allow] of the process that listens there" in out
     for process in (computers.bench("right").start("b"), first):
         code, out = ended(process)
         assert code == 0, out

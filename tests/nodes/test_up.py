@@ -260,6 +260,6 @@ def test_where_processes_meet_is_what_the_file_says_or_a_router_of_their_own(
     assert named == Meeting(endpoint, (), endpoint)
     hub = BOARD.replace("[nodes.b]", f'[nodes.b]\nlisten = "{endpoint}"')
     assert meeting(board=hub) == Meeting(said=f"{endpoint}, where node b listens")
-    with pytest.raises(TransportError, match=r"nobody listens at tcp/router\.invalid:7447"):
+    with pytest.raises(TransportError, match=r"no process listens at tcp/router\.invalid:7447"):
         meeting('[zenoh]\nconnect = ["tcp/router.invalid:7447"]\n')
     assert meeting(board=sharing(BOARD, all="abcd")) == Meeting()

@@ -77,10 +77,12 @@ def compile_for(shim: str, output: Path, *more: str | Path, compiler: str = "g++
     options = [
         word
         for before, word in pairwise(("", *words))
-        if before == "-include" or (word.startswith("-") and word != "-x")
+        if before in ("-include", "-wrapper") or (word.startswith("-") and word != "-x")
     ]
     built = {
-        word: _object_of(word, found, tuple(options)) for word in printed if word.startswith("/")
+        word: _object_of(word, found, tuple(options))
+        for before, word in pairwise(("", *printed))
+        if word.startswith("/") and before != "-wrapper"
     }
     _call(found, *WARNED, "-o", str(output), *(built.get(word, word) for word in words))
     return output

@@ -18,8 +18,8 @@ from vbus.core.kernel import MS, US
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.view import play
-from vbus.views.names import plain
 from vbus.views.silicon.start import watch_of
+from vbus.views.wave.signals import plain
 from vbus.views.wave.wave import Wave
 
 ROOT = Path(__file__).parents[2]

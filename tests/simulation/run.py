@@ -52,7 +52,7 @@ from vbus.serve.host_entry import HostEntry
 from vbus.serve.recording import Recording
 from vbus.serve.server import LinkSpec, Server
 from vbus.serve.session import Serving
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 from vbus.transports import zenoh as zenoh_transport
 from vbus.transports.base import Link
 from vbus.transports.states import DRAINING
@@ -287,7 +287,7 @@ class Simulation:
         self._now = board.now
         sessions = list(server.sessions())
         ports = [session.port for session in sessions]
-        under_way = server.departures.under_way
+        under_way = server.detached.under_way
         ports += [session.port for session in under_way]
         if {id(port) for port in board.ports} != {id(port) for port in ports}:
             raise Wrong(f"{len(board.ports)} ports are open, and {len(ports)} are held")
@@ -301,7 +301,7 @@ class Simulation:
         if files - set(self.system.files):
             raise Wrong("the descriptor of a session is closed")
         for session in sessions:
-            watched = set(session._hang_ups._callbacks)
+            watched = set(session._disconnects._callbacks)
             if watched - files:
                 raise Wrong("the descriptor of a session that is over is still watched")
             break
@@ -329,7 +329,7 @@ class Simulation:
             self.loop = SimulatedLoop(system)
             self.loop.set_exception_handler(self._raised)
             stall = self.random.choice(("catch_up", "slip"))
-            pacer = Pacer(self.board, stall, system.clock, system.clock)
+            pacer = WallClockPacer(self.board, stall, system.clock, system.clock)
             self.server = _Observed(
                 self, self.board, self.specs, report=self.reports.append, pacer=pacer,
                 settle=self.recording.settle,

@@ -3,24 +3,24 @@
 import sys
 
 import pytest
-from hypothesis import given, settings
 
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
+from vbus.campaign.plan import specimens
+from vbus.campaign.world import (
+    REFERENCE,
+    SPECIMEN,
+    World,
+    extremes,
+    possible,
+    with_settings,
+)
 from vbus.client.bus import Bus
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import SECOND
 from vbus.plugins import chip_class
-from vbus.testing.hostile import (
-    Extremes,
-    extremes,
-    failed,
-    find_weakness,
-    play,
-    scenarios,
-    with_extremes,
-)
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
+from vbus.testing.hostile import failed, find_weakness, play
 from vbus.testing.limits import HostStuck, HostWatch, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
 
@@ -70,7 +70,7 @@ def test_a_host_that_lives_with_every_legal_chip_has_no_weakness() -> None:
 def test_a_hang_is_found_and_shrinks_to_the_one_extreme_that_matters() -> None:
     weakness = find_weakness(BOARD, hasty, limits=FEW)
     assert weakness is not None
-    assert weakness.scenario == Extremes((("x", "reset_status", "C4"),))
+    assert str(weakness.world) == "specimen:+0us:x.reset_status=C4"
     assert weakness.reason == "the host hangs: it made more than 4000 bus cycles"
     assert weakness.outcome.transcript[-1].startswith("x RDSTAT C4H")
     assert 'reset_status = "C4"' in str(weakness)
@@ -79,9 +79,9 @@ def test_a_hang_is_found_and_shrinks_to_the_one_extreme_that_matters() -> None:
 def test_a_misread_is_found_by_the_judge() -> None:
     weakness = find_weakness(BOARD, impatient, wants_ready)
     assert weakness is not None
-    assert weakness.scenario.extremes in [
+    assert weakness.world.settings in [
         (("x", "busy", "worst"),),
-        (("x", "busy_jitter_clk", 680),),
+        (("x", "busy_jitter_clk", "680"),),
     ]
     assert weakness.reason == "gave up"
 
@@ -100,15 +100,15 @@ def test_one_search_is_as_good_as_another() -> None:
     assert found[0] == found[1]
 
 
-@given(scenarios(BOARD))
-@settings(max_examples=40)
-def test_every_scenario_is_a_board_file_without_mistakes_with_just_these_settings(
-    scenario: Extremes,
+@pytest.mark.parametrize("world", [*specimens(read_board_text(BOARD)[0], 5, 40)], ids=str)
+def test_every_specimen_is_a_board_file_without_mistakes_with_just_these_settings(
+    world: World,
 ) -> None:
-    file, _ = read_board_text(with_extremes(BOARD, scenario))
-    assert file.board.seed == (scenario.seed or 3)
-    given_keys = {key for _, key, _ in scenario.extremes}
-    assert set(file.chips[0].settings) == given_keys
+    file, _ = read_board_text(with_settings(BOARD, world))
+    assert file.board.seed == (world.seed or 3)
+    assert set(file.chips[0].settings) == {key for _, key, _ in world.settings}
+    assert possible(file, world) == (not world.settings)
+    assert possible(read_board_text(BOARD)[0], world)
 
 
 def test_what_the_board_file_fixes_is_not_varied() -> None:
@@ -126,13 +126,13 @@ def test_every_extreme_of_every_chip_is_accepted_by_its_chip(part: str) -> None:
     for row in rows:
         for value in row.extremes:
             assert value != row.default
-            load_board_text(with_extremes(text, Extremes((("x", row.name, value),))))
+            load_board_text(with_settings(text, World(SPECIMEN, "+0us", f"x.{row.name}={value}")))
 
 
 def test_real_time_is_refused_with_what_to_write() -> None:
     text = BOARD.replace("lockstep", "realtime")
     with pytest.raises(ConfigError, match='a hostile chip needs time = "lockstep"'):
-        play(text, patient, Extremes())
+        play(text, patient, REFERENCE)
 
 
 # -- programs ----------------------------------------------------------------------------------

@@ -271,7 +271,7 @@ def test_an_error_inside_the_board_ends_that_session_and_the_host_is_told(
         connect("zenoh:bench/y") as other,
     ):
         with monkeypatch.context() as patched:
-            patched.setattr("vbus.serve.time.pacer.Pacer.catch_up", broken)
+            patched.setattr("vbus.serve.time.pacer.WallClockPacer.catch_up", broken)
             with pytest.raises(TransportError, match=r"the session is over: internal error"):
                 bus.read(0)
         assert other.read(0) == 0x84

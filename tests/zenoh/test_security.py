@@ -13,9 +13,8 @@ from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.core.errors import TransportError
-from vbus.network.discovery import boards_on
 from vbus.network.security import Security, tokens, told
-from vbus.network.session import Network, close_session, open_session
+from vbus.network.session import Network, boards_on, close_session, open_session
 from vbus.serve.server import LinkSpec
 from vbus.transports.zenoh import ZenohTransport
 

@@ -53,7 +53,9 @@ def test_an_endpoint_somebody_has_is_named() -> None:
     ):
         open_session(listen=[endpoint], mode="router")
     close_session(session)
-    with pytest.raises(TransportError, match=f"{endpoint} cannot be reached: nobody listens there"):
+    with pytest.raises(
+        TransportError, match=f"{endpoint} cannot be reached: no process listens there"
+    ):
         open_session(connect=[endpoint], mode="client", wait=0.2)
 
 

@@ -129,7 +129,7 @@ def test_ls_finds_boards_by_a_router_and_says_when_there_is_none(processes: Proc
     assert places.endpoints_at(places.router_place()) == ()
     assert json.loads(listed().stdout) == []
     refused = listed("--zenoh", endpoint)
-    assert f"{endpoint} cannot be reached: nobody listens there" in refused.stderr
+    assert f"{endpoint} cannot be reached: no process listens there" in refused.stderr
 
 
 def test_a_program_that_forgets_to_close_its_link_says_good_bye_all_the_same() -> None:

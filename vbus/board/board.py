@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from vbus.faults.faults import Faults
 
 
-"""Version of the state hash: 1 is over nested tuples, 2 over fields by name."""
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Beyond:
     """What leads from the board of a node to other boards; see :class:`~vbus.nodes.node.Node`."""
@@ -179,7 +176,7 @@ class Board(Circuit):
         return port
 
     def end_leases(self) -> None:
-        """Somebody is about to touch the board: what was promised to hosts comes true first."""
+        """Carry out the cycles that leases promise, before anything else acts on the board."""
         for port in self.ports:
             port.leases.end()
 

@@ -12,7 +12,7 @@ from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.card import cards
 from vbus.board.card.card_bus import CLOCK, CardBus
-from vbus.board.card.card_interrupt import ACK, INT, add_interrupt
+from vbus.board.card.cards import ACK, INT, add_interrupt
 from vbus.board.config import read_board_file, read_board_text
 from vbus.boardfile.cards import SIGNALS
 from vbus.boardfile.lines import Path
@@ -176,7 +176,7 @@ def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
 
 
 def rest_of(net: NetSection) -> int | None:
-    """Return the level of a net that nobody drives; None: as its first pin rests."""
+    """Return the level of a net that no pin drives; None: as its first pin rests."""
     return _RESTS.get(net.rest)
 
 
@@ -244,8 +244,9 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
             blocks.append((reached.index(name), moved))
             start += card.block or max(row.offset for row in rows) + 1
         if card.bus:
-            all_of_it = [CardRow(offset, offset, offset) for offset in range(card.size)]
-            blocks.append((reached.index(card.name), all_of_it))
+            decoded = {row.offset for _, rows in blocks for row in rows}
+            others = [CardRow(at, at, at) for at in range(card.size) if at not in decoded]
+            blocks.append((reached.index(card.name), others))
         made = cards.card_of_rows(card.name, card.base, card.stride, blocks)
         made.memory, made.fixed, made.big_endian = card.memory, card.fixed, card.big_endian
         made.interrupt, made.signal = card.interrupt, SIGNALS.get(card.signal, 0)

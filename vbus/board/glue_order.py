@@ -45,7 +45,7 @@ def order_of(parts: list[Planned], root: Callable[[str], str], fail: Fail) -> li
     Args:
         parts: the parts.
         root: gives the name of the wire that a pin is on.
-        fail: is told of a loop.
+        fail: is called with a loop.
     """
     drivers: dict[str, list[Place]] = {}
     follows: dict[Place, tuple[str, ...]] = {}

@@ -201,7 +201,7 @@ class _Planner:
         if not blocks:
             self._fail(path, f"no output is wired: it does nothing; it has {listed(outputs)}")
         for block in blocks:
-            lacking = [pin for pin in block.inputs if pin not in have]
+            lacking = [pin for pin in block.inputs if pin not in have and pin not in block.outputs]
             if lacking:
                 self._fail(
                     path,
@@ -375,6 +375,9 @@ class _Planner:
                 named[name] = NetSection(
                     name=name, pins=(*known.pins, *more), rest=known.rest, delay=known.delay
                 )
+        for name, net in named.items():
+            if not net.pins:
+                self._fail(("nets", name), "a net joins at least one pin, of glue perhaps")
         self._plan.nets = [*named.values(), *added]
 
     def _fights(self, pins: list[str]) -> None:

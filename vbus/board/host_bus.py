@@ -55,8 +55,8 @@ class HostBus(HostPort):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 
     **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
-    (slaved), or one cycle time after the cycle before. While somebody observes the bus nets the
-    cycle is played as strobes on them; otherwise only its two decisive instants are computed.
+    (slaved), or one cycle time after the cycle before. While the bus nets are observed, the cycle
+    is played as strobes on them; otherwise only its two decisive instants are computed.
     Replies, instants and violations are the same.
 
     **On a node** in virtual time a cycle beyond the grant is ordered for its instants, and the host
@@ -158,7 +158,7 @@ class HostBus(HostPort):
         return pins.number(pins.lines, pins.line_names(), name, self.selection.selected)
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
-        """Decode a card address; None if nobody is there."""
+        """Decode a card address; None if no chip answers there."""
         return self._places[write].get(address)
 
     # -- choosing chips -----------------------------------------------------------------------

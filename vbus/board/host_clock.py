@@ -50,7 +50,7 @@ class HostClock:
         Args:
             chips: what the host can reach.
             timed: whether its strobes carry times; so they do once time has passed for a line that
-                it held, whoever let it pass.
+                it held, by its own DELAY or another host's.
         """
         self.timed = timed
         for chip in chips:

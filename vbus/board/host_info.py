@@ -1,4 +1,4 @@
-"""What a host is told of its board in the answer to HELLO."""
+"""The answer to HELLO: what a host learns of its board."""
 
 from vbus.board.card.cards import Card
 from vbus.board.host_selection import Selection
@@ -31,7 +31,7 @@ def port_info(
     chips, sides = selection.chips, pins.side_names()
     program = f"step={board.clock_step};" if card is not None or pin_map is not None else ""
     if card is not None:
-        program += card.program_text(pins.output_names())
+        program += card.program_text(lambda name: pins.output_of(board.find_pin(name)))
     return PortInfo(
         board.name,
         board.policy,

@@ -75,7 +75,7 @@ class HostLeases:
         return data, until
 
     def end(self) -> None:
-        """Somebody else is about to touch the board: what was promised comes true first."""
+        """Before anything else acts on the board: carry out the cycles that were promised."""
         until, self.until = self.until, 0
         if until > self._board.kernel.now:
             self._board.pass_until(until)

@@ -22,7 +22,7 @@ class HostPolls:
 
     Attributes:
         left: how many are still to be run; -1 if none are under way.
-        every_cycle: whether each must be run, though nobody could tell: for a journal.
+        every_cycle: whether each must be run, though the result is the same: for a journal.
     """
 
     STATE: ClassVar[Names] = ("left",)

@@ -95,11 +95,11 @@ class Selection:
 
     @property
     def names(self) -> str:
-        """What observers are told of the chips selected: ``"x"``, ``"x+y"``, ``"-"``."""
+        """How observers see the chips selected: ``"x"``, ``"x+y"``, ``"-"``."""
         return "+".join(chip.name for chip in self.selected) or "-"
 
     def observed(self) -> bool:
-        """Whether somebody looks at a bus net of the chips selected, which hosts drive."""
+        """Whether a bus net of the chips selected, which hosts drive, is observed."""
         if self.decoded and any(chip in self.decoded for chip in self.selected):
             return False
         for chip in self.selected:

@@ -60,7 +60,7 @@ def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.lent.clear()
     if breaking is not None:
         breaking.apply()
-    # Whoever is to be told of something is told now: it belongs to what is left behind.
+    # Pending events are sent now: they belong to the run that is left behind.
     board.kernel.settle()
     loading.apply()
     if breaking is not None:

@@ -15,8 +15,9 @@ from vbus.glue.part import GluePart
 if TYPE_CHECKING:
     from vbus.circuit.host_pins import HostPins
 
-PORT_BIT: Final = re.compile(r"[PR]([A-L])([0-7])")
-"""A port bit as an AVR (``PB3``) or a PIC (``RB3``) calls it."""
+_PORT_BIT: Final = re.compile(r"(?:[PR]([A-L])|IRQ)(1[0-5]|[0-9])")
+INTERRUPTS: Final = "M"
+"""The port that the interrupt inputs of a processor without ports are to a pin decoder."""
 
 DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 """Names of the single wires of D0-D7."""
@@ -24,6 +25,15 @@ DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
 LINE, BUS = "cb"
 """A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
+
+
+def port_bit(name: str) -> str:
+    """Return a port bit as the wiring text has it, such as ``B3``; empty if ``name`` is none.
+
+    An AVR or STM32 calls it ``PB3``, a PIC ``RB3``; ``IRQ5`` is an interrupt input of a processor.
+    """
+    match = _PORT_BIT.fullmatch(name)
+    return "" if match is None else (match[1] or INTERRUPTS) + match[2]
 
 
 class MappedPin(Struct, frozen=True):
@@ -77,10 +87,10 @@ def wires(
                 yield MappedPin("!" * inverted + source, chip, pin if dot else owner, path)
 
     for bit, names in pin_map.pins.items():
-        match = PORT_BIT.fullmatch(bit)
+        source = port_bit(bit)
         for path, name in below(bit, names):
-            if match is not None:
-                yield from ends(match[1] + match[2], name, path)
+            if source:
+                yield from ends(source, name, path)
     for key, level, tied in (("low", "0", pin_map.low), ("high", "1", pin_map.high)):
         for place, name in enumerate(tied):
             yield from ends(level, name, (key, place))
@@ -122,15 +132,16 @@ def wiring(
     glue: list[GluePart],
     pins: HostPins,
 ) -> str:
-    """Return the wiring text of a session: what its host's pin decoder is told.
+    """Return the wiring text of a session, for its host's pin decoder.
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
     with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is
-    side pin 3 (PIN), ``o2`` output line 2. See :class:`MappedPin` for the source.
+    side pin 3 (PIN), ``o2`` output line 2; a pin that goes both ways is both. See
+    :class:`MappedPin` for the source.
 
     Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
     control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and
-    RELEASE, SAMPLE).
+    RELEASE, SAMPLE). The same holds for the lines of a card's connector.
 
     Args:
         pin_map: the map; None: there is none.
@@ -150,7 +161,9 @@ def wiring(
     roles_of = {chip.name: roles(chip) for chip in chips}
     for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
         role = roles_of.get(wire.chip, {}).get(wire.pin)
-        if role is not None and by_name[wire.chip] not in decoded:
+        owner = by_name.get(wire.chip)
+        behind = owner is not None and (owner in decoded or owner.CONNECTOR)
+        if role is not None and not behind:
             entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
             continue
         if role is not None and role[0] == DATA:
@@ -161,11 +174,11 @@ def wiring(
         else:
             pin, rows = by_name[wire.chip].pins[wire.pin], by_name[wire.chip].pin_rows
         row = next(row for row in rows if row.name == wire.pin)
-        is_input = row.direction == "in"
-        kind, known = (SIDE, pins.sides) if is_input else (OUTPUT, pins.outputs)
-        if row.strobe:
-            kind, known = LINE, pins.lines
-        for number, other in enumerate(known):
-            if other.net is pin.net:
-                entries[f"{kind}{number}={wire.source}"] = None
+        both = row.direction == "io"
+        kinds = [(SIDE, pins.sides)] if both or row.direction == "in" else []
+        kinds += [(OUTPUT, pins.outputs)] if row.direction != "in" else []
+        for kind, known in [(LINE, pins.lines)] if row.strobe else kinds:
+            for number, other in enumerate(known):
+                if other.net is pin.net:
+                    entries[f"{kind}{number}={wire.source}"] = None
     return " ".join(entries)

@@ -121,7 +121,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
         wires: wire formats of its sessions, to keep half-sent requests too.
 
     Raises:
-        SnapshotError: a chip or a plant, maybe somebody else's, gives no state that can be kept.
+        SnapshotError: a chip or a plant, maybe a plug-in's, gives no state that can be saved.
     """
     wires = wires or {}
     state = board.save()
@@ -198,7 +198,7 @@ def _try(snapshot: Snapshot) -> None:
         SnapshotError: it cannot be loaded, does not run, or belongs to another instant.
     """
     if not snapshot.text:
-        return  # nobody knows how to build another board
+        return  # there is no board file to build another from
     twin = rebuild(snapshot)
     try:
         for host in snapshot.hosts:
@@ -296,8 +296,8 @@ def fork(board: Board, wires: Hosts | None = None) -> Board:
     What is done to one is not done to the other. Observers stay with the first.
 
     Raises:
-        SnapshotError: ``board`` was put together in Python, so nobody knows how to build another;
-            build one the same way and :func:`restore` a snapshot on it.
+        SnapshotError: ``board`` was put together in Python, so there is no file to build
+            another from; build one the same way and :func:`restore` a snapshot on it.
     """
     snapshot = take(board, wires)
     twin = rebuild(snapshot)

@@ -1,4 +1,4 @@
-"""Bus cycles of a host that moves the control lines itself, told as those of any other host."""
+"""Bus cycles of a host that moves the control lines itself, reported as those of any host."""
 
 from typing import ClassVar, Final
 
@@ -16,12 +16,12 @@ SETTLE_EVERY: Final = 4096
 class StrobeWatch(CycleTeller):
     """Sees a host's strobes as bus cycles; cycles played by the board itself are not seen here.
 
-    A cycle is told after the chip has acted on the edge that ends it. Chips of families whose bus
-    nobody has described are passed over, and so are those behind glue: what comes to these is seen
-    there, and told here.
+    A cycle is reported after the chip has acted on the edge that ends it. Chips of families without
+    a bus table are passed over, and so are those behind glue, whose cycles
+    :class:`~vbus.circuit.glue_cycles.GlueCycles` sees.
 
     Args:
-        board: the board, whose observers are told.
+        board: the board, whose observers get the cycles.
         label: the host's name.
         chips: chips whose strobes the host can move.
     """
@@ -32,7 +32,7 @@ class StrobeWatch(CycleTeller):
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
         self.found: Observer | None = None
-        """Is told of each cycle before the board's observers: for a journal."""
+        """Gets each cycle before the board's observers: for a journal."""
         self._board: Circuit = board
         self._label: str = label
         self._rows: list[BusLines] = []

@@ -68,8 +68,8 @@ class CardSection(Section, frozen=True, kw_only=True):
         bool, row("in wide accesses the byte at the lowest address is the most significant")
     ] = False
     interrupt: Annotated[str, row(
-        'output that interrupts the program, as "chip.pin"; several with '
-        'spaces: wired-OR')] = ""  # fmt: skip
+        'output that interrupts the program, as "chip.pin", of glue too; "!" in front: when it is '
+        'low; several with spaces: wired-OR')] = ""  # fmt: skip
     signal: Annotated[str, row(
         "signal an interrupt sends to the program",
         choices=tuple(SIGNALS), needs="interrupt")] = ""  # fmt: skip
@@ -127,5 +127,6 @@ class CardSection(Section, frozen=True, kw_only=True):
 
     @property
     def interrupting(self) -> tuple[str, ...]:
-        """The chips that interrupt."""
-        return tuple(output.partition(".")[0] for output in self.interrupt.split())
+        """The chips, or parts of glue, that interrupt."""
+        outputs = self.interrupt.split()
+        return tuple(output.removeprefix("!").partition(".")[0] for output in outputs)

@@ -29,12 +29,7 @@ def schema() -> Schema:
     """Return the schema, with the settings of every chip, plant and fault that is registered."""
     definitions: Schema = {}
     board = _section(BoardFile, definitions)
-    return {
-        "$schema": DRAFT,
-        "title": "vbus board file",
-        **board,
-        "definitions": definitions,
-    }
+    return {"$schema": DRAFT, "title": "vbus board file", **board, "definitions": definitions}
 
 
 def value(option: Option) -> Schema:
@@ -70,7 +65,7 @@ def _section(section: type[Section], definitions: Schema) -> Schema:
     common = rows(section)
     found = _table(common, extra)
     if section.KINDS:
-        # Which keys there are the kind says; a kind nobody knows is for vbus check.
+        # The kind says which keys there are; an unknown kind is for vbus check.
         key = section.KINDS.key
         known: list[str] = []
         del found["additionalProperties"]

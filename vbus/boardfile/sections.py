@@ -10,6 +10,7 @@ from typing import Annotated, Final
 
 from vbus import plugins
 from vbus.boardfile.cards import CardSection
+from vbus.boardfile.cpu import CpuSection
 from vbus.boardfile.key import NAME, Further, Kinds, Names, Section, Wires, row
 from vbus.chips.base import Chip
 from vbus.core.errors import ConfigError
@@ -343,6 +344,7 @@ class BoardFile(Section, frozen=True, kw_only=True):
     buses: tuple[BusSection, ...] = ()
     cards: tuple[CardSection, ...] = ()
     pinmaps: tuple[PinMapSection, ...] = ()
+    cpu: CpuSection = CpuSection()
     nodes: tuple[NodeSection, ...] = ()
     hosts: tuple[HostSection, ...] = ()
     record: RecordSection = RecordSection()

@@ -78,7 +78,7 @@ class Source:
 
     @cached_property
     def _lines(self) -> TomlLines:
-        """Where keys stand: nobody asks about a file without mistakes."""
+        """Where keys stand; only a file with mistakes needs it."""
         return TomlLines(self.text)
 
     @classmethod

@@ -21,6 +21,7 @@ from vbus.core.signals import (
     ValueTable,
     Violation,
 )
+from vbus.core.signals.axis import DRIVES
 from vbus.core.state import UNDECLARED, Names
 
 OUTPUT: Final = 0
@@ -43,7 +44,7 @@ CONNECTOR_FAMILY: Final = "card"
 class Chip:
     """Base of all chips.
 
-    A chip is lazy: it computes its state when somebody looks at it (:meth:`advance`), or, while
+    A chip is lazy: it computes its state when it is asked (:meth:`advance`), or, while
     one of its outputs is joined to another part or observed, at each instant an output may
     change (:meth:`due`).
 
@@ -224,6 +225,25 @@ class Chip:
         """
         raise NotImplementedError
 
+    def check_plant(self, axis: int, plant: Plant, *drives: str) -> None:
+        """Refuse a plant for an axis (0-based) that is not there, or that takes no such drive.
+
+        Args:
+            axis: its number.
+            plant: the mechanics.
+            drives: the kinds of drive the chip gives, of which the plant must take one.
+
+        Raises:
+            ValueError: says which axes there are, or what the plant takes.
+        """
+        if not 0 <= axis < self.axis_count:
+            raise ValueError(f"the {self.part} has no axis {axis + 1}; it has {self.axis_count}")
+        if not any(drive in plant.TAKES for drive in drives):
+            given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
+            raise ValueError(
+                f"the {self.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
+            )
+
     # -- what few families answer otherwise --------------------------------------------------
 
     def undriven(self, axis: int) -> str:
@@ -240,12 +260,20 @@ class Chip:
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return what a driver has begun and not ended, or never done, when its run ends.
 
-        Nothing is filed, and nothing changes: whoever ends a run asks once.
+        Nothing is filed, and nothing changes: it is asked once, at the end of a run.
 
         Returns:
             a rule of severity note, and a sentence for people, for each.
         """
         return []
+
+    def hint(self, rule: str, when: int) -> str:
+        """Return what a host should know of a rule it has broken at an instant (ps); "" if nothing.
+
+        Returns:
+            a sentence for people, which names the setting or command that helps.
+        """
+        return ""
 
     def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
@@ -280,7 +308,7 @@ class Chip:
         """
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-        """Return the edges of a whole bus cycle, for when somebody watches the bus.
+        """Return the edges of a whole bus cycle, for observed buses.
 
         The same cycle has the same edges, whatever the chip's state: a host asks once. Only a
         :attr:`CONNECTOR` is asked each time.
@@ -347,7 +375,7 @@ class Chip:
         return level == STRICT and rule.severity == "error"
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen to an output: be eager or lazy from now on."""
+        """An output has its first listener, or none any more: be eager or lazy from now on."""
         heard = any(pin.net.heard for pin in self.pins.values() if pin.on_heard is not None)
         if heard:
             # Maybe to another output than before.

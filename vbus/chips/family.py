@@ -20,8 +20,8 @@ _T = TypeVar("_T")
 class Family(Struct, frozen=True):
     """What tools ask of a chip family.
 
-    What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by whoever asks
-    for it: a client loads no behaviour, a board no client. A tool does without what is left out.
+    What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by its user
+    alone: a client loads no behaviour, a board no client. A tool does without what is left out.
 
     Attributes:
         name: the family's, which its rules begin with.
@@ -35,7 +35,7 @@ class Family(Struct, frozen=True):
         packets: what reads cycles in the manual's words, a ``Decoder``; made from the register map
             if left out.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
-        upsets: what faults can do inside its chips, an ``Upsets``.
+        upsets: what faults can do inside its chips, an ``ChipFaults``.
         limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.
@@ -157,7 +157,7 @@ class Family(Struct, frozen=True):
 
     @property
     def values(self) -> ValueTable:
-        """What a chip has inside, and what is told of it."""
+        """What a chip has inside, and how it is shown."""
         values: ValueTable = self._of_chip("VALUES", ValueTable())
         return values
 

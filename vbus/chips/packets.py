@@ -168,7 +168,7 @@ class Decoder:
 class CommandPackets(Decoder):
     """Command bytes and the words behind them, high byte first.
 
-    A packet is told once all its words have moved; a command before that cuts it short.
+    A packet is given once all its words have moved; a command before that cuts it short.
     """
 
     COMMANDS: CommandTable
@@ -177,7 +177,7 @@ class CommandPackets(Decoder):
     CUT_SHORT: str = ""
     """Clause about packets that are cut short."""
     DROPPED: str = ""
-    """What is told of half a word that was cut off."""
+    """The text for half a word that was cut off."""
     UNWANTED: str = ""
     """Clause about data that belongs to no packet."""
 
@@ -281,7 +281,7 @@ class CommandPackets(Decoder):
 class RegisterPackets(Decoder):
     """Bytes of registers; a register of several bytes is a packet once all of them have moved.
 
-    One of which only some have moved is told a thousand bus cycles later, or at the end.
+    One of which only some have moved is given a thousand bus cycles later, or at the end.
     """
 
     ROWS: RegisterMap

@@ -12,7 +12,7 @@ class PinRow(NamedTuple):
     Attributes:
         name: as the manual prints it, with slash or tilde.
         direction: ``"in"``, ``"out"``, ``"io"`` or ``"od"`` (open drain, can only pull low).
-        rest: level read while nobody drives the net.
+        rest: level read while no pin drives the net.
         width: wires in the bundle (8 for D0-D7).
         strobe: a control line of the host bus, numbered for the LINES request.
         select: the chip's own select line, which a shared bus does not join.
@@ -40,8 +40,8 @@ class CardRow(NamedTuple):
 
     Attributes:
         offset: from the card's base address.
-        read: chip address a read goes to, or None if nobody answers.
-        write: chip address a write goes to, or None if nobody answers.
+        read: chip address a read goes to, or None if no chip answers.
+        write: chip address a write goes to, or None if no chip answers.
         bits: data bits the card drives in a read; the others float high.
     """
 
@@ -202,7 +202,7 @@ class Register(NamedTuple):
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
-        on_loaded: method of the chip that is told when its least significant byte has been stored.
+        on_loaded: method of the chip, called when its least significant byte has been stored.
     """
 
     name: str
@@ -228,8 +228,8 @@ class Register(NamedTuple):
     @property
     def moves(self) -> bool:
         """Whether samples change its number, not only its host."""
-        told = self.counts == REPORTED and (self.unit != "" or self.access == "r")
-        return not self.fields and (told or self.on_read != "")
+        reported = self.counts == REPORTED and (self.unit != "" or self.access == "r")
+        return not self.fields and (reported or self.on_read != "")
 
     @property
     def low(self) -> int:

@@ -42,8 +42,8 @@ MOST_STEPS: Final = 2000
 class Fights(Task):
     """Outputs that disagree on wires of a card's bus, until everything has followed the strobe.
 
-    A transceiver turns round and a chip lets go in one go: which of them comes first is nothing
-    that a real circuit could be told.
+    A transceiver turns round and a chip lets go at the same instant. Which of them comes first is
+    the order of this program, not of a circuit, so only what remains is reported.
     """
 
     WIRING: ClassVar[Names] = ("*",)
@@ -97,7 +97,7 @@ class Circuit:
         self.granted: bool = False
         """Whether the board is a node in virtual time: nothing may happen beyond :attr:`limit`."""
         self.sliced: bool = False
-        """Whether somebody brings a held host's time about in slices; set by the pacer."""
+        """Whether a held host's time passes in slices; set by the pacer."""
         self.caught: i64 = 0
         """The instant up to which every chip has been brought (ps)."""
         self.chips: list[Chip] = []
@@ -118,7 +118,7 @@ class Circuit:
         self.stream: PacketStream | None = None
         """One of the observers, while anybody reads packets: all readers have the same."""
         self.listeners: list[Observer] = []
-        """Observers that are told of violations only: bus cycles cost nothing for them."""
+        """Observers of violations only: bus cycles cost nothing for them."""
         self.violations: deque[Violation] = deque(maxlen=1000)
         """The latest violations; :attr:`counters` has the totals."""
         self._counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
@@ -130,7 +130,7 @@ class Circuit:
         self._fights: Fights = Fights(self.kernel, self._fight)
         self._on_clash: Callable[[Net], None] = self._clash  # one for all nets
         self.disturbed: bool = False
-        """Whether a fault is armed, so that nobody can promise what comes."""
+        """Whether a fault is armed, so that no lease can be given."""
 
     # -- building -----------------------------------------------------------------------------
 
@@ -288,7 +288,7 @@ class Circuit:
         self.catch_up()
 
     def pass_until(self, when: i64) -> None:
-        """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy by :data:`STRETCH`
+        """Let time pass to ``when`` (ps). Chips without listeners stay lazy by :data:`STRETCH`
         at the most, so that no single step takes long and Ctrl-C is heard; see :meth:`catch_up`.
 
         Raises:
@@ -345,7 +345,7 @@ class Circuit:
         return END
 
     def end_leases(self) -> None:
-        """Somebody is about to touch the board: what was promised to hosts comes true first."""
+        """Carry out the cycles that leases promise, before anything else acts on the board."""
 
     def next_due(self) -> int:
         """Return the next instant at which something watched may happen (ps)."""
@@ -379,6 +379,12 @@ class Circuit:
             for rule, text in chip.left_over()
             if self.violation_policy.of(rule.name)
         ]
+
+    def hints(self, violations: Iterable[Violation]) -> list[str]:
+        """Return what a host should know of violations beside what they say, each sentence once."""
+        by_name = self._by_name
+        hints = [by_name[v.chip].hint(v.rule, v.when) for v in violations if v.chip in by_name]
+        return list(dict.fromkeys([text for text in hints if text]))
 
     def _clash(self, net: Net) -> None:
         if net.guard is not None:

@@ -1,4 +1,4 @@
-"""Bus cycles that reach chips through glue or a card's bus, told as those of any other host."""
+"""Bus cycles that reach chips through glue or a card's bus, reported as those of any host."""
 
 from collections.abc import Iterable
 from typing import ClassVar
@@ -17,7 +17,7 @@ Ended = tuple[str, bool, int, int]
 
 
 class CycleTeller:
-    """A host, as far as cycles are told that come of what it does."""
+    """A host whose cycles at chips are reported."""
 
     WIRING: ClassVar[Names] = ("*",)
 
@@ -53,7 +53,7 @@ class GlueCycles:
 
     Hosts move lines before the glue, or a card's bus; what comes of that at a chip is a cycle of
     the host that moved something last. Chips written at one instant are written together. Cycles
-    of families whose bus nobody has described are not seen.
+    of families without a bus table are not seen.
 
     Args:
         kernel: the board's time.
@@ -63,7 +63,7 @@ class GlueCycles:
     Attributes:
         chips: those chips.
         by: who moves something now; None: a host that reaches the chips themselves.
-        noted: takes instants and cycles, whoever wants to know of them; None: nothing does.
+        noted: takes instants and cycles, also where no observer asks for them; or None.
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
@@ -152,7 +152,7 @@ class BusLines:
         self._nets: list[Net] = []
         self._levels_of: dict[int, tuple[int, ...]] = {}
         self._busy: list[bool] = []
-        """By levels, once somebody has asked."""
+        """By levels, once they have been asked for."""
         self._ends: dict[int, list[Ended]] = {}
         """By what was on the data bus and levels before and after."""
 

@@ -17,7 +17,7 @@ from vbus.protocols.port import PortError
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
 MOST_CYCLES: Final = 4096
-"""So many different bus cycles are kept as edges."""
+"""Most different bus cycles that are remembered as edges."""
 
 
 class CycleEdge:
@@ -121,6 +121,11 @@ class HostPins:
     def output_names(self) -> list[str]:
         """Return the names of the output lines, ``"chip.pin"``."""
         return [self._full_name(pin) for pin in self.outputs]
+
+    def output_of(self, pin: Pin) -> int:
+        """Return the number of the output line that a pin is on; -1: none of this host's."""
+        nets = [output.net for output in self.outputs]
+        return next((place for place, net in enumerate(nets) if net is pin.net), -1)
 
     def _full_name(self, pin: Pin) -> str:
         owner = next(name for name, pins in self._owners if pins.get(pin.name) is pin)

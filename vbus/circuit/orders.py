@@ -58,7 +58,7 @@ class Order(msgspec.Struct, frozen=True):
 
 
 class Orders:
-    """Runs bus cycles with their latching edges at given instants, whoever moves the board's time.
+    """Runs bus cycles with their latching edges at given instants, on the board's own timers.
 
     At its instant an order comes after what the chips do of themselves and after edges that
     arrive from other nodes. Orders of one instant run in the order they were given.
@@ -86,7 +86,7 @@ class Orders:
         self.results: dict[int, int] = {}
         """Bytes read, by the number of the order, until :meth:`result` takes them."""
         self.made: Callable[[list[object]], None] = _nobody
-        """Is told of each bus cycle: instant, host, chips, write, address, data."""
+        """Called for each bus cycle: instant, host, chips, write, address, data."""
         self._kept: set[int] = set()
         self._timer: Timer = board.kernel.timer(self._due, saved)
         self._steps: list[Step] = []
@@ -170,7 +170,7 @@ class Orders:
             self._done(number, order, self._latch(order, chips))
 
     def _look(self, number: int, order: Order, chips: list[Chip]) -> None:
-        """Split the cycle into its steps: strobes if somebody sees them."""
+        """Split the cycle into its steps: strobes if the bus is observed."""
         now = self.board.kernel.now
         when = max(order.when, now)
         if order.kind == PIN or not chips:

@@ -17,7 +17,7 @@ NO_SETTINGS: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
 class PlainPackets(Decoder):
-    """For chips nobody has written a decoder for: each cycle is shown as it is."""
+    """For chips without a decoder: each cycle is shown as it is."""
 
     def take(self, cycle: Cycle) -> list[Packet]:
         """Show the cycle."""
@@ -113,7 +113,7 @@ class PacketTaker(PacketReader):
 
 
 class PacketStream(Observer):
-    """Makes packets of the bus cycles of a board, or of a journal, and passes on all it is told.
+    """Makes packets of the bus cycles of a board, or of a journal, and passes all events on.
 
     Chips written together (``"x+y"``) have a decoder each.
 

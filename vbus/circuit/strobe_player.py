@@ -1,4 +1,4 @@
-"""Whole bus cycles as edges on the nets, for when somebody watches the bus."""
+"""Whole bus cycles as edges on the nets, for observed buses."""
 
 from collections import deque
 from typing import ClassVar
@@ -143,7 +143,7 @@ class StrobePlayer:
         self._kernel.settle()
         return together(chips)
 
-    # A whole cycle moves lines only while somebody observes them. So what it leaves of them decides
+    # A whole cycle moves lines only while they are observed. So what it leaves of them decides
     # about nothing: before another host's cycle its host lets go of them, and before a host moves
     # lines itself, they and what the chip knows of edges are as hosts have left them by hand.
 

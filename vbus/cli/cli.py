@@ -10,7 +10,7 @@ from typing import Any, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.version_line import version_line
+from vbus.compiled import version_line
 from vbus.core.errors import (
     CaptureError,
     ConfigError,
@@ -51,6 +51,7 @@ _GROUPS: Final = {
         "coverage": "Show what a driver has used.",
         "conform": "Compare a capture of a chip.",
         "fault": "Break a board on schedule.",
+        "campaign": "A program in broken worlds.",
     },
     "Network": {
         "attach": "A board elsewhere as a PTY.",
@@ -164,7 +165,7 @@ def _run(arguments: list[str] | None) -> int:
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has seen enough; do not complain at exit either.
+        # The reader of our output has gone; do not complain at exit either.
         _write_no_more()
         return exit_codes.FAILURE
     except OSError as error:

@@ -2,17 +2,16 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import Final
 
-from vbus.board.board import Board
 from vbus.chips.base import CONNECTOR_FAMILY
 from vbus.chips.packets import STATUS, CommandPackets, Cycle, Packet
 from vbus.circuit.stream import PacketReader, PacketStream, PacketTaker
-from vbus.cli.output import Line, bar, reading
+from vbus.cli.output import Line
+from vbus.cli.sources import opened
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS
 from vbus.core.signals import Violation
@@ -29,50 +28,19 @@ def instant(ps: int) -> str:
     return format_instant(ps) if ps >= 0 else f"{ps} ps"
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[JournalReader]:
-    """Open a journal.
-
-    Raises:
-        JournalError: it is none.
-        VbusError: it cannot be read.
-    """
-    with reading(path) as file:
-        yield JournalReader(file)
-
-
-@contextmanager
-def progress(path: Path, reader: JournalReader, what: str, quiet: bool) -> Iterator[None]:
-    """Show a bar on a terminal while a journal is read."""
-    with bar(what, path.stat().st_size, lambda: reader.position, quiet) as reader.moved:
-        yield
-
-
-def recorded_board(path: Path, header: Header) -> Board:
-    """Build the board of a journal.
-
-    Raises:
-        VbusError: its board was made in Python.
-    """
-    from vbus.nodes.machine import board_of
-
-    return board_of(header, str(path))
-
-
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:
     """Give a journal in the manual's words, all of it or some entries.
 
     Lines on a terminal are progress enough: there is a bar only while they go elsewhere.
     """
-    with opened(path) as reader:
+    quiet = quiet or last is not None or sys.stdout.isatty()
+    with opened(path, "decoding", quiet) as reader:
         if last is not None:
             yield from _entries(reader, first, last)
             return
         header = _header(reader.header)
         yield Line(f"# {path}: {header}", journal=str(path), header=header)
-        quiet = quiet or sys.stdout.isatty()
-        with progress(path, reader, "decoding", quiet):
-            yield from _explained(reader)
+        yield from _explained(reader)
         for text in map(_went_back, reader.jumps):
             yield Line(f"# {path}: {text}", journal=str(path), jump=text)
         if reader.damage:
@@ -191,12 +159,12 @@ class _Lines(PacketReader):
         if text is not None:
             self._put(when, text, times, when + (times - 1) * span)
             return
-        told = ""
+        line = ""
         for turn in range(times):
-            before = told
-            told = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
-            if turn == 1 and told and told == before:  # so does each of the rest
-                self._put(when + span, told, times - 2, when + (times - 2) * span)
+            before = line
+            line = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
+            if turn == 1 and line and line == before:  # so does each of the rest
+                self._put(when + span, line, times - 2, when + (times - 2) * span)
                 return
             when += span
 

@@ -6,10 +6,13 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.core.kernel import MS
 from vbus.core.signals import Observer
+from vbus.nodes.machine import board_of
+from vbus.record.format import JournalReader
+from vbus.record.replay import Replay
 
 _DRIVES: Final = ("drive", "command")
 _SIZES: Final = ("error", "velocity", "profile")
-"""Lanes of which the greatest size is told."""
+"""Lanes whose greatest size is reported."""
 _REVERSALS: Final = 6
 """Turns to and fro after which an axis is said to oscillate."""
 _NOISE: Final = 2
@@ -32,7 +35,7 @@ class _AxisPath:
         reversals: how often it has turned.
         desired: the profile's position at the last look.
         idle: looks in a row that found the profile running and no drive.
-        idled: whether they were enough to be told.
+        idled: whether they were enough to be reported.
         undriven: why the chip could not move it at the last look; "" if it could.
         in_vain: the same at looks between which its profile ran.
         largest: the greatest size at any look, by lane (:data:`_SIZES`).
@@ -105,6 +108,10 @@ class _AxisPath:
         return ", ".join(parts)
 
 
+MOST_PLAYED: Final = 100_000
+"""Bus cycles of a run that is played again for what became of its axes: some seconds."""
+
+
 class AxisOutcomes(Observer):
     """Looks at the axes of a board once in a millisecond, at bus cycles.
 
@@ -151,13 +158,37 @@ class AxisOutcomes(Observer):
                 speed = chip.VALUES.lane("velocity")
                 course.unit = speed.unit if speed is not None else ""
 
-    def lines(self, sizes: bool = True) -> list[str]:
-        """Return a sentence for each axis.
+    def brief(self) -> list[str]:
+        """Return where each axis is that has moved or is to: of a board looked at now and then."""
+        return [
+            f"{axis}: began at {course.first:g} counts, ended at {course.last:g}"
+            + ("" if course.desired is None else f"; its profile is at {course.desired:g}")
+            + (f"; {course.undriven}" if course.undriven else "")
+            for axis, course in self._courses.items()
+            if course.first != course.last or course.desired not in (None, course.last)
+        ]
 
-        Args:
-            sizes: whether it has the greatest error and speed, which hang on when was looked.
-        """
-        if not sizes:
-            for course in self._courses.values():
-                course.largest.clear()
+    def lines(self) -> list[str]:
+        """Return a sentence for each axis."""
         return [f"{axis}: {course.sentence()}" for axis, course in self._courses.items()]
+
+
+def axes_played(reader: JournalReader, name: str) -> tuple[list[str], Board]:
+    """Play a recorded run again.
+
+    Args:
+        reader: its journal, read from the beginning.
+        name: of the journal, for messages.
+
+    Returns:
+        A sentence for each axis, and the board at the end.
+
+    Raises:
+        VbusError: its board cannot be made again.
+    """
+    board = board_of(reader.header, name)
+    outcomes = AxisOutcomes(board)
+    board.observe(outcomes)
+    Replay(board, reader, reader.header.families).run()
+    outcomes.look()
+    return outcomes.lines(), board

@@ -14,7 +14,7 @@ from vbus.core.errors import VbusError, read_errors
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
 SCOPE_ADDRESS: Final = "127.0.0.1:0"
-"""Where the scope's page is served if nobody says so: any free port, for this computer alone."""
+"""Where the scope's page is served by default: any free port, for this computer alone."""
 
 _RECORDS: Final = (
     ("--journal", "FILE", "Write every call of every host to FILE."),

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import IO, Final
 
-from vbus.cli.ending import end_with_parent
+from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
 from vbus.core.errors import VbusError
 
@@ -149,9 +149,7 @@ class Processes:
         return child
 
     def until(
-        self,
-        condition: Callable[[], bool],
-        may_end: Callable[[Child], bool] = lambda child: False,
+        self, condition: Callable[[], bool], may_end: Callable[[Child], bool] = lambda child: False
     ) -> bool:
         """Show what processes say until a condition holds.
 
@@ -160,7 +158,7 @@ class Processes:
             may_end: tells whether a process may have ended, if it has ended well.
 
         Returns:
-            Whether it holds; if not, somebody has asked for the end.
+            Whether it holds; if not, the user has asked for the end.
 
         Raises:
             ProcessDiedError: a process has ended; names it.
@@ -259,7 +257,7 @@ class Processes:
 
     def _death(self, child: Child) -> ProcessDiedError:
         code = _code(child)
-        if not code:  # somebody has stopped it
+        if not code:  # an order has stopped it
             return ProcessDiedError(f"{child} ended, and the machine with it", 0)
         how = f"ended with exit code {code}"
         if code < 0:

@@ -43,7 +43,7 @@ def words_and_numbers(
 
     Args:
         family: the chip's.
-        decoder: reads its words; None: nobody does.
+        decoder: reads its words; None: they are not read.
         values: the telemetry.
     """
     numbers: list[TelemetryValue] = []
@@ -62,7 +62,7 @@ def words_and_numbers(
 
 
 def _says_bits(number: TelemetryValue, known: set[str]) -> bool:
-    """Whether a text is a list of bits that are told as lamps."""
+    """Whether a text is a list of bits that are shown as lamps."""
     names = number.text.split()
     return bool(names) and set(names) <= known
 
@@ -92,7 +92,7 @@ def _word(key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decod
     if decoder is not None and name in decoder.WORDS:
         said, colon, _ = decoder.show_word(name, value).partition(": ")
         text = said if colon else text
-    # A name with a comma is one of several bits that make a number, which the decoder has told.
+    # A name with a comma is one of several bits that make a number, which the decoder shows.
     single = sorted((row for row in rows if "," not in row.name), key=_place, reverse=True)
     return Word(key, text, tuple((row.name, bool(value & row.mask)) for row in single))
 

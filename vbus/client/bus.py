@@ -1,8 +1,7 @@
 """A bus over any link, blocking."""
 
 from vbus.client.aio import bus as aio
-from vbus.client.blocking import blocking, export, fronted, run
-from vbus.client.ready import BlockingWaits
+from vbus.client.blocking import BlockingWaits, blocking, export, fronted, run
 
 
 class _BlockingBus(aio.Bus):

@@ -96,7 +96,7 @@ class Bus(ChipCycles):
 
     @property
     def info(self) -> PortInfo:
-        """What HELLO told: board, chips, lines, outputs, pins."""
+        """What HELLO said: board, chips, lines, outputs, pins."""
 
     def chip(self, *names: str) -> Chip:
         """Return the chip called so; with several names, chips written in one strobe.
@@ -148,7 +148,7 @@ class Bus(ChipCycles):
         """Answer polls from leases, or ask the board each time (as at the start).
 
         On lockstep and slaved boards a read without side effects tells how long its byte will
-        stay; until then it is given again without asking. The board is told how often that was,
+        stay; until then it is given again without asking. The board gets the number of such polls,
         so that time, counts and traces are those of a host that asks.
         """
 
@@ -206,7 +206,7 @@ def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None) -> Bu
             for that has begun to start.
 
     Raises:
-        TransportError: the link cannot be opened, or nobody answers; says what to do.
-        ProtocolError: whoever answers speaks no byte protocol, or another version.
+        TransportError: the link cannot be opened, or no board answers; says what to do.
+        ProtocolError: the other side speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """

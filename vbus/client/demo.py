@@ -17,7 +17,7 @@ class Demo:
 
     Attributes:
         title: one line for people.
-        board: the board file; its name and its link are set by whoever runs it.
+        board: the board file; its name and its link are set by the caller.
         chip: the chip that is shown.
         shown: keys of the values that are shown, each with that of a full bar in either direction;
             0: without a bar. Values with bits are shown as lamps.

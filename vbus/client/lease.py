@@ -25,9 +25,9 @@ class Lease:
         then: byte from then on, and until when; None if that is not known.
 
     Attributes:
-        polls: polls answered that the board has not been told of, without time stamps.
+        polls: polls answered and not yet reported to the board, without time stamps.
         run: time stamps of such polls that have them.
-        stamps: whether the board can be told of several stamped polls at once.
+        stamps: whether one message can report several stamped polls to the board.
     """
 
     __slots__ = (
@@ -66,7 +66,7 @@ class Lease:
 
     @property
     def telling(self) -> bool:
-        """Whether the board must be told now: a time stamp is for one poll, a count has an end."""
+        """Whether polls must be reported now: a time stamp is for one poll, a count has an end."""
         return self._stamp >= 0 or self.polls == MOST_POLLS or len(self.run) == MOST_STAMPED
 
     @property
@@ -75,13 +75,13 @@ class Lease:
         return self._stamp if self.stamps else -1
 
     def takes(self, instant: int) -> bool:
-        """Whether a poll at ``instant`` can be told of together with those of the run."""
+        """Whether a poll at ``instant`` can be reported together with those of the run."""
         if self.polls or self.stamp >= 0:
             return False
         return not self.run or 0 <= instant - self.run[-1] <= LONGEST_STEP
 
     def clear(self) -> None:
-        """The board has been told of the polls."""
+        """The polls have been reported to the board."""
         self.polls = 0
         self.run = []
         if not self.stamps:
@@ -97,6 +97,6 @@ class Lease:
         self._stamp = instant
 
     def stamp_sent(self) -> None:
-        """The board has been told the stamp that was kept back."""
+        """The stamp that was held back has been sent to the board."""
         self._now = max(self._now, self._stamp)
         self._stamp = -1

@@ -87,7 +87,7 @@ class BoardLink:
         """
 
     def paused(self) -> bool:
-        """Tell whether somebody has paused the board: it answers when they let it go on."""
+        """Whether the board is paused: it answers when it goes on."""
         kind, _, path = self.where.partition(":")
         return kind in ("pty", "unix") and pause_mark(Path(path)).exists()
 
@@ -129,9 +129,9 @@ class BoardLink:
 
 
 PAUSE_SECONDS: Final = 0.02
-"""Between two attempts."""
+"""Between two attempts to open a link (s); a board is ready within 120 ms (docs/performance.md)."""
 START_SECONDS: Final = 5.0
-"""How long a board that has begun to start may take."""
+"""How long a board that has begun to start may take (s): 40 times that."""
 
 
 class RetryPolicy:

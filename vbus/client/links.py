@@ -20,7 +20,7 @@ KINDS: Final = (
 
 
 MOST_LINKS: Final = 8
-"""Names that may lead to a board's name one after the other."""
+"""Names that may lead to a board's name one after the other: more are taken for a circle."""
 
 
 def open_link(where: str) -> BoardLink:
@@ -60,12 +60,12 @@ def open_link(where: str) -> BoardLink:
         elif error.args[:1] == (errno.ENOENT,):
             reason = "no such name; is the board running? (vbus ls)"
         elif error.args[:1] == (errno.ECONNREFUSED,):
-            reason = "nobody listens there; is the board running? (vbus ls)"
+            reason = "no process listens there; is the board running? (vbus ls)"
         raise TransportError(f"{kind}:{rest} cannot be opened: {reason}") from error
 
 
 def _board_at(name: Path) -> str:
-    """Return the board that has made a name; empty if nobody says.
+    """Return the board that has made a name; empty if it does not say.
 
     Raises:
         OSError: its process is gone: the terminal may be another's by now.

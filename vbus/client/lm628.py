@@ -1,8 +1,7 @@
 # Made by vbus.cli.generate.
 """The client of the LM628 and LM629."""
 
-from vbus.chips.lm628 import access, host
+from vbus.chips.lm628 import host
 from vbus.client.blocking import export
 
-export(access, globals())
 export(host, globals())

@@ -1,17 +1,9 @@
-# Made from vbus/chips/lm628 (access, calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/lm628 (calls, host) by vbus.cli.generate; change that.
 """The client of the LM628 and LM629."""
 
-from vbus.chips.lm628.datasheet import (
-    TRAJECTORY_COMPLETE,
-)
+from vbus.chips.lm628 import datasheet as lm
 from vbus.client.access import READY_POLLS, Packets
-from vbus.client.bus import Bus, Chip
-
-class Lm628Packets(Packets):
-    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
-
-    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
-    """
+from vbus.client.bus import Bus, Chip, ChipCycles
 
 class Lm628Calls(Lm628Packets):
     """A call for each row of the chip's tables, under the manual's name in lower case.
@@ -198,6 +190,38 @@ class Lm628Calls(Lm628Packets):
         Returns 16 bits, two's complement.
         """
 
+class Lm628Packets(Packets):
+    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
+
+    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
+
+    Args:
+        cycles: the chip on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
+            with one chip.
+        ready: how busy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip is given up.
+        checked: look after every packet whether the chip has taken it for an error (LM-AMB-12).
+    """
+
+    checked: bool
+
+    def __init__(
+        self,
+        cycles: ChipCycles,
+        *,
+        ready: str = "poll",
+        polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None: ...
+    def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip stays busy; the rest of the packet is not sent.
+            ReadBackError: the chip has found a command error.
+            ValueError: a word that does not fit.
+        """
+
 class Lm628(Lm628Calls):
     """One axis on an LM628 or LM629.
 
@@ -209,13 +233,22 @@ class Lm628(Lm628Calls):
         chip: the chip's name on the board; None if there is only one.
         ready: how busy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip is given up.
+        checked: look after every packet for a command error (LM-AMB-12), after a load of the
+            trajectory at the signals register, and after a move at the desired position: all that
+            the chip tells of what it has taken. It does not tell coefficients and rates.
     """
 
     bus: Bus
     chip: Chip
 
     def __init__(
-        self, bus: Bus, chip: str | None = None, *, ready: str = "poll", polls: int = READY_POLLS
+        self,
+        bus: Bus,
+        chip: str | None = None,
+        *,
+        ready: str = "poll",
+        polls: int = READY_POLLS,
+        checked: bool = False,
     ) -> None: ...
     def check_reset(self, longest: str = "10ms") -> int:
         """Make the check of a fresh reset that most drivers make; return the last status byte.
@@ -285,7 +318,7 @@ class Lm628(Lm628Calls):
         """
 
     def wait_status(
-        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = lm.TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the status until one of ``bits`` is set; return it.
 
@@ -309,4 +342,5 @@ class Lm628(Lm628Calls):
 
         Raises:
             NotReadyError: the trajectory has not ended after ``longest`` of chip time.
+            ReadBackError: it has ended elsewhere (``checked``).
         """

@@ -1,8 +1,7 @@
 # Made by vbus.cli.generate.
 """The client of the MC1241A and MC1141A."""
 
-from vbus.chips.mc1241a import access, host
+from vbus.chips.mc1241a import host
 from vbus.client.blocking import export
 
-export(access, globals())
 export(host, globals())

@@ -1,45 +1,11 @@
-# Made from vbus/chips/mc1241a (access, calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/mc1241a (calls, host) by vbus.cli.generate; change that.
 """The client of the MC1241A and MC1141A."""
 
 from typing import Final
 
-from vbus.chips.mc1241a.datasheet import (
-    MOTION_COMPLETE,
-)
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.client.access import Packets
 from vbus.client.bus import Bus, Chip, ChipCycles
-
-READY_POLLS: Final = 10000
-
-class Mc1241aPackets(Packets):
-    """One chip set: the adapter's status byte, and packets with their checksums (PMD-PKT-1).
-
-    Args:
-        cycles: the chip set on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
-            with one chip.
-        ready: how HostRdy is waited for: ``"poll"`` or ``"wait"``.
-        polls: status reads after which a busy chip set is given up.
-        checked: read and compare the checksum of every packet (PMD-PKT-2).
-    """
-
-    checked: bool
-
-    def __init__(
-        self,
-        cycles: ChipCycles,
-        *,
-        ready: str = "poll",
-        polls: int = READY_POLLS,
-        checked: bool = False,
-    ) -> None: ...
-    def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
-        """Write a command byte and words, then read ``count`` words; return these.
-
-        Raises:
-            NotReadyError: the chip set stays busy; the rest of the packet is not sent.
-            ChecksumError: the checksum is another one.
-            ValueError: a word that does not fit.
-        """
 
 class Mc1241aCalls(Mc1241aPackets):
     """A call for each row of the chip's tables, under the manual's name in lower case.
@@ -657,6 +623,37 @@ class Mc1241aCalls(Mc1241aPackets):
         """
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
+READY_POLLS: Final = 10000
+
+class Mc1241aPackets(Packets):
+    """One chip set: the adapter's status byte, and packets with their checksums (PMD-PKT-1).
+
+    Args:
+        cycles: the chip set on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
+            with one chip.
+        ready: how HostRdy is waited for: ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip set is given up.
+        checked: read and compare the checksum of every packet (PMD-PKT-2).
+    """
+
+    checked: bool
+
+    def __init__(
+        self,
+        cycles: ChipCycles,
+        *,
+        ready: str = "poll",
+        polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None: ...
+    def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip set stays busy; the rest of the packet is not sent.
+            ChecksumError: the checksum is another one.
+            ValueError: a word that does not fit.
+        """
 
 class Mc1241a(Mc1241aCalls):
     """A chip set with its axes.
@@ -722,7 +719,7 @@ class Mc1241a(Mc1241aCalls):
         """
 
     def wait_event(
-        self, bits: int = MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = ds.MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the current axis's status until one of the event ``bits`` is set; return it.
 

@@ -1,8 +1,7 @@
 # Made by vbus.cli.generate.
 """The client of the MCP-1200."""
 
-from vbus.chips.mcp1200 import access, host
+from vbus.chips.mcp1200 import host
 from vbus.client.blocking import export
 
-export(access, globals())
 export(host, globals())

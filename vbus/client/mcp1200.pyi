@@ -1,34 +1,10 @@
-# Made from vbus/chips/mcp1200 (access, calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/mcp1200 (calls, host) by vbus.cli.generate; change that.
 """The client of the MCP-1200."""
 
 from typing import Final
 
 from vbus.client.access import RegisterCycles
 from vbus.client.bus import Bus, Chip, ChipCycles
-
-FIRST_EXTENDED: Final = 64
-
-class Mcp1200Access(RegisterCycles):
-    """One MCP-1200: values of one or more bytes.
-
-    Args:
-        cycles: the chip on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
-            with one chip.
-    """
-
-    def __init__(self, cycles: ChipCycles) -> None: ...
-    def extend(self) -> None:
-        """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
-
-    def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
-        """Read the register at ``addresses`` as a number, by extended addressing if need be."""
-
-    def write_bytes(self, addresses: tuple[int, ...], value: int) -> None:
-        """Write the register at ``addresses``, by extended addressing if need be.
-
-        Raises:
-            ValueError: the value does not fit.
-        """
 
 class Mcp1200Calls(Mcp1200Access):
     """A call for each row of the chip's tables, under the manual's name in lower case.
@@ -661,6 +637,33 @@ PROFILE: Final = 0
 POSITION_INTERPOLATION: Final = 3
 VELOCITY_INTERPOLATION: Final = 4
 VELOCITY: Final = 5
+FIRST_EXTENDED: Final = 64
+
+class Mcp1200Access(RegisterCycles):
+    """One MCP-1200: values of one or more bytes.
+
+    Args:
+        cycles: the chip on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
+            with one chip.
+        checked: read back every register that reads as it was written.
+    """
+
+    checked: bool
+
+    def __init__(self, cycles: ChipCycles, *, checked: bool = False) -> None: ...
+    def extend(self) -> None:
+        """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
+
+    def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
+        """Read the register at ``addresses`` as a number, by extended addressing if need be."""
+
+    def write_bytes(self, addresses: tuple[int, ...], value: int) -> None:
+        """Write the register at ``addresses``, by extended addressing if need be.
+
+        Raises:
+            ReadBackError: the register reads otherwise (``checked``).
+            ValueError: the value does not fit.
+        """
 
 class Mcp1200(Mcp1200Calls):
     """One axis on an MCP-1200.
@@ -670,12 +673,14 @@ class Mcp1200(Mcp1200Calls):
     Args:
         bus: the session.
         chip: the chip's name on the board; None if there is only one.
+        checked: read back every register that reads as it was written, and flags after they are
+            set or cleared.
     """
 
     bus: Bus
     chip: Chip
 
-    def __init__(self, bus: Bus, chip: str | None = None) -> None: ...
+    def __init__(self, bus: Bus, chip: str | None = None, *, checked: bool = False) -> None: ...
     def wait_flags(self, bits: int, level: int, longest: str = "10s") -> int:
         """Read the flag register until ``bits`` of it are ``level``; return it.
 
@@ -728,6 +733,7 @@ class Mcp1200(Mcp1200Calls):
 
         Raises:
             NotReadyError: the profile has not ended after ``longest`` of chip time.
+            ReadBackError: the command position has ended elsewhere (``checked``).
         """
 
     def home(

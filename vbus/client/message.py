@@ -43,7 +43,7 @@ class Sample(NamedTuple):
 
 
 class Sync(NamedTuple):
-    """What SYNC told.
+    """The answer to SYNC.
 
     Attributes:
         outputs: output lines; bit n is ``info.outputs[n]``.
@@ -141,7 +141,7 @@ def _sync(values: Values) -> Sync:
 
 
 def _hello(values: Values) -> PortInfo:
-    from vbus.protocols.hello import decode_hello
+    from vbus.protocols.info import decode_hello
 
     version, info = decode_hello(_data(values))
     if version != VERSION:

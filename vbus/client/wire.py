@@ -31,7 +31,7 @@ class SessionWire:
     Attributes:
         selected: the selection the board has now; None if a SELECT was refused.
         events: edges reported and not yet taken.
-        paused: whether somebody has paused the board, as the board has told last.
+        paused: whether the board is paused, by its last report.
     """
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class SessionWire:
         """Answer ``message`` if it is a poll whose byte a lease knows.
 
         Returns:
-            What the board has to be told of it, often nothing; None if the board must be asked.
+            The bytes that report it to the board, often none; None if the board must be asked.
         """
         lease = self._lease
         if lease is None or mask not in (None, self.selected) or self._dead is not None:

@@ -1,7 +1,7 @@
 """A link over Zenoh: bytes of the byte protocol travel as numbered messages, each carried out once.
 
-Zenoh tells of failure by silence: a query nobody answered simply ends. Here it is repeated, under
-its old number, until somebody answers or patience is over; then the reason is looked for.
+Zenoh does not report failures: a query without an answer simply ends. Here it is repeated, under
+its old number, until an answer comes or the time limit is over; then the reason is looked for.
 """
 
 from __future__ import annotations
@@ -71,17 +71,19 @@ def endpoints_of(board: str, given: str) -> tuple[str, ...]:
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5
-"""How long a board may take to answer at all."""
+"""How long a board may take to answer at all (s). It trades slow networks for the time until a
+wrong name is reported; a link may name a patience of its own."""
 RECOVERY_SECONDS: Final = 3.0
-"""How long a board that has answered before may be out of reach."""
+"""How long a board that has answered before may be out of reach (s), by the same trade."""
 AGAIN_SECONDS: Final = 0.1
-"""How often a message is repeated meanwhile."""
+"""How often a message is repeated meanwhile (s)."""
 REPEAT_SECONDS: Final = 0.5
-"""After which time without an answer a message is repeated: the answer may have been lost."""
+"""After which time without an answer a message is repeated: the answer may have been lost (s).
+It trades repeated messages to busy boards for the pause that a lost one makes."""
 ASK_SECONDS: Final = 1.0
 """How long the answer to the end of the session is waited for."""
 TICK_SECONDS: Final = 0.1
-"""How often is looked after messages without an answer."""
+"""How often to look for messages without an answer (s): a fifth of :data:`REPEAT_SECONDS`."""
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority", "patience")
@@ -98,7 +100,7 @@ class Sent:
         sent: when it was sent the last time.
         sendings: how often it was sent.
         over: the last sending that has ended without an answer; 0: none.
-        silent_since: when it was first found that nobody answers; 0 if somebody may.
+        silent_since: when it was first found that no board answers; 0 if one may.
     """
 
     link: ZenohBoardLink
@@ -125,7 +127,7 @@ class Sent:
             self.link.failed(f"refused by the board: {reason}", self.number)
 
     def ended(self, sending: int) -> None:
-        """Whoever could answer has done so; called in a thread of Zenoh's.
+        """All that could answer have done so; called in a thread of Zenoh's.
 
         A board that works on a message lets go of it when it is repeated, and holds the repetition.
         """
@@ -135,7 +137,7 @@ class Sent:
 
     @property
     def held(self) -> bool:
-        """Whether somebody may yet answer what was sent last."""
+        """Whether an answer to what was sent last may yet come."""
         return self.over != self.sendings
 
 
@@ -255,7 +257,7 @@ class ZenohBoardLink(BoardLink):
         if self._posting:
             self._post(query)
         else:
-            # To be told of the end of a query costs as much as its reply: the first is worth it.
+            # Notice of the end of a query costs as much as its reply: the first is worth it.
             self._send(query, watched=query.number == 0)
         return len(part)
 
@@ -287,7 +289,7 @@ class ZenohBoardLink(BoardLink):
         return data
 
     def until(self, deadline: float) -> float:
-        """Return when to look after messages nobody has answered yet."""
+        """Return when to look after messages without an answer."""
         return min(deadline, monotonic() + TICK_SECONDS)
 
     def _look_after(self) -> None:
@@ -332,7 +334,7 @@ class ZenohBoardLink(BoardLink):
         """Nothing: :meth:`close` says it."""
 
     def paused(self) -> bool:
-        """Tell whether somebody has paused the board: it has left word of that on the network."""
+        """Whether the board is paused: a token on the network says so."""
         return self._paused
 
     def check(self) -> None:
@@ -437,7 +439,7 @@ class ZenohBoardLink(BoardLink):
             self.arrived(number, data)
 
     def _hear(self) -> None:
-        """Ask for events: they are replies to a query, so that nobody else hears them."""
+        """Ask for events: they are replies to a query, so that no other host hears them."""
         now = monotonic()
         if self._closed or now - self._heard < AGAIN_SECONDS:
             return
@@ -489,7 +491,7 @@ class ZenohBoardLink(BoardLink):
                 os.eventfd_write(self.fd, 1)
 
     def _search(self) -> None:
-        """Find out why nobody answers; in a thread of its own, because it asks around."""
+        """Find out why no board answers; in a thread of its own, because it asks around."""
         try:
             self.failed(self._why())
         except Exception as error:

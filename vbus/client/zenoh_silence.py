@@ -1,4 +1,4 @@
-"""Why nobody answers on the network: Zenoh itself tells of failure by silence."""
+"""Why no board answers on the network: Zenoh itself does not report failures."""
 
 from time import sleep
 from typing import Any, Final
@@ -26,7 +26,7 @@ def reason_for_silence(
 
     Args:
         network: the host's session.
-        bus_key: the key at which nobody has answered.
+        bus_key: the key at which no board has answered.
         endpoints: where the session is connected to.
         security: its certificates, if any.
         tried: how often a message was sent.
@@ -50,18 +50,18 @@ def reason_for_silence(
             )
         if len(chunks) == 4:
             return (
-                f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: nobody'
+                f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: no process'
                 f" answers at the key {bus_key}; its link must reach that chip (vbus ls)"
             )
         return f'the board "{board}" on the network of {at} answers no more'
     return (
-        f'no board called "{board}" is on the network of {at}: nobody answers at the key'
+        f'no board called "{board}" is on the network of {at}: no process answers at the key'
         f" {bus_key}; is it running, and connected there? (vbus ls --zenoh {endpoints[0]})"
     )
 
 
 def _somebody_answers(network: zenoh.Session, bus_key: str) -> bool:
-    """Whether somebody has taken the key, though not a message of ours."""
+    """Whether a board has taken the key, though not a message of ours."""
     querier: Any = network.declare_querier(bus_key)
     last = monotonic() + MATCH_SECONDS
     try:

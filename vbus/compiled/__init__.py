@@ -16,6 +16,8 @@ from importlib.machinery import (
 )
 from typing import Final
 
+from vbus.version import __version__
+
 REASON: Final = "reason.txt"
 """Beside this file in a wheel without the compiled core: one line saying why."""
 
@@ -83,3 +85,8 @@ def _noted() -> str:
 def _extension_there() -> bool:
     path = os.path.join(_PACKAGE, "kernel", "kernel")
     return any(os.path.exists(path + suffix) for suffix in EXTENSION_SUFFIXES)
+
+
+def version_line() -> str:
+    """Return version and core in a line for people."""
+    return f"vbus {__version__} ({core()} core)"

@@ -29,10 +29,8 @@ from typing import Any, Final
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SAMPLED: Final = (
-    "axis.py", "blocks.py", "chip.py", "command.py", "control_loop.py", "counter.py", "cycle.py",
-    "drive.py", "encoder.py", "faults.py", "filters.py", "following.py", "interrupts.py",
-    "limits.py", "microstep.py", "motor_command.py", "output.py", "pid.py", "profile.py",
-    "pins.py", "profiles.py", "registers.py", "stepper.py", "timer.py",
+    "axis.py", "chip.py", "control_loop.py", "cycle.py", "encoder.py", "microstep.py", "output.py",
+    "pid.py", "profile.py", "pins.py", "registers.py", "stepper.py",
 )  # fmt: skip
 """What works in each sample, or at each edge of a strobe, of any chip's folder."""
 
@@ -53,10 +51,10 @@ COMPILED: Final = (
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "board/card/card_cycle.py", "circuit/glue_cycles.py",
-    "serve/direct.py", "serve/time/pace.py", "serve/time/pacer.py", "serve/time/patience.py",
-    "serve/session.py", "serve/time/statistics.py", "serve/time/ticks.py", "serve/time/turns.py",
+    "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
+    "serve/time/spin_policy.py", "serve/time/statistics.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
-    "views/scope/lane.py", "views/scope/look.py",
+    "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what work takes 1.3 times as long without, as
 ``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
@@ -64,10 +62,8 @@ COMPILED: Final = (
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
-    "compatible.py", "core/signals/values.py",
-    "access.py", "calls.py", "host.py", "demo.py",
-    "board/host_info.py", "clock_input.py",
-    "motion/input_limits.py", "core/signals/trace_hash.py", "core/signals/violation.py",
+    "compatible.py", "host.py", "demo.py", "board/host_info.py", "core/signals/values.py",
+    "core/signals/trace_hash.py", "core/signals/violation.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
 by being compiled; by the ends of paths."""
@@ -169,7 +165,7 @@ class CompiledCore(BuildHookInterface):
 
 
 def announce(sentence: str) -> None:
-    """Tell whoever waits at the terminal: what a build prints, pip keeps to itself."""
+    """Print on the terminal of the build's user: pip does not show what a build prints."""
     with contextlib.suppress(OSError), open("/dev/tty", "w", encoding="utf-8") as terminal:
         terminal.write(f"\n{sentence}\n")
 

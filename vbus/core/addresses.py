@@ -41,10 +41,10 @@ def refused_link(scheme: str, path: str, remote: bool) -> str:
 
 
 def refused_endpoint(endpoint: str, remote: bool) -> str:
-    """Return why nobody may listen on an endpoint; empty if one may.
+    """Return why no process may listen on an endpoint; empty if one may.
 
     Args:
-        endpoint: ``tcp/HOST:PORT``, where nobody shows a certificate; or another.
+        endpoint: ``tcp/HOST:PORT``, where hosts show no certificate; or another.
         remote: whether other computers may be let in all the same.
     """
     kind, _, address = endpoint.partition("/")

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collection_held() -> Iterator[None]:
-    """What is imported, and a board, is many objects that stay: nobody looks for garbage there."""
+    """Pause the garbage collector during imports and while a board is built: their objects stay."""
     collects = gc.isenabled()
     gc.disable()
     try:

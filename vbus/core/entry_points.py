@@ -53,7 +53,7 @@ def installed() -> tuple[EntryPoint, ...]:
 
 
 def _only_folders() -> bool:
-    """Whether no zip file and no finder of somebody else's has packages."""
+    """Whether all packages are in folders: no zip file and no other package's finder has any."""
     finders = (finder for finder in sys.meta_path if hasattr(finder, "find_distributions"))
     return all(finder is PathFinder for finder in finders) and not any(
         Path(place).is_file() for place in sys.path

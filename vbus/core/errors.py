@@ -9,6 +9,7 @@
     |   +-- NameInUseError    another running process has the name
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- ChecksumError     a chip's checksum of a packet is not the host's
+    +-- ReadBackError     a chip says that something else was written
     +-- PluginError       an entry point is missing or broken
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
     +-- ProgramError      a program cannot be started
@@ -58,6 +59,10 @@ class NotReadyError(VbusError, TimeoutError):
 
 class ChecksumError(VbusError):
     """A packet whose checksum, as the chip tells it, is not what was sent and received."""
+
+
+class ReadBackError(VbusError):
+    """What a chip says of what was written to it is something else."""
 
 
 class NameInUseError(TransportError):
@@ -129,4 +134,26 @@ def write_errors(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if isinstance(error, VbusError):  # a TransportError, which says more
+            raise
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def listen_errors(place: str, where: str = "", kind: type[Exception] = OSError) -> Iterator[None]:
+    """Raise a :class:`TransportError` where nothing can listen at a place.
+
+    Args:
+        place: the address.
+        where: the option, or section, that gives another, such as "with --sigrok".
+        kind: error that says so.
+    """
+    try:
+        yield
+    except kind as error:
+        cause = error.__cause__ or error
+        another = " ".join(["another", *where.split()])
+        raise TransportError(
+            f"{place}: cannot listen: {getattr(cause, 'strerror', None) or error}; free the"
+            f" address, or give {another} (port 0 is any free one)"
+        ) from error

@@ -52,7 +52,7 @@ def with_defaults(options: tuple[Option, ...], given: Settings | None = None) ->
     For parts made in Python. Board files are checked, with units, by :mod:`vbus.boardfile.walker`.
 
     Raises:
-        ValueError: a key nobody knows, a required one missing, or a value out of range.
+        ValueError: an unknown key, a required one missing, or a value out of range.
     """
     settings = dict(given or {})
     result: dict[str, Value] = {}

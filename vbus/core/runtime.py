@@ -17,7 +17,7 @@ def runtime_directory() -> Path:
     written, else a private directory (0700) below the system's temporary one.
 
     Raises:
-        TransportError: the directory cannot be made or written, belongs to somebody else, or
+        TransportError: the directory cannot be made or written, belongs to another user, or
             others may write in it or replace it.
     """
     given = os.environ.get("VBUS_RUNTIME")
@@ -43,13 +43,13 @@ def subdirectory(name: str) -> Path:
 
 
 def is_trusted(found: os.stat_result) -> bool:
-    """Tell whether nobody but this user and root has made something, and may write to it."""
+    """Whether only this user and root can have made a file or folder, and may write to it."""
     return found.st_uid in (os.geteuid(), 0) and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 @contextmanager
 def private_runtime(unless_named: bool = False) -> Iterator[Path]:
-    """Give a folder for links that nobody else has, while this lasts.
+    """Give a new private folder for links, while this lasts.
 
     It is the runtime directory, or is not where the user has named one and that shall stay. So
     runs of one board beside each other, as in CI, do not meet.
@@ -86,7 +86,7 @@ def lock_state(name: Path) -> tuple[bool, str]:
     """Return whether the process lives that made ``name``, and what its lock holds.
 
     Raises:
-        OSError: nobody has locked it, or others may not look.
+        OSError: no process has locked it, or others may not look.
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     lock = os.open(lock_of(name), flags)

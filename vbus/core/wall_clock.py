@@ -2,7 +2,7 @@
 
 Libraries that do so put functions of their own in the place of those of :mod:`time`, there and in
 each module that has imported one. They leave ``clock_gettime`` of clocks that only count alone, and
-what is made of it here when this module is imported, nobody puts anything in the place of.
+they do not know the functions made of it here when this module is imported.
 """
 
 from collections.abc import Callable

@@ -14,15 +14,15 @@ from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
 from vbus.protocols.quantities import format_instant
 
 LOOK: Final = MS
-"""How often at least a chip is looked into that somebody outside may wake at any time."""
+"""Longest time between two looks at a chip that an input may wake at any time (ps)."""
 
 
 class Watch(PacketReader):
     """Looks at a board for a condition.
 
     Edges, violations and bus cycles are taken down as they happen; values are looked at by
-    :meth:`look`, which whoever moves time calls. With ``met`` the board's own time calls it: at
-    each edge and bus cycle and at each sample of the chips concerned.
+    :meth:`look`, which the caller that moves time calls. With ``met`` the board's own time calls
+    it: at each edge and bus cycle and at each sample of the chips concerned.
 
     Args:
         text: the condition.
@@ -130,7 +130,7 @@ class Watch(PacketReader):
         return max(min(self._next_change(), self.board.next_due()), self.board.now + 1)
 
     def _next_change(self) -> int:
-        """Return the same for a watch that is told of edges (ps)."""
+        """Return the same for a watch that observes edges (ps)."""
         changes = [chip.due(CHANGE) for chip in self._chips]
         return max(min([self._course.due, *changes]), self.board.now + 1)
 
@@ -158,7 +158,7 @@ class Watch(PacketReader):
         return ", ".join(f"{key} is {values[key]}" for key in self.condition.levels)
 
 
-class Holds:
+class ConditionTracker:
     """Tells, look by look, whether a condition holds; a board not looked at before begins anew.
 
     Args:
@@ -204,7 +204,7 @@ def wait_until(board: Circuit, condition: str, within: int) -> int:
     """Let time pass until a condition holds, or not at all if it does; return that instant (ps).
 
     Args:
-        board: a board whose time is nobody else's.
+        board: a board whose time only the caller moves.
         condition: the condition.
         within: chip time in which it must come to hold (ps).
 

@@ -57,7 +57,7 @@ class Armed(Struct):
         fired: how often it has begun.
         seen: bus cycles seen by its trigger.
         draws: state of its stream of instants.
-        cleared: somebody has cleared it.
+        cleared: whether an order has cleared it.
         writes: the writes its trigger waits for.
         side: on which side of its trigger's position it was armed.
         watcher: what its trigger watches with.

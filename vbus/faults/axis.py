@@ -8,7 +8,7 @@ from vbus.core.options import Value
 from vbus.core.signals import HIGH, Pin, Plant, Switch, Z
 from vbus.core.state import Names
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
-from vbus.faults.upsets import Upsets, upsets_of
+from vbus.faults.upsets import ChipFaults, upsets_of
 from vbus.plant.shaft import Mechanics, Shaft
 
 NOWHERE: Final = 1 << 62
@@ -56,7 +56,7 @@ class AxisFaults:
 
     def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
         self.chip: Chip = chip
-        self.upsets: Upsets = upsets_of(chip)
+        self.upsets: ChipFaults = upsets_of(chip)
         self.axis: int = axis
         self.plant: Plant = plant
         self.wrapper: FaultyPlant | None = None

@@ -30,7 +30,10 @@ class BusFault(Observer):
         self._pin: Pin | None = None
         self._inside: bool = False
         self._gap: bool = False
-        way = str(values.get("cycles", "both"))
+        self._before: int = 0
+        """Level of the data lines at the last read's beginning."""
+        self._rest: int = chip.bus_net.rest
+        way = "read" if name == "answer_late" else str(values.get("cycles", "both"))
         ways = {"read": (False,), "write": (True,), "both": (False, True)}[way]
         self._way: str = way
         self.strobes: list[Net] = []
@@ -57,6 +60,12 @@ class BusFault(Observer):
         elif self._name == "byte_flipped":
             text = f"bits {int(values['mask']):02X}H of {self._way} cycles inverted"
             chip.bus_net.bend(self._flip)
+        elif self._name == "answer_late":
+            text = f"{chip.bus_net.name} has the answer after the host has taken it"
+            chip.bus_net.bend(self._late)
+        elif self._name == "bus_pulled":
+            text += f" shows {values['level']} where nothing drives it"
+            chip.bus_net.rest = 0xFF * int(values["level"])
         elif self._name == "contention":
             text = f"D0-D7 driven with {int(values['data']):02X}H"
             self._pin = chip.bus_net.solder("fault")
@@ -73,7 +82,8 @@ class BusFault(Observer):
 
     def end(self) -> None:
         """Let the nets be as they are driven."""
-        for bend in (self._stuck, self._flip):
+        self._chip.bus_net.rest = self._rest
+        for bend in (self._stuck, self._flip, self._late):
             if bend in self._chip.bus_net.bends:
                 self._chip.bus_net.unbend(bend)
         for net in self.strobes:
@@ -108,6 +118,9 @@ class BusFault(Observer):
     def _flip(self, level: int) -> int:
         return level ^ int(self._values["mask"]) & 0xFF if self._inside else level
 
+    def _late(self, level: int) -> int:
+        return self._before if self._inside else level
+
     def _high(self, level: int) -> int:
         return HIGH
 
@@ -118,7 +131,9 @@ class BusFault(Observer):
 
     def edge(self, when: int, net: str, level: int) -> None:
         """A strobe falls or rises."""
-        if self._name == "byte_flipped" and net != self._chip.bus_net.name:
+        if self._name == "answer_late" and level == LOW and not self._inside:
+            self._before = self._chip.bus_net.value
+        if self._name in ("byte_flipped", "answer_late") and net != self._chip.bus_net.name:
             self._inside = level == LOW
             self._chip.bus_net.resolve()
         elif self._name == "strobe_doubled" and level == LOW and not self._gap:

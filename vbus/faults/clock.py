@@ -7,7 +7,7 @@ from vbus.core.kernel import HELD, NEVER
 from vbus.core.kernel.clock import Course
 from vbus.core.options import Value
 from vbus.core.signals import Plant
-from vbus.faults.upsets import Upsets, upsets_of
+from vbus.faults.upsets import ChipFaults, upsets_of
 
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})
@@ -30,7 +30,7 @@ class ClockFaults:
         self.chip: Chip = chip
         self.acting: dict[int, tuple[str, dict[str, Value]]] = {}
         self._plants: list[Plant] = plants
-        self._upsets: Upsets = upsets_of(chip)
+        self._upsets: ChipFaults = upsets_of(chip)
 
     def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
         """Let a fault act; return what it changes."""

@@ -14,8 +14,8 @@ from vbus.core.signals import Observer
 from vbus.core.state import Names
 from vbus.core.values.settings import allowed, among, check_value, quoted
 from vbus.core.values.units import DIMENSIONS
-from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
+from vbus.faults.effects import FaultEffects
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
@@ -76,7 +76,7 @@ def _fits(fault: Fault, values: dict[str, Value]) -> None:
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
 KEPT: Final = 1000
-"""Pieces of evidence that are kept."""
+"""Pieces of evidence that are stored."""
 
 _BEGIN: Final = 0
 _END: Final = 1
@@ -112,7 +112,7 @@ class Faults(Observer):
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
-        self.acts: Acts = Acts(board, self.later, self._armed)
+        self.acts: FaultEffects = FaultEffects(board, self.later, self._armed)
         self._queue: list[tuple[int, int, int, int]] = []
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
@@ -121,7 +121,7 @@ class Faults(Observer):
 
     @property
     def links(self) -> LinkActs | None:
-        """What does the faults of links; None where nobody serves the board."""
+        """What does the faults of links; None on a board without a server."""
         return self.acts.links
 
     @links.setter
@@ -258,7 +258,7 @@ class Faults(Observer):
         elif when.kind == AT:
             self._push(when.number, _BEGIN, armed.number)
         elif when.kind == CYCLE:
-            if armed.fault.family == "bus" and when.number == 1:
+            if armed.fault.of_cycles and when.number == 1:
                 self._begin(armed)
         elif when.kind == POSITION:
             armed.side = 1 if self._position(armed) < when.number else -1
@@ -302,17 +302,18 @@ class Faults(Observer):
         """A bus cycle has been made: what waited for it begins, what was to last for it ends."""
         names = chip.split("+")
         for armed in self.live():
-            mine = self._chip_of(armed)
-            if mine is not None and mine.name not in names:
+            chip_of = self._chip_of(armed)
+            if chip_of is not None and chip_of.name not in names:
                 continue
             if armed.state == ACTING:
                 bus = self.acts.buses.get(armed.number)
                 once = armed.until.kind == ONCE or armed.when.kind == RATE
-                if once and bus is not None and bus.concerns(write):
+                mine = armed.fault.of_cycles and (bus is None or bus.concerns(write))
+                if once and mine:
                     self._push(when, _END, armed.number)
             elif armed.when.kind == CYCLE:
                 armed.seen += 1
-                early = armed.fault.family == "bus"
+                early = armed.fault.of_cycles
                 if armed.seen == armed.when.number - early:
                     self._met(armed)
             elif armed.when.kind == COMMAND and write:
@@ -320,8 +321,8 @@ class Faults(Observer):
                     self._met(armed)
 
     def _met(self, armed: Armed) -> None:
-        """A bus cycle has met a trigger. A fault of the bus must be there for the next one."""
-        if armed.fault.family == "bus":
+        """A bus cycle has met a trigger. A fault of cycles must be there for the next one."""
+        if armed.fault.of_cycles:
             self._begin(armed)
         else:
             self._push(self._board.now, _BEGIN, armed.number)
@@ -422,9 +423,7 @@ class Faults(Observer):
         """Look at bus cycles, and promise hosts nothing, only while a fault wants it."""
         live = self.live()
         self._board.disturbed = bool(live)
-        wanted = any(
-            armed.when.kind in (CYCLE, COMMAND) or armed.number in self.acts.buses for armed in live
-        )
+        wanted = any(armed.when.kind in (CYCLE, COMMAND) or armed.fault.of_cycles for armed in live)
         if wanted != self._watching:
             self._watching = wanted
             if wanted:

@@ -41,7 +41,7 @@ class ShortedNet:
         self._net.bend(self._bend)
         if not again:
             self._resolve()
-        return f"{self._net.name} is {'high' if self._level else 'low'}, whoever drives it"
+        return f"{self._net.name} is {'high' if self._level else 'low'}, whatever drives it"
 
     def end(self) -> None:
         """Let it have the level that is driven."""

@@ -1,10 +1,11 @@
-"""What the tables of faults are made of."""
+"""What the tables of faults are made of, and which links a fault of messages fits."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from msgspec import Struct
 
-from vbus.core.options import Option
+from vbus.core.options import Option, Value
 
 AXIS: Final = "axis"
 """Targets a chip's axis and its plant: ``"x"``, or ``"x.2"`` for the second axis."""
@@ -58,6 +59,48 @@ class Fault(Struct, frozen=True):
         """Whether it is about a chip or an axis of one."""
         return self.target in (AXIS, CHIP)
 
+    @property
+    def of_cycles(self) -> bool:
+        """Whether it may be about one bus cycle alone."""
+        return self.target == CHIP and self.acts == COUNTED
+
     def exists_for(self, family: str) -> bool:
         """Whether chips of ``family`` can have it."""
         return not self.families or family in self.families
+
+
+MESSAGES: Final = "network"
+"""The family of faults that need a link of messages."""
+OF_BYTES: Final = "half_answer"
+"""What only a stream of bytes can have."""
+
+
+def misfit(fault: Fault, target: str, link: str, messages: bool) -> str:
+    """Return why a link can never have a fault of links; nothing if it can.
+
+    Args:
+        fault: the fault.
+        target: the link, ``"host0"``.
+        link: its address, for people.
+        messages: it carries messages, and no stream of bytes.
+    """
+    if fault.family == MESSAGES and not messages:
+        return (
+            f"{fault.name}: {target} ({link}) is a stream of bytes, in which nothing is lost or"
+            " doubled by itself and nothing overtakes; it is for links of messages"
+            ' (transport = "zenoh:"), and a stream has answer_lost, answers_late and link_dead'
+        )
+    if fault.name == OF_BYTES and messages:
+        return (
+            f"{fault.name}: {target} ({link}) carries messages, which come whole or not at all;"
+            " message_lost loses one"
+        )
+    return ""
+
+
+def concerned(values: Mapping[str, Value]) -> str:
+    """Return what a fault of messages changes while it acts."""
+    ways = {"request": "requests", "reply": "replies"}
+    what = ways.get(str(values.get("way", "both")), "requests and replies")
+    every = int(values.get("every", 1))
+    return what if every == 1 else f"one of {every} {what}"

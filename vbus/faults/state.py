@@ -31,7 +31,7 @@ NOTHING: Final[Saved] = {
 def record(armed: Armed) -> Record:
     """Return an armed fault as a row.
 
-    Whether somebody was on a link when its fault began is no part of the board.
+    Whether a link had a host when its fault began is no part of the board.
     """
     when, until = armed.when, armed.until
     return (

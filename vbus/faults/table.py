@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from vbus import plugins
 from vbus.core.options import Option
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 _COUNTS: Final = float(1 << 30)
 _LEVEL: Final = Option("level", "count", 1, "electrical level it shows", low=0, high=1)
@@ -93,7 +93,11 @@ BUS: Final = (
            Option("at", "s", 30_000, "how long after its beginning it breaks", low=1_000,
                   high=10**9),
            Option("gap", "s", 20_000, "for how long", low=1_000, high=10**9))),
-    Fault("contention", "bus", "Somebody else drives the data lines too.", CHIP, COUNTED,
+    Fault("answer_late", "bus", "The chip's answer comes too late: the host takes what the lines"
+          " have shown before.", CHIP, COUNTED),
+    Fault("bus_pulled", "bus", "Data lines that nothing drives keep nothing: they show a level.",
+          CHIP, LASTS, (_LEVEL,)),
+    Fault("contention", "bus", "Another driver is on the data lines too.", CHIP, COUNTED,
           (Option("data", "count", 0, "with this byte", low=0, high=255),)),
 )  # fmt: skip
 
@@ -114,7 +118,7 @@ WIRES: Final = (
     Fault("wire_reordered", "wire", "Of each two edges the second comes before the first.", WIRE,
           LASTS,
           (Option("gap", "s", 10_000_000, "from one to the other", low=1, high=10**12),)),
-    Fault("wire_cut", "wire", "The wire is cut: nobody on other nodes drives it here.", WIRE,
+    Fault("wire_cut", "wire", "The wire is cut: no other node drives it here.", WIRE,
           LASTS),
 )  # fmt: skip
 
@@ -124,7 +128,7 @@ TRANSPORT: Final = (
           COUNTED),
     Fault("half_answer", "transport", "Half of an answer comes, then silence.", LINK, LASTS),
     Fault("link_closed", "transport", "The link is closed.", LINK, ONCE),
-    Fault("link_dead", "transport", "The link is open, and nobody is there.", LINK, LASTS),
+    Fault("link_dead", "transport", "The link is open, and no host answers.", LINK, LASTS),
 )  # fmt: skip
 
 _THERE_OR_BACK: Final = Option(
@@ -157,7 +161,7 @@ def faults() -> dict[str, Fault]:
     limited = tuple(one.name for one in families if one.limits)
     chips: dict[str, Fault] = {}
     for one in families:
-        upsets = one.load("upsets", Upsets)
+        upsets = one.load("upsets", ChipFaults)
         for row in upsets.FAULTS if upsets is not None else ():
             other = chips.get(row.name, row)
             named = (*other.families, one.name)

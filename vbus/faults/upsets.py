@@ -10,7 +10,7 @@ from vbus.core.state import Names
 from vbus.faults.row import Fault
 
 
-class Upsets:
+class ChipFaults:
     """How faults get at what is inside a chip.
 
     A chip's :meth:`~vbus.chips.base.Chip.exchange_plant` may be all there is to upset; else its
@@ -90,6 +90,6 @@ class Upsets:
         """Take the frequency of a saved state, before the chip's own state comes."""
 
 
-def upsets_of(chip: Chip) -> Upsets:
+def upsets_of(chip: Chip) -> ChipFaults:
     """Return what can be upset inside a chip."""
-    return (plugins.family(chip.FAMILY).load("upsets", Upsets) or Upsets)(chip)
+    return (plugins.family(chip.FAMILY).load("upsets", ChipFaults) or ChipFaults)(chip)

@@ -18,7 +18,7 @@ class ConditionWatch(Watch):
     Args:
         text: the condition.
         board: the board.
-        chip: whose commands are meant where none is named; None: nobody's.
+        chip: whose commands are meant where none is named; None: no chip's.
         met: is called at the instant at which the condition holds.
 
     Raises:

@@ -39,15 +39,15 @@ class WireFault(Wrong):
         return f"{end.name} is driven by no other node"
 
     def end(self) -> None:
-        """Let edges come as they do; what was kept back or cut off comes now."""
+        """Let edges come as they do; what was held back or cut off comes now."""
         self.leave()
         end = self._end
         if self.cuts():
             for node, (level, weak) in end.latest.items():
                 end.arrive(node, level, weak)
         elif self._name == "wire_reordered":
-            kept, end.kept_back = end.kept_back, []
-            for node, level, weak in kept:
+            held, end.kept_back = end.kept_back, []
+            for node, level, weak in held:
                 end.arrive(node, level, weak)
         self._kernel.settle()
 

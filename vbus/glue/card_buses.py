@@ -88,6 +88,7 @@ class BusRow(Struct, frozen=True):
 
 
 _RESET: Final = PinRow("RESET", "in", rest=LOW, title="reset of the whole bus, active high")
+_ALE: Final = PinRow(LATCH, "in", rest=LOW, title="address latch enable: D0-D7 carry A0 to A7")
 
 _ROWS: Final = (
     BusRow(
@@ -99,12 +100,16 @@ _ROWS: Final = (
     BusRow(
         "XMEM", "external memory of an AVR at 16 MHz, with its address latch", 16,
         (), ("/RD", "/WR"),
-        (PinRow(LATCH, "in", rest=LOW, title="address latch enable: D0-D7 carry A0 to A7"),),
+        (_ALE,),
         125 * NS, 52 * NS + 500, 47 * NS + 500, 62 * NS + 500,
     ),
     BusRow(
         "SRAM", "asynchronous memory of a processor; the rest of the address selects it", 24,
         (), ("/OE", "/WE"), (), 10 * NS, 100 * NS, 10 * NS, 10 * NS, window=True,
+    ),
+    BusRow(
+        "MUX", "the same with A0 to A7 on D0-D7 first, under its address latch enable", 24,
+        (), ("/RD", "/WR"), (_ALE,), 125 * NS, 200 * NS, 50 * NS, 50 * NS, window=True,
     ),
 )  # fmt: skip
 

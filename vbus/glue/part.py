@@ -54,7 +54,7 @@ class GlueBlock:
         """How long its outputs take to follow (ps); a fault may have made it longer."""
         self._was: Levels = ()
         self.asleep: bool = False
-        """Whether somebody else works out what it comes to, until :meth:`stand` is called."""
+        """Whether a card's path computes its outputs, until :meth:`stand` is called."""
         self._timer = kernel.timer(self._due) if delay else None
 
     def _now(self) -> Levels:
@@ -196,11 +196,11 @@ class Glue:
     """The glue of one board.
 
     Whatever moves, blocks are looked at in an order in which none comes before one it follows: so
-    glue without delays settles at once, and nobody sees what it goes through.
+    glue without delays settles at once, and no other part sees the levels between.
 
     Args:
         kernel: the board's time.
-        swings: is told a net that moves what moves it, without end: glue has ceased to follow.
+        swings: called with a net that moves what moves it, without end: glue has ceased to follow.
     """
 
     STATE: ClassVar[Names] = ("parts: parts",)

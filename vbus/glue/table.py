@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.glue import logic
+from vbus.glue import logic, peripherals
 from vbus.glue.logic import Function, Levels
 
 OUT: Final = "out"
@@ -106,6 +106,10 @@ def _one(part: str, title: str, *blocks: Block) -> GlueRow:
 _EIGHT: Final = tuple("ABCDEFGH")
 _Q8: Final = tuple(f"Q{letter}" for letter in _EIGHT)
 _Q4: Final = _Q8[:4]
+_PORTS: Final = (*run("PA", 8), *run("PB", 8), *run("PC", 8))
+_EXPANDERS: Final = (
+    ("PCF8574", 0x20), ("PCF8574A", 0x38), ("PCA9554", 0x20), ("PCA9554A", 0x38),
+)  # fmt: skip
 _LOAD: Final = ("/CLR", "/LOAD", "CLK", "ENP", "ENT", *"ABCD")
 
 ROWS: Final = (
@@ -291,6 +295,42 @@ ROWS: Final = (
         "74HC4040",
         "12-bit counter",
         Block(("CLR", "/CLK"), run("Q", 12, 1), logic.counter(12, True, True), through=()),
+    ),
+    _one(
+        "82C55",
+        "three 8-bit ports, mode 0",
+        Block(
+            ("RESET", "/CS", "/RD", "/WR", "A0", "A1", *run("D", 8), *_PORTS),
+            (*run("D", 8), *_PORTS),
+            peripherals.port_chip,
+            THREE_STATE,
+            through=("RESET", "/CS", "/RD", "A0", "A1"),
+        ),
+    ),
+    _one(
+        "HCTL-2016",
+        "16-bit quadrature counter on an 8-bit bus; its clock is not wired",
+        Block(
+            ("SEL", "/OE", "/RST", "CHA", "CHB"),
+            run("D", 8),
+            peripherals.quadrature_counter,
+            THREE_STATE,
+            through=("SEL", "/OE"),
+        ),
+    ),
+    *(
+        _one(
+            part,
+            f"8-bit port expander on I2C, at {base:02X}H and up",
+            Block(
+                ("SCL", "SDA", "A0", "A1", "A2", *run("P", 8)),
+                ("SDA", "/INT", *run("P", 8)),
+                peripherals.expander(base, part.startswith("PCA")),
+                THREE_STATE,
+                through=(),
+            ),
+        )
+        for part, base in _EXPANDERS
     ),
     _one(
         "RESET",

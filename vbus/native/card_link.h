@@ -1,7 +1,7 @@
 /* card_link.h - a computer's bus addresses as a session of vbus: card decoding and client together.
  *
  * The board tells which address reaches what (`card` of the link in the board file). The session is
- * opened at the first use, at $VBUS_LINK, and anew in a forked child. Where nobody answers, FFh is
+ * opened at the first use, at $VBUS_LINK, and anew in a forked child. Where no chip answers, FFh is
  * read. License: Apache-2.0.
  */
 #ifndef CARD_LINK_H

@@ -11,7 +11,7 @@ enum { UNWIRED, PORT_BIT, TIED };
 
 /* --- the wiring text -------------------------------------------------------------------------- */
 
-/* Read "!B3", "0" or "1"; return what follows, or NULL. */
+/* Read "!B3", "A12", "0" or "1"; return what follows, or NULL. */
 static const char *read_source(const char *text, struct pin_source *source)
 {
     source->inverted = *text == '!';
@@ -21,12 +21,14 @@ static const char *read_source(const char *text, struct pin_source *source)
         source->level = (unsigned char)(*text - '0');
         return text + 1;
     }
-    if (*text < 'A' || *text >= 'A' + PIN_PORTS || text[1] < '0' || text[1] > '7')
+    if (*text < 'A' || *text >= 'A' + PIN_PORTS || text[1] < '0' || text[1] > '9')
         return NULL;
+    source->port = (unsigned char)(*text++ - 'A');
+    source->bit = 0;
+    for (; *text >= '0' && *text <= '9' && source->bit < PIN_BITS; text++)
+        source->bit = (unsigned char)(source->bit * 10 + (*text - '0'));
     source->kind = PORT_BIT;
-    source->port = (unsigned char)(*text - 'A');
-    source->bit = (unsigned char)(text[1] - '0');
-    return text + 2;
+    return source->bit < PIN_BITS ? text : NULL;
 }
 
 static struct pin_source *add(struct pin_side *list, unsigned *count, unsigned most, long number)
@@ -111,6 +113,8 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
             next = NULL;
         if (next == NULL || (*next != ' ' && *next != '\0'))
             return (int)(text - wiring) + 1;
+        if (place->kind == PORT_BIT && place->bit > decoder->widest)
+            decoder->widest = place->bit;
         text = next + (*next == ' ');
     }
     for (turn = 0; turn < decoder->chip_count; turn++)
@@ -120,7 +124,7 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
 
 /* --- levels ----------------------------------------------------------------------------------- */
 
-/* What stands at a pin: 0, 1, or 2 where nobody drives it. */
+/* What stands at a pin: 0, 1, or 2 where no pin drives it. */
 static unsigned at(const struct pin_decoder *decoder, const struct pin_source *source)
 {
     if (source->kind == TIED)
@@ -160,7 +164,7 @@ unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port)
     unsigned drive = decoder->drive[port], level = decoder->level[port];
     unsigned floats = ~(drive | decoder->driven[port]);
 
-    return ((level & drive) | (decoder->external[port] & ~drive) | (level & floats)) & 0xFF;
+    return ((level & drive) | (decoder->external[port] & ~drive) | (level & floats)) & 0xFFFF;
 }
 
 /* --- chips' side ------------------------------------------------------------------------------ */
@@ -169,10 +173,10 @@ static void show(struct pin_decoder *decoder, const struct pin_source *source, u
 {
     if (source->kind != PORT_BIT)
         return;
-    decoder->driven[source->port] |= (unsigned char)BIT(source);
-    decoder->external[source->port] &= (unsigned char)~BIT(source);
+    decoder->driven[source->port] |= (unsigned short)BIT(source);
+    decoder->external[source->port] &= (unsigned short)~BIT(source);
     if (level != source->inverted)
-        decoder->external[source->port] |= (unsigned char)BIT(source);
+        decoder->external[source->port] |= (unsigned short)BIT(source);
 }
 
 static void show_byte(struct pin_decoder *decoder, const struct pin_chip *chip)
@@ -193,7 +197,7 @@ static void let_go(struct pin_decoder *decoder, unsigned unread)
             const struct pin_source *line = &decoder->chips[turn].data[bit];
 
             if (line->kind == PORT_BIT)
-                decoder->driven[line->port] &= (unsigned char)~BIT(line);
+                decoder->driven[line->port] &= (unsigned short)~BIT(line);
         }
     for (turn = 0; turn < decoder->chip_count && unread; turn++)
         if (decoder->chips[turn].reading)
@@ -229,7 +233,7 @@ void pin_decoder_look(struct pin_decoder *decoder, unsigned port)
 
 /* --- the microcontroller's side --------------------------------------------------------------- */
 
-/* Move the lines before glue that go to `level` now; those that nobody drives are idle (high). */
+/* Move the lines before glue that go to `level` now; those without a driver are idle (high). */
 static void move_lines(struct pin_decoder *decoder, unsigned level)
 {
     unsigned turn, mask = 0;
@@ -317,15 +321,15 @@ static void begin_reads(struct pin_decoder *decoder, unsigned begun)
 
 void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive, unsigned level)
 {
-    unsigned char old_drive, old_level;
+    unsigned short old_drive, old_level;
     unsigned turn, ended = 0, begun = 0, unread = 0;
 
     if (port >= PIN_PORTS)
         return;
     old_drive = decoder->drive[port];
     old_level = decoder->level[port];
-    decoder->drive[port] = (unsigned char)drive;
-    decoder->level[port] = (unsigned char)level;
+    decoder->drive[port] = (unsigned short)drive;
+    decoder->level[port] = (unsigned short)level;
     for (turn = 0; turn < decoder->chip_count; turn++) {
         struct pin_chip *chip = &decoder->chips[turn];
         int selected, writing, reading, latching;
@@ -343,8 +347,8 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
             decoder->drive[port] = old_drive; /* the pins before this edge */
             decoder->level[port] = old_level;
             chip->latched = (unsigned char)byte_at(decoder, chip->data);
-            decoder->drive[port] = (unsigned char)drive;
-            decoder->level[port] = (unsigned char)level;
+            decoder->drive[port] = (unsigned short)drive;
+            decoder->level[port] = (unsigned short)level;
         }
         chip->writing = (unsigned char)writing;
         chip->reading = (unsigned char)reading;
@@ -354,11 +358,11 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
         decoder->drive[port] = old_drive;
         decoder->level[port] = old_level;
         finish_writes(decoder, ended);
-        decoder->drive[port] = (unsigned char)drive;
-        decoder->level[port] = (unsigned char)level;
+        decoder->drive[port] = (unsigned short)drive;
+        decoder->level[port] = (unsigned short)level;
     }
     /* What the microcontroller drove stays on a line when it lets go. */
-    decoder->external[port] = (unsigned char)((decoder->external[port]
+    decoder->external[port] = (unsigned short)((decoder->external[port]
                                                & ~(drive & ~decoder->driven[port]))
                                               | (level & drive & ~decoder->driven[port]));
     let_go(decoder, unread);

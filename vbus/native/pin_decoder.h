@@ -23,7 +23,8 @@
 extern "C" {
 #endif
 
-#define PIN_PORTS 12 /* A to L */
+#define PIN_PORTS 13 /* A to L of up to 16 bits, and M: interrupt inputs of a processor */
+#define PIN_BITS 16
 #define PIN_CHIPS 16
 #define PIN_SIDES 64
 #define PIN_OUTPUTS 32
@@ -63,8 +64,9 @@ struct pin_decoder {
     void *context;
 
     /* The rest is the decoder's own, to be looked at. */
-    unsigned char drive[PIN_PORTS], level[PIN_PORTS];       /* what the microcontroller does */
-    unsigned char external[PIN_PORTS], driven[PIN_PORTS];   /* what chips do, and where */
+    unsigned short drive[PIN_PORTS], level[PIN_PORTS];      /* what the microcontroller does */
+    unsigned short external[PIN_PORTS], driven[PIN_PORTS];  /* what chips do, and where */
+    unsigned widest;                                        /* the highest port bit that is wired */
     struct pin_chip chips[PIN_CHIPS];
     struct pin_side sides[PIN_SIDES], outputs[PIN_OUTPUTS]; /* outputs: bit `number` of SYNC */
     struct pin_side lines[PIN_LINES];
@@ -85,7 +87,7 @@ void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word);
 /* Look at the data buses behind glue that are wired to a port: call it before pin_decoder_input. */
 void pin_decoder_look(struct pin_decoder *decoder, unsigned port);
 
-/* What the microcontroller reads at a port. */
+/* What the microcontroller reads at a port; of one of 8 bits the low byte counts. */
 unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port);
 
 #ifdef __cplusplus

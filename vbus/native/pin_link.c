@@ -13,6 +13,8 @@ const char *pin_link_strerror(int error)
 {
     if (error == PIN_LINK_E_WIRING)
         return "this link has no pin map; name one as pinmap of the host in the board file";
+    if (error == PIN_LINK_E_BITS)
+        return "the pin map wires a port bit above 7, and a port has 8 bits here";
     return vbus_strerror(error);
 }
 
@@ -95,7 +97,7 @@ void pin_link_side(void *context, unsigned number, unsigned level)
     keep(link, vbus_pin(&link->bus, number, level));
 }
 
-/* Lines and buses before glue: nothing of them is a whole cycle, and nobody promises anything. */
+/* Lines and buses before glue: nothing of them is a whole cycle, and there are no leases. */
 static void move_lines(void *context, unsigned mask, unsigned levels)
 {
     struct pin_link *link = (struct pin_link *)context;
@@ -142,7 +144,7 @@ static unsigned look_at_bus(void *context, unsigned chip)
     return data < 0 ? FLOATING : (unsigned)data;
 }
 
-int pin_link_open(struct pin_link *link, const char *where)
+int pin_link_open(struct pin_link *link, const char *where, unsigned bits)
 {
     static unsigned char description[LINK_TEXT_ROOM];
     static char text[LINK_TEXT_ROOM];
@@ -173,6 +175,8 @@ int pin_link_open(struct pin_link *link, const char *where)
         return link->error;
     if (pin_decoder_init(&link->pins, text) != 0)
         return keep(link, VBUS_E_PROTOCOL);
+    if (link->pins.widest >= bits)
+        return keep(link, PIN_LINK_E_BITS);
     link->pins.on_read = pin_link_read;
     link->pins.on_write = pin_link_write;
     link->pins.on_side = pin_link_side;

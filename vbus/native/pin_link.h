@@ -28,10 +28,10 @@ struct pin_link {
     int realtime;      /* the wall clock is the board's time: a write is waited for */
     int error;         /* the first error; nothing is sent any more */
     int touched;       /* the chips were touched since the last pin_link_sync */
-    int told;          /* a read has told of the lines since the last pin_link_sync: see `edge` */
-    uint64_t edge;     /* no output line moves before this instant of the host's clock, as told last */
+    int told;          /* a read has reported the lines since the last pin_link_sync: see `edge` */
+    uint64_t edge;     /* no output line moves before this, by the last report (host's clock) */
     uint64_t origin;   /* chip time when the host's own clock was 0: another may have run before */
-    uint32_t outputs;  /* their levels, as told last */
+    uint32_t outputs;  /* their levels by the last report */
     uint64_t step;     /* what looking at a clock takes in lockstep (ps) */
     uint64_t cycles;   /* bus cycles so far, or moves of strobes before glue */
     unsigned selected;
@@ -39,9 +39,11 @@ struct pin_link {
 
 #define PIN_LINK_E_WIRING (-200) /* the link has no pin map; name one as `pinmap` in the board file */
 
-/* Open the session at `where` (see vbus_open) and take its wiring. Returns 0 or an error. Set
- * `clock` before the first pin moves. */
-int pin_link_open(struct pin_link *link, const char *where);
+#define PIN_LINK_E_BITS (-201) /* the pin map wires a port bit that this host's ports do not have */
+
+/* Open the session at `where` (see vbus_open) and take its wiring, of ports of `bits` bits. Returns 0
+ * or an error. Set `clock` before the first pin moves. */
+int pin_link_open(struct pin_link *link, const char *where, unsigned bits);
 
 /* Send what is still kept back and close the session; the first error, or 0. */
 int pin_link_close(struct pin_link *link);

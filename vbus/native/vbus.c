@@ -341,7 +341,7 @@ static int ready(struct vbus *bus, short events, int64_t deadline)
     }
 }
 
-/* No reply in time: false, or true with a new deadline if somebody has paused the board. */
+/* No reply in time: false, or true with a new deadline if the board is paused. */
 static int paused(struct vbus *bus, int64_t *deadline)
 {
     int before = bus->paused;
@@ -619,7 +619,7 @@ static int take_event(struct vbus *bus, int64_t deadline)
     return error;
 }
 
-/* Take word that somebody has paused the board, or that it goes on; comes after HELLO. */
+/* Take the report that the board is paused, or that it goes on; comes after HELLO. */
 static int take_pause(struct vbus *bus, int64_t deadline)
 {
     unsigned char body;
@@ -824,7 +824,7 @@ static int poll_leased(struct vbus *bus, unsigned address)
     }
     bus->lease_now = when;
     bus->lease_polls++;
-    /* A stamp belongs to one poll; otherwise they are a cycle apart and told of together. */
+    /* A stamp belongs to one poll; otherwise they are a cycle apart and reported together. */
     if ((bus->stamped || bus->lease_polls == 0xFFFF) && tell_polls(bus) < 0)
         return 0;
     bus->stamped = 0;

@@ -110,7 +110,7 @@ extern "C" {
 struct vbus {
     int fd;         /* the descriptor, or -1 */
     int timeout_ms; /* what a reply may take besides the time its requests let pass; -1: for ever;
-                     * while somebody has paused the board, replies are waited for as long */
+                     * while the board is paused, replies are waited for as long */
     int system;     /* errno behind the last VBUS_E_SYSTEM */
     unsigned refused; /* number of the request refused last */
 
@@ -184,15 +184,15 @@ int vbus_wait(struct vbus *bus, uint64_t longest, uint64_t *instant);
 /* Keep requests without a reply back, to travel with the next one that has a reply. */
 void vbus_buffer(struct vbus *bus);
 
-/* Send what is kept back, and keep nothing back any more. */
+/* Send the requests held back, and hold back no more. */
 int vbus_flush(struct vbus *bus);
 
-/* Send what is kept back, and go on keeping. */
+/* Send the requests held back, and go on holding back. */
 int vbus_send(struct vbus *bus);
 
 /* Answer polls from leases (1) or ask the board each time (0, as at the start). On lockstep and
  * slaved boards a read without side effects tells how long its byte will stay; until then vbus_read
- * gives that byte without asking, and the board is told how often it did, so that time, counts and
+ * gives that byte without asking, and the board gets the number of them, so that time, counts and
  * traces are those of a host that asks. Such a host is alone on its board: over a socket it looks for a
  * reply for some 30 us before it sleeps. Asks for the description of the session. */
 int vbus_leases(struct vbus *bus, int on);

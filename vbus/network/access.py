@@ -1,4 +1,4 @@
-"""Whoever keeps others out tells them so: Zenoh itself drops what is forbidden without a word."""
+"""Answers hosts that lack a right: Zenoh itself drops what is forbidden without a word."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ log = logging.getLogger("vbus")
 def ask_access(session: zenoh.Session, key: str) -> str:
     """Return why the session's own certificate does not do for ``key``.
 
-    Empty if it does, or if whoever listens there tells nobody: a router that is not of vbus.
+    Empty if it does, or if the router there does not say: one that is not of vbus.
     """
     asked = f"{session.info.zid()} {key}"
     for reply in session.get(keys.ACCESS, timeout=ASK_SECONDS, payload=asked):
@@ -43,14 +43,14 @@ def refusal(security: Security, name: str, key: str) -> str:
     if rights is None:
         return (
             f'the holder of the certificate "{name}" may use nothing here, and so not {key}; see'
-            " [zenoh.allow] of whoever listens there"
+            " [zenoh.allow] of the process that listens there"
         )
     if any(_includes(f"{keys.ROOT}/{right}", key) for right in expand(rights)):
         return ""
     shown = ", ".join(rights) or "nothing"
     return (
         f'the holder of the certificate "{name}" may use {shown} here, but not {key}; see'
-        " [zenoh.allow] of whoever listens there"
+        " [zenoh.allow] of the process that listens there"
     )
 
 
@@ -59,7 +59,7 @@ def _includes(pattern: str, key: str) -> bool:
 
 
 def answer_access(session: zenoh.Session, security: Security) -> zenoh.Queryable[None]:
-    """Answer hosts that ask why nobody answers them.
+    """Answer hosts that ask why their requests get no answer.
 
     A host sends its session's id and a key; its certificate is that of the link it came by.
     """

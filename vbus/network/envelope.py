@@ -8,8 +8,8 @@ and that of its reply what they gave. Beside it, as Zenoh's attachment, stands t
 ``kind`` is 0 for requests, 1 for the end of the session, and 2 for the wish to hear events: that
 query stays open, and each of its replies is events, with their number, from 0, attached (u64). Its
 own ``number`` is how many of those were lost so far. ``session`` is a secret the host has chosen at
-random. It stands in queries to the board alone, which nobody else is given; what everybody may see,
-in keys and in words, is its public name (:func:`public`), which does not tell it. So whoever has
+random. It stands only in queries, which Zenoh gives to the board alone. Keys and messages show its
+public name (:func:`public`), from which it cannot be computed. So another host with
 the same right can neither send into a session nor end it, and hears none of its answers.
 
 Messages are numbered from 0; the board carries them out in order, each one once, keeps the replies

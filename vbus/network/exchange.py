@@ -11,11 +11,11 @@ Refuse = Callable[[str, str], None]
 """Sends a refusal: a code and a sentence."""
 
 MOST_STORED: Final = 16 << 20
-"""Bytes of replies kept for a host that does not acknowledge them."""
+"""Bytes of replies stored for a host that does not acknowledge them."""
 
 
 class _Received:
-    """A message that came, and the way back to whoever asked."""
+    """A message that came, and the way back to its host."""
 
     __slots__ = ("answer", "data", "refuse")
 
@@ -58,10 +58,10 @@ class Exchange:
         if number in self._stored:
             answer(self._stored[number])
         elif number == self.following - 1 and self._current is not None:
-            # Being carried out: whoever repeats it waits for the reply in place of the first.
+            # Being carried out: the repeated query waits for the reply in place of the first.
             self._current = message
         elif number < self.following:
-            refuse(GONE, f"message {number} has been carried out; its reply is kept no more")
+            refuse(GONE, f"message {number} has been carried out; its reply is no longer stored")
         elif number >= self.following + WINDOW:
             refuse(GONE, f"message {number} came before message {self.following}: too far ahead")
         else:

@@ -1,4 +1,4 @@
-"""Endpoints of this computer's boards and routers, so that hosts here need not be told."""
+"""Endpoints of this computer's boards and routers, so that hosts here find them by name."""
 
 import contextlib
 import fcntl
@@ -28,7 +28,7 @@ def router_place() -> Path:
 
 
 def register(place: Path, endpoints: Sequence[str]) -> Path:
-    """Write down where something is reached; whoever wrote it before is not there any more.
+    """Write down where a board or router is reached, in place of an entry that a dead process left.
 
     The file stays locked as long as this process lives, so that one left behind is known.
     """

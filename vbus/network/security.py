@@ -31,7 +31,7 @@ _ASKED: Final = (
     "liveliness_query",
     "declare_liveliness_subscriber",
 )
-"""What comes from somebody who uses a key: questions, and the wish to hear."""
+"""The messages of a client of a key: queries and subscriptions."""
 
 SERVE: Final = "serve "
 """Stands before a right whose holder answers and publishes under the key, as a board does."""
@@ -114,7 +114,7 @@ class Security(Struct, frozen=True):
     def diagnose(self, endpoint: str) -> str:
         """Return why certificates keep a link to ``endpoint`` from being made.
 
-        Empty if they do not: it can be made, or nobody listens there.
+        Empty if they do not: it can be made, or no process listens there.
         """
         import socket
         import ssl
@@ -129,7 +129,7 @@ class Security(Struct, frozen=True):
                 socket.create_connection((host, int(port)), DIAGNOSE_SECONDS) as link,
                 context.wrap_socket(link, server_hostname=host) as secured,
             ):
-                # Whether our own certificate was accepted is told after the handshake.
+                # Whether our own certificate was accepted shows after the handshake.
                 secured.settimeout(0.3)
                 secured.recv(1)
         except ssl.SSLCertVerificationError as error:

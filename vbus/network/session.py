@@ -1,4 +1,4 @@
-"""Zenoh sessions with safe defaults: loopback, nothing found or dialled by itself, short leases."""
+"""Zenoh sessions with safe defaults (nothing dialled by itself), and the boards found there."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from vbus.core.addresses import refused_endpoint
 from vbus.core.errors import TransportError
+from vbus.network import keys
 from vbus.network.security import Security
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Network(Struct, frozen=True):
         listen: endpoints hosts, boards and routers may connect to.
         connect: endpoints of routers to connect to.
         security: certificates and rights, if any.
-        grace_seconds: how long the session of a host that has vanished is kept for its return.
+        grace_seconds: how long the session of a host that has vanished waits for its return.
         remote: other computers may be let in without certificates.
     """
 
@@ -78,7 +79,7 @@ def open_session(
     remote: bool = False,
     lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
-    """Open a Zenoh session that talks to the given endpoints and to nobody else.
+    """Open a Zenoh session that talks to the given endpoints and to no others.
 
     There is no multicast scouting and no gossip: what is not named is not found. A topology that
     works is a star: one session with ``mode="router"`` that listens, and all others connected to it
@@ -157,7 +158,7 @@ def _settings(
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": False,
     }
-    if mode == "router":  # whoever takes nothing for a lease would hold all others up
+    if mode == "router":  # a peer that takes nothing for a lease would hold all others up
         settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = (
             lease_ms * 1000
         )
@@ -204,8 +205,8 @@ def _why(
     text = str(error)
     if "listener" in text or "in use" in text:
         return (
-            f"cannot listen on {', '.join(listen)}: {_reason(text)}; stop whoever has it, or"
-            " choose another port"
+            f"cannot listen on {', '.join(listen)}: {_reason(text)}; stop the process that has"
+            " it, or choose another port"
         )
     for endpoint in connect:
         if security is not None and endpoint.startswith("tls/"):
@@ -214,8 +215,8 @@ def _why(
                 return f"{endpoint} cannot be reached: {found}"
     if connect:
         return (
-            f"{', '.join(connect)} cannot be reached: nobody listens there; is the router or the"
-            " board running (vbus ls), and is the endpoint right?"
+            f"{', '.join(connect)} cannot be reached: no process listens there; is the router or"
+            " the board running (vbus ls), and is the endpoint right?"
         )
     return f"no Zenoh session: {_reason(text)}"
 
@@ -229,7 +230,38 @@ def _reason(text: str) -> str:
 
 
 def free_endpoint(protocol: str = "tcp", host: str = "127.0.0.1") -> str:
-    """Return an endpoint on a port that is free now; whoever listens first has it."""
+    """Return an endpoint on a port that is free now; the first process to listen has it."""
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
         probe.bind((host, 0))
         return f"{protocol}/{host}:{probe.getsockname()[1]}"
+
+
+ASK_SECONDS: Final = 1.0
+"""How long tokens, and what each board tells of itself, are waited for."""
+
+
+def boards_on(connect: Sequence[str], security: Security | None = None) -> list[dict[str, Any]]:
+    """Return what each board on the network tells, in the order of their names.
+
+    A board whose token is there and which does not answer gets an entry ``"error"``.
+
+    Raises:
+        TransportError: none of the endpoints can be reached.
+    """
+    session = open_session(connect=connect, mode="client", security=security)
+    try:
+        tokens = session.liveliness().get(keys.OWNERS, timeout=ASK_SECONDS)
+        owners = {str(token.ok.key_expr).split("/")[1] for token in tokens if token.ok is not None}
+        found = []
+        for board in sorted(owners):
+            answers = []
+            for reply in session.get(keys.status(board), timeout=ASK_SECONDS):
+                if reply.ok is not None:
+                    answers.append(json.loads(reply.ok.payload.to_bytes()))
+            at = ",".join(connect)
+            found += answers or [
+                {"board": board, "error": f"is on the network of {at}, but does not answer"}
+            ]
+        return found
+    finally:
+        close_session(session)

@@ -21,7 +21,7 @@ HOST: Final = "waits for its host"
 class Conductor:
     """Moves one node's time as far as all nodes agree on.
 
-    Whoever carries the messages calls :meth:`poll` after everything that happens, and sends the
+    The carrier of the messages calls :meth:`poll` after everything that happens, and sends the
     reports it returns to all other nodes.
 
     Args:
@@ -79,7 +79,7 @@ class Conductor:
 
     @property
     def finished(self) -> bool:
-        """Whether time has come to where it was to run, and nobody wants more."""
+        """Whether time has come to where it was to run, and no node wants more."""
         participant = self.participant
         return 0 <= self.until < participant.granted and participant.rested
 

@@ -11,10 +11,9 @@ from vbus.core.errors import ConfigError, VbusError
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.machine_snapshot import MachineSnapshot, restore
 from vbus.nodes.messages import NodeReport
-from vbus.nodes.node import Node
+from vbus.nodes.node import Line, Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, plan_of
 from vbus.nodes.scenario import Scenario
-from vbus.nodes.trace import Line, hash_of, merged
 from vbus.record.format import Header
 
 

@@ -1,7 +1,7 @@
 """A snapshot of a whole machine: every node at the end of one round, as a value and as a file.
 
-At the end of a round each node has told the others all it has sent, so nothing is under way between
-them. Nodes that have each loaded their own part go on together, in any number of processes.
+At the end of a round each node has reported to the others all it has sent, so no message is under
+way. Nodes that have each loaded their own part go on together, in any number of processes.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,21 +1,72 @@
-"""One node of a board: a board of its own, and the ends of the wires that lead to others."""
+"""A node: a part of a board with a kernel of its own, and the trace of what happened on it."""
 
-from collections.abc import Iterable
+import hashlib
+from collections.abc import Iterable, Iterator
 from functools import partial
-from heapq import heappop, heappush
+from heapq import heappop, heappush, merge
+from operator import itemgetter
 from typing import Any, ClassVar
 
 from vbus.board.board import Beyond, Board
 from vbus.circuit.orders import Order, Orders
 from vbus.core.errors import SnapshotError
 from vbus.core.kernel import Timer
+from vbus.core.signals import TraceHash
 from vbus.core.signals.wire import Drive, WireEnd
 from vbus.core.state import Names, Saved, plan, save
 from vbus.core.state.kinds import Load
 from vbus.nodes.messages import Edge
 from vbus.nodes.plan import Plan, Wire
 from vbus.nodes.sync import Participant
-from vbus.nodes.trace import NodeTrace
+
+Line = tuple[int, str]
+"""Instant (ps), and what happened at it."""
+
+
+class NodeTrace(TraceHash):
+    """Keeps what a :class:`TraceHash` would hash: bus cycles, edges and violations of one node."""
+
+    STATE: ClassVar[Names] = (
+        "_lines: list[(i64, str), ...]", "_pending: list[(i64, i64, str), ...]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_hash", "_order")
+    DERIVED: ClassVar[Names] = ("records",)
+
+    def __init__(self, order: list[str]) -> None:
+        super().__init__(order)
+        self._lines: list[Line] = []
+
+    def record(self, when: int, text: str) -> None:
+        """Keep it."""
+        self._lines.append((when, text))
+
+    def lines(self) -> list[Line]:
+        """Return everything so far, in order."""
+        return [*self._lines, *self.waiting()]
+
+    def digest(self) -> str:
+        """Return the hash of this node alone (hex)."""
+        return hash_of(merged([self.lines()]))
+
+    def after_load(self) -> None:
+        """Count what has been loaded."""
+        self.records = len(self._lines)
+
+
+def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:
+    """Merge the traces of nodes, given by rank, in order of (instant, node, sequence)."""
+    ranked = ([(when, rank, text) for when, text in lines] for rank, lines in enumerate(traces))
+    # Of equal instants, merge() takes the one of the earlier list.
+    for when, rank, text in merge(*ranked, key=itemgetter(0)):
+        yield f"{when} {rank} {text}\n"
+
+
+def hash_of(lines: Iterable[str]) -> str:
+    """Return the SHA-256 (hex) over the lines of a merged trace."""
+    total = hashlib.sha256()
+    for line in lines:
+        total.update(line.encode())
+    return total.hexdigest()
 
 
 class Node(Beyond):
@@ -120,10 +171,10 @@ class Node(Beyond):
     # -- orders -------------------------------------------------------------------------------
 
     def orders_of(self, label: str, saved: bool = True) -> Orders:
-        """Return what somebody orders here for given instants.
+        """Return the orders of one source for given instants.
 
         Args:
-            label: who, in traces.
+            label: name of the source, in traces.
             saved: whether it is part of the state.
         """
         known = next((orders for orders in self.orders if orders.label == label), None)
@@ -135,7 +186,7 @@ class Node(Beyond):
         return known
 
     def order(self, label: str, order: Order) -> None:
-        """Let happen at its instant what :meth:`orders_of` somebody are about."""
+        """Add an order to those of a source (:meth:`orders_of`), for its instant."""
         o = order
         self._note("order", [label, o.when, [*o.chips], o.kind, o.address, o.data, o.pin])
         self.orders_of(label).give(order)

@@ -27,7 +27,7 @@ class Wire:
     Attributes:
         name: as the board file has it.
         delay: how long an edge takes to the other nodes (ps).
-        rest: level while nobody drives it.
+        rest: level while no node drives it.
         width: number of wires, 1 or 8.
         ends: pins by the rank of their node.
     """
@@ -119,7 +119,7 @@ def _alone(chip: ChipSection) -> Chip:
 
 def _digest(file: BoardFile) -> str:
     """Return a hash over all that decides what happens: not who is connected how."""
-    # In virtual time nobody feels the rate; in real time all are to run at the same one.
+    # In virtual time the rate has no effect; in real time all are to run at the same one.
     rate = file.board.rate if file.board.time == "realtime" else 1.0
     board = msgspec.structs.replace(file.board, rate=rate, stall="catch_up")
     nodes = tuple(

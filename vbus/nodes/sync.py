@@ -32,7 +32,7 @@ class Participant:
     Attributes:
         round: the round under way: its reports are awaited.
         granted: everything before this instant may happen (ps).
-        rested: whether the last grant gave no time: nobody wanted any.
+        rested: whether the last grant gave no time: no node wanted any.
         reported: whether this node has ended the round.
     """
 
@@ -85,7 +85,7 @@ class Participant:
         """Take another node's report; one that is known already changes nothing.
 
         Raises:
-            NodeMismatchError: it runs another board, or has told something else before.
+            NodeMismatchError: it runs another board, or has sent another report of that round.
         """
         name = self.names[report.node]
         if report.digest != self.digest:
@@ -100,7 +100,7 @@ class Participant:
         if known != report:
             raise NodeMismatchError(
                 name,
-                f"node {name} has told of round {report.round} something else than before: two"
+                f"node {name} has sent two different reports of round {report.round}: two"
                 " processes run it, or it was started anew without its hosts doing the same",
             )
 

@@ -13,7 +13,7 @@ from vbus.plant.shaft import LOAD_TORQUE, SHAFT_OPTIONS, TWO_PI, Mechanics, Shaf
 from vbus.plant.travel import NOWHERE, Travel
 
 MOST_DRIVEN: Final = 10.0
-"""Times what its voltages drive: no motor takes that; a current that was kept is checked."""
+"""Times what its voltages drive: no motor takes that; a saved current is checked by it."""
 NO_CURRENT: Final = 1e-12
 """Amperes below which a decaying current is over; it would fade for hundreds of periods more."""
 CORNERS: Final = 64
@@ -249,7 +249,7 @@ class DcMotor(Shaft):
     def _course(self) -> list[float]:
         """Return the course of the last period in straight pieces, and keep it so.
 
-        That is for whoever changes the motor within a period: it goes on as it was.
+        Callers that change the motor within a period call it first: the course so far must stay.
         """
         if self._solved:
             places = [self._first]

@@ -70,7 +70,7 @@ class Encoder:
     def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
         """Tell whether going from ``start`` to ``end`` enters an index, and at which count.
 
-        ``start`` itself does not count; of several indices the first one on the way is told.
+        ``start`` itself does not count; of several indices the first one on the way is returned.
         """
         if not self.index or start == end:
             return False, 0

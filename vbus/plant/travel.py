@@ -9,9 +9,9 @@ of the period, at whose end it has happened:
   beginning and rises at the end, and could reach zero, the span is halved too; an extremum found in
   a tick is no crossing.
 * A standing shaft breaks away. Its current goes one way, so the end of a span does tell.
-* An end stop is met, or a border that somebody asks for. The shaft goes one way, so the end tells.
+* An end stop is met, or a border that the caller has set. The shaft goes one way, so the end tells.
 
-Whether it turns is kept apart from its speed: a shaft that breaks away has none yet.
+Whether it turns is stored apart from its speed: a shaft that breaks away has none yet.
 """
 
 from typing import ClassVar, Final
@@ -28,7 +28,7 @@ NOWHERE: Final = 1e300
 
 
 class Travel:
-    """A motor between stops, from the beginning of a period as far as somebody asks.
+    """A motor between stops, from the beginning of a period to an instant that the caller asks for.
 
     Set :attr:`current`, :attr:`speed`, :attr:`place` and :attr:`volts`, then :meth:`go`.
     """

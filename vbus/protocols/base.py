@@ -20,7 +20,7 @@ class Protocol:
     """
 
     NO_ROOM: ClassVar[bytes] = b""
-    """What a host is told in place of an answer when the board can take no more hosts."""
+    """The bytes a host gets in place of an answer when the board can take no more hosts."""
     STATE: ClassVar[Names] = ()
     """What stands between this request and the next: half of one, counts, promises. Bytes not yet
     sent are no part of it."""
@@ -42,7 +42,7 @@ class Protocol:
         """Append what the port's watched lines did since the last call, if the host asked."""
 
     def tell_pause(self, paused: bool) -> None:
-        """Append that somebody has paused the board, or that it goes on, if the host asked."""
+        """Append that the board is paused or goes on, if the host asked for such reports."""
 
     def reset(self) -> None:
         """Forget half a request: a session has ended or begun."""

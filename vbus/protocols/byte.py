@@ -10,7 +10,7 @@ from vbus.core.instants import END, NEVER
 from vbus.core.state import Names
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
-from vbus.protocols.hello import encode_hello
+from vbus.protocols.info import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
 
@@ -47,7 +47,7 @@ class ByteProtocol(Protocol):
     event stands before the reply of the request during which its edge happened.
 
     A refused request is answered ``'X'``, reason, number. After an unknown request, a bad length
-    or a bad version nobody can tell where the next request starts: from then on every byte is
+    or a bad version it is unknown where the next request starts: from then on every byte is
     answered with that same refusal until :meth:`reset`.
     """
 
@@ -70,7 +70,7 @@ class ByteProtocol(Protocol):
         self._greeted: bool = False
         """Whether the host has said HELLO, so that it reads ``'H'``: no state of the board."""
         self._told: bool = False
-        """Whether it has last been told of a pause."""
+        """Whether the last report to the host was of a pause."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -187,8 +187,8 @@ class ByteProtocol(Protocol):
 
     def awaited(self) -> bool:
         """Tell whether anything is left but a request to wait."""
-        kept = self._kept
-        return bool(kept) and not (kept[0] in _WAITS and len(kept) <= SIZES[kept[0]])
+        half = self._kept
+        return bool(half) and not (half[0] in _WAITS and len(half) <= SIZES[half[0]])
 
     def finish(self) -> bool:
         """End a message that holds whole requests only; False while one of them has to wait.
@@ -223,8 +223,8 @@ class ByteProtocol(Protocol):
 
     def tell_pause(self, paused: bool) -> None:
         """Append a pause or its end for a host that says HELLO; HELLO may still wait itself."""
-        kept = self._kept
-        asks = len(kept) > 1 and kept[0] == _HELLO
+        half = self._kept
+        asks = len(half) > 1 and half[0] == _HELLO
         if paused != self._told and (asks or self._greeted):
             self._told = paused
             self.out += b"H\x01" if paused else b"H\x00"

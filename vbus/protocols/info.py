@@ -1,5 +1,6 @@
-"""What HELLO tells of a session. Interpreted in every core: msgspec reads these annotations."""
+"""HELLO: what it tells of a session, and its msgpack. Interpreted: msgspec reads annotations."""
 
+import msgspec
 from msgspec import Struct, field
 
 
@@ -50,3 +51,24 @@ class PortInfo(Struct):
     wiring: str = ""
     card: str = ""
     program: str = ""
+
+
+def encode_hello(version: int, info: PortInfo) -> bytes:
+    """Return HELLO's answer: a map of the agreed version and every field of ``info``."""
+    return msgspec.msgpack.encode({"version": version, **msgspec.to_builtins(info)})
+
+
+def decode_hello(data: bytes) -> tuple[int, PortInfo]:
+    """Return the agreed version and the session's description.
+
+    Fields this version does not know are skipped, so that a newer board can say more.
+
+    Raises:
+        ValueError: the bytes are no such map; says what is wrong.
+    """
+    try:
+        fields: dict[str, object] = msgspec.msgpack.decode(data, type=dict[str, object])
+        version = msgspec.convert(fields.pop("version", None), int)
+        return version, msgspec.convert(fields, PortInfo)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"HELLO's answer cannot be read: {error}") from error

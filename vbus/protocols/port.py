@@ -39,7 +39,7 @@ class CardAccess(NamedTuple):
     Attributes:
         chip: number of the chip in the session; -1 if none answers.
         address: address at that chip.
-        floating: data bits that nobody drives in a read: they read as 1.
+        floating: data bits that no chip drives in a read: they read as 1.
         pulsed: side pin that the card pulses low after it; -1: none.
     """
 
@@ -85,7 +85,7 @@ class HostPort:
         raise NotImplementedError
 
     def claim(self) -> bool:
-        """Hold the selected chips' bus for a packet; False while somebody else has it."""
+        """Hold the selected chips' bus for a packet; False while another session has it."""
         raise NotImplementedError
 
     def unclaim(self) -> None:
@@ -210,7 +210,7 @@ class HostPort:
         raise NotImplementedError
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
-        """Decode a card address; None if nobody is there.
+        """Decode a card address; None if no chip answers there.
 
         A card's port may lead elsewhere in a write than in a read.
         """

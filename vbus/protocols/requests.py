@@ -214,7 +214,7 @@ REPLIES: Final = {
         Reply("S", _layout("outputs:u32 instant:u64"), "output lines; no edge before the instant"),
         Reply("W", _layout("outputs:u32 passed:u64"), "output lines; how much time has passed"),
         Reply("I", _layout("outputs:u32 instant:u64"), "event: output lines after an edge, when"),
-        Reply("H", _layout("paused:u8"), "1: somebody has paused the board; 0: it goes on"),
+        Reply("H", _layout("paused:u8"), "1: the board is paused; 0: it goes on"),
         Reply("X", _layout("code:u8 number:u16"), "refused: why, and which request"),
     )
 }

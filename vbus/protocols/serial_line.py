@@ -58,7 +58,7 @@ class SerialLine(Protocol):
 
     A byte of the host reaches the wire format when its frame has ended; a byte of the answer
     reaches the host when its own has. On boards in real time both directions are under way at
-    once. Elsewhere nobody can tell whether a host has waited for an answer, so one thing happens
+    once. In other modes the board cannot know whether a host waited for an answer, so one happens
     after the other: a frame of the host begins when all before it has been done and answered.
 
     Frames pass as time of the host, like a DELAY: a journal has them, and a replay needs no line.

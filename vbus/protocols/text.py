@@ -13,7 +13,7 @@ LONGEST_LINE: Final = 512
 """Most characters of a line; the rest of a longer one is skipped and the line refused."""
 
 UNCLAIMED: Final = 0xFF
-"""What a card address reads that nobody answers."""
+"""What a read gives at a card address where no chip answers."""
 
 _DIGITS: Final = "0123456789"
 _HEX_DIGITS: Final = "0123456789abcdefABCDEF"

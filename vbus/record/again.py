@@ -51,11 +51,7 @@ class StretchReplayer(Observer):
     """
 
     def __init__(
-        self,
-        board: Board,
-        ports: dict[int, HostBus],
-        sessions: Sessions,
-        past: deque[Made],
+        self, board: Board, ports: dict[int, HostBus], sessions: Sessions, past: deque[Made]
     ) -> None:
         self.found: list[Any] = []
         self.entry: int = 0

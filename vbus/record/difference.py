@@ -138,7 +138,7 @@ class Side:
     Args:
         decoder: of the chip, as it stood before the cycle; None if there is none.
         cycle: the cycle; None if this side has none.
-        shown: what people are told of it.
+        shown: its text in messages.
     """
 
     def __init__(self, decoder: Decoder | None, cycle: Cycle | None, shown: str) -> None:

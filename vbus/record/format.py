@@ -48,7 +48,7 @@ OPERATIONS: Final = (
 ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
 instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand.
 Of nodes, ``arrive`` is edges of other nodes: instant sent, node, number, wire, level, weak;
-``orders`` that somebody will order: name, whether that is part of the state; ``order`` what: name,
+``orders`` a source of orders: name, whether it is part of the state; ``order`` what: name,
 instant, chips, kind, address, data, pin; ``made`` is the bus cycle that came of it: instant, name,
 chips, write, address, byte. ``jump`` is a :class:`Jump`; only versions that know it
 read a journal that has one."""
@@ -331,7 +331,7 @@ class JournalReader:
                 return None
             kept, to, left = checked("jump", value)
         except (zlib.error, ValueError, TypeError, RecursionError):
-            return None  # whoever comes to that block says what is wrong with it
+            return None  # the reader of that block says what is wrong with it
         return Jump(kept, to, left, first - kept, begin, end) if kept <= first else None
 
     def entry(self, number: int, when: int, span: int, key: int, value: Any) -> Entry:

@@ -31,11 +31,7 @@ class History:
     """
 
     def __init__(
-        self,
-        make: Callable[[], Board],
-        entries: Sequence[Entry],
-        every: int = 256,
-        keep: int = 64,
+        self, make: Callable[[], Board], entries: Sequence[Entry], every: int = 256, keep: int = 64
     ) -> None:
         self.entries: Sequence[Entry] = entries
         self.position: int = 0

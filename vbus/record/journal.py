@@ -24,7 +24,7 @@ def end_of(board: Board) -> tuple[str, str, int]:
 
     Returns:
         The board's state hash; a hash over what the chips tell of themselves;
-        and how often somebody has looked at nets. State hashes can be compared where nobody has,
+        and how often nets have had observers. State hashes can be compared where that is 0,
         the others always.
     """
     telemetry = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
@@ -46,7 +46,7 @@ class Journal(Observer):
     A file that takes no more (a full disk) ends the journal; the board goes on.
 
     Args:
-        board: a board nobody has opened a port on.
+        board: a board without open ports.
         file: takes the bytes.
         text: the board file, for replays; empty for a board made in Python.
         name: name of the board file.
@@ -133,7 +133,7 @@ class Journal(Observer):
         Args:
             kept: entries that stay, of those that are written.
             left: the instant it went from (ps).
-            ended: numbers of the sessions that were open there; nobody holds them any more.
+            ended: numbers of the sessions that were open there; they have no host now.
         """
         self.flush()
         now = self.board.now

@@ -61,7 +61,7 @@ class Replay(Player):
         self._left: Iterator[Entry] = iter(())
         """What follows of the stretch that is played."""
         self._past: deque[Made] = deque(maxlen=LOOKBACK)
-        """Bus cycles nobody has decoded yet."""
+        """Bus cycles that are not decoded yet."""
         self._stream: PacketStream = PacketStream(families, settings_for_decoders(board.chips))
         self._sessions: Sessions = Sessions()
         self._strobed: list[Entry] = []
@@ -256,7 +256,7 @@ class Replay(Player):
         return Side(self._stream.decoders.get(chips.partition("+")[0]), cycle, shown)
 
     def _decode_past(self) -> None:
-        """Somebody wants to know what the cycles say: the packet of the next one may be open."""
+        """Decode the latest cycles: the packet of the next one may be open."""
         for chips, write, address, data, after, span, times in self._past:
             for turn in range(max(0, times - ENOUGH), times):
                 self._stream.bus_cycle(after + turn * span, "", chips, write, address, data)
@@ -296,9 +296,9 @@ def _alone(entry: Entry) -> Stretch:
 
 
 def _settled(op: str, reply: Any) -> Any:
-    """Return what of a reply is the same whoever watches the board.
+    """Return the part of a reply that observers of the board cannot change.
 
-    How long SYNC promises that no output moves is a lower bound: it is shorter while somebody, a
+    How long SYNC promises that no output moves is a lower bound: it is shorter while an observer, a
     waveform for instance, watches lines of the chip.
     """
     return reply[0] if op == "sync" and reply is not None else reply

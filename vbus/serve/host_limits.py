@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
+from vbus.board.snapshot import fork
+from vbus.chips.base import Chip
 from vbus.chips.packets import Cycle, Packet
 from vbus.circuit.stream import PacketStream
+from vbus.core.errors import SnapshotError
 from vbus.core.kernel import END, MS, NEVER, SECOND
 from vbus.core.signals import Observer, Violation
 from vbus.faults.armed import BEGUN
@@ -17,19 +20,23 @@ from vbus.views.findings.no_effect import NoEffect
 from vbus.views.latest_lines import LatestLines
 
 KEPT: Final = 40
-"""Lines of a transcript that are kept."""
+"""Lines of a transcript that are stored."""
 AGAIN: Final = "the same polls again"
-"""What is told of several polls in turn that tell nothing new, so that they hide no other line."""
+"""The line for several polls in turn that read nothing new, so that they hide no other line."""
 UNBOUNDED: Final = 1 << 62
 """More than any host does."""
 IN_VAIN: Final = 10_000
-"""Polls that tell nothing new, after which a host hangs that could be told nothing else."""
+"""Polls that read nothing new, after which a host hangs if nothing on its board can change."""
 POLLING: Final = 10.0
 """Seconds of wall time after which one hangs that might be, where time is the wall clock's."""
 PATIENCE: Final = 120.0
 """The same where time is virtual: a machine that has not come to a verdict by then is too slow."""
 LOOK: Final = 1000
 """Polls after which the wall clock is looked at."""
+FOREKNOWN: Final = 10
+"""Times as many polls are allowed where something moves: a host may pass time by polls."""
+LOOKS_AHEAD: Final = 16
+"""Looks at a twin of the board, each twice as far ahead as the one before."""
 GRACE: Final = 10_000
 """Bus cycles, and milliseconds of chip time, that are left to a host that hung and is to end."""
 
@@ -72,7 +79,7 @@ class HostWatch(Observer):
         times: begin each line with the instant of its first packet's end.
 
     Attributes:
-        over: what is called; somebody else may take its place while the board runs.
+        over: called at a bound; may be replaced while the board runs.
         ended: whether the host must not go on.
         stuck: which bound was passed first, as a sentence; "" if none was.
         slow: whether that is one of wall time on a board whose time is virtual.
@@ -108,6 +115,10 @@ class HostWatch(Observer):
         self._lines: LatestLines = LatestLines(maxlen=KEPT)
         self._limits: Limits = limits
         self._most: int = limits.cycles
+        self._news_at: int = 0
+        """Until this instant the polls are known to read something new (ps)."""
+        self._ahead: list[str] = []
+        """How the chips would be when the chip time is over, if the polls are in vain till then."""
         self._judged: int = 0
         """Bus cycles before the stretch of polls that has not been looked at yet."""
         self._kept: list[tuple[int, str, str, bool, int, int] | Violation] = []
@@ -181,7 +192,7 @@ class HostWatch(Observer):
             self._read_kept()
         if self.cycles > self._most:
             beside = self._most - self._limits.cycles
-            but = f", beside {beside} of polls that told it nothing new" if beside > 0 else ""
+            but = f", beside {beside} of polls that gave it nothing new" if beside > 0 else ""
             self.pass_bound(f"it made more than {self._limits.cycles} bus cycles{but}")
 
     @property
@@ -197,16 +208,21 @@ class HostWatch(Observer):
         self.pass_bound(f"it was not done after {self._limits.chip_time / SECOND:g} s of chip time")
 
     def _look(self) -> None:
-        """Many polls have told nothing new: find out whether more of them could."""
+        """Many polls have read nothing new: find out whether more of them could."""
         polls, limits = self._polls, self._limits
         if polls.count >= limits.polls and self._unchanging():
             self.pass_bound(
-                f"it polled {polls.count} times and was told nothing new, and nothing on the board"
+                f"it polled {polls.count} times and read nothing new, and nothing on the board"
                 f" can change any more: {polls}"
+            )
+        elif polls.count >= FOREKNOWN * limits.polls and self._in_vain():
+            self.pass_bound(
+                f"it polled {polls.count} times and read nothing new, and would read nothing"
+                f" new before {format_instant(self._until)} of chip time: {polls}"
             )
         elif polls.seconds() > limits.polling:
             self.pass_wall(
-                f"it has polled for {limits.polling:g} s of wall time and was told nothing new (if"
+                f"it has polled for {limits.polling:g} s of wall time and read nothing new (if"
                 ' it may: let time pass between polls, or raise its budget of "polling"):'
                 f" {polls}"
             )
@@ -224,6 +240,44 @@ class HostWatch(Observer):
             and board.kernel.next_due == NEVER
             and all(chip.resting() for chip in board.chips)
         )
+
+    def _in_vain(self) -> bool:
+        """Whether the polls read nothing new before the chip time is over.
+
+        A twin of the board is let run, so that chip time decides and not the wall clock. Only where
+        nothing but its chips and plants is known to act on the board.
+        """
+        board = self._board
+        if (
+            board.policy == "realtime"
+            or board.now < self._news_at
+            or self._until > END
+            or len(board.ports) > 1
+            or board.beyond is not None
+            or board.disturbed
+            or board.kernel.next_due != NEVER
+        ):
+            return False
+        self._news_at = END
+        loop = self._polls.loop()
+        if any(name in self._connectors for name, _ in loop):
+            return False
+        try:
+            twin = fork(board)
+        except SnapshotError:  # made in Python, or with a part of the caller's own
+            return False
+        start, span = board.now, self._until - board.now
+        for look in reversed(range(LOOKS_AHEAD)):
+            twin.run_until(max(start + (span >> look), twin.now))
+            if any(not _again(twin, name, packet) for name, packet in loop):
+                self._news_at = twin.now
+                return False
+        self._ahead = [
+            f"{chip.name} would have {values} at {format_instant(twin.now)}"
+            for chip in twin.chips
+            if (values := _values(chip))
+        ]
+        return True
 
     def violation(self, violation: Violation) -> None:
         """Keep a violation."""
@@ -279,13 +333,16 @@ class HostWatch(Observer):
 
     def _detailed(self) -> Iterator[str]:
         for chip in self._board.chips:
-            values = ", ".join(f"{name} {value}" for name, value in chip.telemetry().items())
+            values = _values(chip)
             if values:
                 yield f"{chip.name} has {values}"
+        yield from self._ahead
         if self._polls.commands:
             yield "commands before:"
         for line in self._polls.commands:
             yield f"    {format_instant(line.when)} {line.counted()}"
+        for left in self._board.left_over():
+            yield f"{left.chip} notes {left.rule}: {left.detail}"
 
     def check(self) -> None:
         """End a host that must not go on.
@@ -298,7 +355,7 @@ class HostWatch(Observer):
             raise HostStuck(self.told())
 
     def told(self) -> str:
-        """Return what is told of a host that hangs."""
+        """Return the report about a host that hangs."""
         return "\n".join([self.verdict("the host hangs"), *self.details])
 
     def verdict(self, hangs: str) -> str:
@@ -332,3 +389,24 @@ class HostWatch(Observer):
             self._set_timer()
             self._polls.reset()
             self._read_at = self.cycles + self._polls.left
+
+
+def _values(chip: Chip) -> str:
+    return ", ".join(f"{name} {value}" for name, value in chip.telemetry().items())
+
+
+def _again(board: Board, name: str, packet: Packet) -> bool:
+    """Make the cycles of a packet again; tell whether all that it reads is the same."""
+    chip = next(one for one in board.chips if one.name == name)
+    for cycle in packet.cycles:
+        ready = chip.ready_at()
+        if ready > END:
+            return True
+        board.run_until(max(board.now, ready))
+        if cycle.write:
+            chip.write(cycle.address, cycle.data)
+            continue
+        chip.begin_read(cycle.address)
+        if chip.end_read() != cycle.data:
+            return False
+    return True

@@ -100,7 +100,7 @@ class Connection:
 
 
 class Telling(Connection):
-    """Somebody who asks what ``vbus ls --json`` shows, and is answered at once.
+    """A connection that gets what ``vbus ls --json`` shows, at once.
 
     Args:
         loop: the event loop.
@@ -132,9 +132,7 @@ class LocalSocket:
     """
 
     def __init__(
-        self,
-        path: Path,
-        connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection],
+        self, path: Path, connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection]
     ) -> None:
         self._transport: UnixTransport = UnixTransport(str(path), {})
         self._transport.no_room = b'{"error": "the board has no descriptor left for this"}\n'

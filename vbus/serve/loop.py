@@ -1,30 +1,33 @@
 """An event loop that serves hosts without a detour."""
 
 import asyncio
+import contextlib
+import os
 import select
 import selectors
 import signal
+import socket
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
-from vbus.serve.direct import DirectReaders
+from vbus.serve.fast_readers import FastReaders
 from vbus.serve.time.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
 
 
 class DirectSelector(selectors.EpollSelector):
-    """Serves direct descriptors while it waits; see :class:`~vbus.serve.direct.DirectReaders`.
+    """Serves direct descriptors while it waits; see :class:`~vbus.serve.fast_readers.FastReaders`.
 
     Everything else goes through the event loop as ever, which gets its turn whenever it has
     something to do.
     """
 
-    def __init__(self, readers: DirectReaders) -> None:
+    def __init__(self, readers: FastReaders) -> None:
         super().__init__()
-        self._readers: DirectReaders = readers
+        self._readers: FastReaders = readers
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Serve direct descriptors; return the indirect that are ready."""
@@ -48,7 +51,7 @@ class HostLoop(asyncio.SelectorEventLoop):
     """An asyncio event loop that knows direct readers; see :class:`DirectSelector`."""
 
     def __init__(self) -> None:
-        self._readers: DirectReaders = DirectReaders(self._failed)
+        self._readers: FastReaders = FastReaders(self._failed)
         super().__init__(DirectSelector(self._readers))
 
     def _failed(self, error: Exception) -> None:
@@ -137,3 +140,16 @@ def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]
 
     with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main(watchdog))
+
+
+def tell_ready() -> None:
+    """Say once that every link is open, where ``$NOTIFY_SOCKET`` asks for it."""
+    place = os.environ.pop("NOTIFY_SOCKET", "")
+    if not place:
+        return
+    address = f"\0{place[1:]}" if place.startswith("@") else place
+    with (
+        contextlib.suppress(OSError),  # who wanted to know has gone
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link,
+    ):
+        link.sendto(f"READY=1\nMAINPID={os.getpid()}\n".encode(), address)

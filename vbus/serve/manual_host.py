@@ -1,4 +1,4 @@
-"""What somebody does to a running board by hand, in a session like any other."""
+"""The manual host: bus cycles and pins by hand on a running board, in a session like any other."""
 
 from typing import Any
 

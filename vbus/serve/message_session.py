@@ -72,7 +72,7 @@ class MessageSession(Session):
 
     def _depart(self) -> None:
         """What the host had sent is carried out, to the end of its last message."""
-        if not self._departures.closed:
+        if not self._detached.closed:
             for data in (*self._rest, *self._messages.left()):
                 self.protocol.receive(data)
         super()._depart()

@@ -9,7 +9,7 @@ import socket
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from vbus.core.errors import PluginError, TransportError
+from vbus.core.errors import PluginError, TransportError, listen_errors
 from vbus.transports.base import Link
 from vbus.transports.sockets import TcpTransport
 
@@ -66,14 +66,8 @@ class MetricsPort:
             self._talks.add(talk)
             talk.add_done_callback(self._talks.discard)
 
-        try:
+        with listen_errors(self.url, "in [metrics] or --metrics", TransportError):
             self._transport.open(loop, linked)
-        except TransportError as error:
-            reason = getattr(error.__cause__, "strerror", None) or error
-            raise TransportError(
-                f"{self.url}: cannot listen: {reason}; free the address, or give another"
-                " in [metrics] or --metrics (port 0 is any free one)"
-            ) from error
         port = self._transport.url.rpartition(":")[2]
         self.url = f"http://{self._host}:{port}{PATH}"
 
@@ -134,7 +128,7 @@ def _reply(status: str, content_type: str, body: bytes, head_only: bool = False)
 
 
 class Collector:
-    """Makes Prometheus metrics of the statistics of boards, each time somebody asks."""
+    """Makes Prometheus metrics of the statistics of boards, at each request."""
 
     def __init__(self, statistics: Callable[[], dict[str, Any]]) -> None:
         self.boards: list[Callable[[], dict[str, Any]]] = [statistics]

@@ -7,7 +7,7 @@ beside its name and takes it at the end, so a full disk leaves what was there be
 Ownership is ``flock`` on what is being written: the system gives it back when a process dies. A
 stream locks the file, a result locks its part, ``.NAME.part``; each then looks for a lock on the
 other, so of two writers at least one is refused. Terminals, pipes and whatever is named below
-``/dev`` or ``/proc`` belong to nobody and are written as they are.
+``/dev`` or ``/proc`` have no owner and are written as they are.
 """
 
 import errno

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
@@ -61,13 +60,13 @@ class Recording:
     """Everything that a board file, or its user, wants to be recorded.
 
     Args:
-        board: a board nobody has opened a port on.
+        board: a board without open ports.
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
 
     Attributes:
-        journal: the one that is kept, if any.
+        journal: the one that is written, if any.
         settle: called before a host gets its answer; tells whether the journal holds what is
             answered. None where it need not.
         told: what ``vbus ls --json`` shows of the journal.
@@ -75,13 +74,7 @@ class Recording:
         others: what else is recorded, as people call it.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        text: str,
-        name: str,
-        report: Callable[[str], None],
-    ) -> None:
+    def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
         self.told: dict[str, str] = {}
@@ -161,23 +154,17 @@ class Recording:
             raise VbusError(str(error)) from None
         accepted = suppressions_of(suppress_file)
         board = self._board
-        report = Report(
-            board.name,
-            _families(board),
-            all_rules(),
-            accepted,
-            self._name,
-        )
+        report = Report(board.name, _families(board), all_rules(), accepted, self._name)
         self._write_at_end("report", path, report, lambda: style(report))
 
     def _begin_coverage(self, path: str) -> None:
         from vbus.views.coverage.coverage import CoverageObserver
-        from vbus.views.coverage.formats import COVERAGE_FORMATS
+        from vbus.views.coverage.formats import coverage_format
 
-        style = COVERAGE_FORMATS.get(Path(path).suffix)
-        if style is None:
-            known = ", ".join(COVERAGE_FORMATS)
-            raise VbusError(f"{path}: a coverage file's name ends in one of {known}")
+        try:
+            style = coverage_format(path)
+        except ValueError as error:
+            raise VbusError(str(error)) from None
         board = self._board
         observer = CoverageObserver(_families(board), board.name)
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))

@@ -45,7 +45,7 @@ def control_path(board: str) -> Path:
 
 
 def name_path(board: str) -> Path:
-    """Return the path that whoever runs the board called ``board`` has locked."""
+    """Return the path that the process that runs the board called ``board`` has locked."""
     return boards_directory() / f"{_safe(board)}.name"
 
 
@@ -99,8 +99,8 @@ def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
     """Return what a board answers at one of its sockets.
 
     Raises:
-        OSError: nobody answers, or not in time.
-        ValueError: the answer is none of a board, or the socket is somebody else's.
+        OSError: no board answers, or not in time.
+        ValueError: the answer is none of a board, or the socket is another user's.
     """
     found = path.lstat()
     if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
@@ -131,7 +131,7 @@ def ask(path: Path) -> dict[str, Any]:
     """Return what the board behind a status socket tells.
 
     Raises:
-        TransportError: nobody answers.
+        TransportError: no board answers.
     """
     try:
         answer = _exchange(path, b"", ANSWER_SECONDS)

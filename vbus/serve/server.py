@@ -18,8 +18,7 @@ from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
@@ -32,10 +31,10 @@ from vbus.serve.orders.snapshots import SnapshotOrders
 from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
-from vbus.serve.time.turns import Turns
 from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
 
@@ -82,12 +81,12 @@ REAL_SECONDS: Final = 0.001
 
 
 class Server:
-    """Serves a board to its hosts until told to stop.
+    """Serves a board to its hosts until :meth:`stop`.
 
     Args:
-        board: the board; it is moved by nobody else from here on.
+        board: the board; from here on only the server moves its time.
         links: the hosts' entries.
-        stall: what happens after a stall of the machine; see :class:`Pacer`.
+        stall: what happens after a stall of the machine; see :class:`WallClockPacer`.
         report: takes sentences about what happens to links (a device was unplugged).
         metrics: host and port on which Prometheus may ask for numbers, if any; or where another
             board of this process tells its own.
@@ -106,12 +105,12 @@ class Server:
         stall: str = "catch_up",
         report: Callable[[str], None] | None = None,
         metrics: tuple[str, int] | MetricsPort | None = None,
-        pacer: Pacer | None = None,
+        pacer: WallClockPacer | None = None,
         settle: Callable[[], bool] | None = None,
     ) -> None:
         self._settle: Callable[[], bool] | None = settle
         self.board: Board = board
-        self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
+        self.pacer: WallClockPacer = pacer if pacer is not None else WallClockPacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self.pacer.report = self._report
         self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
@@ -125,8 +124,8 @@ class Server:
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
-        self._turns: Turns = Turns()
-        self.departures: Departures = Departures(self.pacer)
+        self._turns: SpinTurn = SpinTurn()
+        self.detached: DetachedWaits = DetachedWaits(self.pacer)
         self.metrics: MetricsPort | None = None
         self._shares_metrics: bool = isinstance(metrics, MetricsPort)
         if isinstance(metrics, MetricsPort):
@@ -135,8 +134,9 @@ class Server:
         elif metrics is not None:
             self.metrics = MetricsPort(*metrics, self.statistics)
         self.details: Callable[[], dict[str, Any]] = dict
+        """Gives the parts of the detailed status report that others add."""
         self.skew: Callable[[], int | None] = lambda: None
-        """Makes more of what is told of the board."""
+        """Gives the clock skew between nodes; None on a board without nodes."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
@@ -169,20 +169,20 @@ class Server:
         self.board.serve_links(self.faults)
         try:
             self._open_local_sockets(loop)
-            hang_ups = HangUps(loop)
-            hang_ups.open()
-            self._closing.callback(hang_ups.close)
-            self.pacer.look_for_hosts = hang_ups.look
-            self.departures.look_for_hosts = partial(self._look_for_hosts, hang_ups)
+            disconnects = DisconnectPoller(loop)
+            disconnects.open()
+            self._closing.callback(disconnects.close)
+            self.pacer.look_for_hosts = disconnects.look
+            self.detached.look_for_hosts = partial(self._look_for_hosts, disconnects)
             for host in self._hosts:
-                self._open_host(host, loop, hang_ups)
+                self._open_host(host, loop, disconnects)
             if self.metrics is not None and not self._shares_metrics:
                 self.metrics.open(loop)
                 self._closing.callback(self.metrics.close)
             self._closing.callback(self._mark_pause, False)
             self._mark_pause(False)
             self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
-            self._closing.callback(self.departures.close)
+            self._closing.callback(self.detached.close)
             self._closing.callback(self.pacer.stop)
             self.pacer.start(loop)
         except BaseException as error:
@@ -230,15 +230,15 @@ class Server:
         views = [one.view for one in self.local_sockets[1].connections]  # type: ignore[attr-defined]
         return [view for view in views if view is not None]
 
-    def _look_for_hosts(self, hang_ups: HangUps) -> None:
+    def _look_for_hosts(self, disconnects: DisconnectPoller) -> None:
         sessions = [session for session in self.sessions() if session.link.fd >= 0]
-        gone = hang_ups.gone_of(session.link.fd for session in sessions)
+        gone = disconnects.gone_of(session.link.fd for session in sessions)
         for session in sessions:
             if session.link.fd in gone:
                 session.hung_up()
 
     def _open_host(
-        self, host: HostEntry, loop: asyncio.AbstractEventLoop, hang_ups: HangUps
+        self, host: HostEntry, loop: asyncio.AbstractEventLoop, disconnects: DisconnectPoller
     ) -> None:
         board, transport = self.board, host.transport
         chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
@@ -249,11 +249,11 @@ class Server:
         )
         self._closing.callback(self._close_host, host)
         serving = Serving(
-            loop, self.pacer, self._turns, self.round_trips, hang_ups, self.departures,
+            loop, self.pacer, self._turns, self.round_trips, disconnects, self.detached,
             host.ended, self._settle,
         )  # fmt: skip
         connect = partial(self._connect, host, serving)
-        transport.open(loop, partial(self.departures.admit, begin=connect))
+        transport.open(loop, partial(self.detached.admit, begin=connect))
 
     def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
         """Begin the session of a host that has connected."""
@@ -324,7 +324,7 @@ class Server:
                 session.leaves() and (passing or not session.port.held)
                 for session in self.sessions()
             )
-            or (passing and self.departures.passing)
+            or (passing and self.detached.passing)
         )
 
     async def serve(
@@ -363,7 +363,7 @@ class Server:
 
     @property
     def watched(self) -> bool:
-        """Whether somebody watches the board from another process."""
+        """Whether the board has watchers in other processes."""
         return any(local.connections for local in self.local_sockets[1:2])
 
     # -- telling about itself -------------------------------------------------------------------

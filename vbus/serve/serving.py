@@ -19,8 +19,8 @@ from vbus.core.collection import keep_what_is_made
 from vbus.core.errors import ConfigError, VbusError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
+from vbus.serve.loop import tell_ready
 from vbus.serve.orders.snapshots import load_into
-from vbus.serve.readiness import tell_ready
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import LinkSpec, Server, run

@@ -12,12 +12,10 @@ from mypy_extensions import mypyc_attr
 from vbus.core.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.departures import Departures, by_claim, report_half
-from vbus.serve.hang_ups import HangUps
-from vbus.serve.time.pace import Pace
-from vbus.serve.time.patience import LATE_NS, SpinPolicy
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
+from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy, SpinTurn
 from vbus.serve.time.statistics import Histogram
-from vbus.serve.time.turns import Turns
+from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states
 from vbus.transports.base import Link, LinkFilter
 from vbus.transports.states import SESSION
@@ -44,18 +42,18 @@ class Serving(NamedTuple):
         pacer: moves the board's time.
         turns: of all sessions of the server.
         round_trips: takes how long each message took, from its arrival to its answer (ns).
-        hang_ups: notices hosts that go while nothing is read from them.
-        departures: says what is carried out of hosts that have gone, and when.
+        disconnects: notices hosts that go while nothing is read from them.
+        detached: says what is carried out of hosts that have gone, and when.
         on_end: called once when a session has ended.
-        settle: called before an answer leaves; False if it must not. None where nobody minds.
+        settle: called before an answer leaves; False if it must not. None: any answer may leave.
     """
 
     loop: asyncio.AbstractEventLoop
-    pacer: Pace
-    turns: Turns
+    pacer: TimeSource
+    turns: SpinTurn
     round_trips: Histogram
-    hang_ups: HangUps
-    departures: Departures
+    disconnects: DisconnectPoller
+    detached: DetachedWaits
     on_end: Callable[["Session"], None]
     settle: Callable[[], bool] | None = None
 
@@ -89,8 +87,8 @@ class Session:
         self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
             serving.loop, "add_direct_reader", serving.loop.add_reader
         )
-        self._pacer: Pace = serving.pacer
-        self._turns: Turns = serving.turns
+        self._pacer: TimeSource = serving.pacer
+        self._turns: SpinTurn = serving.turns
         self._give_way: Callable[[], object] = serving.turns.give_way
         self._on_end: Callable[[Session], None] = serving.on_end
         self._settle: Callable[[], bool] | None = serving.settle
@@ -103,8 +101,8 @@ class Session:
         self.open: bool = True
         self._reading: bool = False
         self._waiting: int = 0
-        self._hang_ups: HangUps = serving.hang_ups
-        self._departures: Departures = serving.departures
+        self._disconnects: DisconnectPoller = serving.disconnects
+        self._detached: DetachedWaits = serving.detached
         self._flush_scheduled: bool = False
         self._patience: SpinPolicy = SpinPolicy()
         self._began: int = 0
@@ -146,9 +144,9 @@ class Session:
         if read:
             self._loop.remove_reader(self._fd)
         if watch:
-            self._hang_ups.watch(self._fd, self.hung_up)
+            self._disconnects.watch(self._fd, self.hung_up)
         else:
-            self._hang_ups.forget(self._fd)
+            self._disconnects.forget(self._fd)
         if self._reading:
             self._add_reader(self._fd, self._readable)
 
@@ -267,12 +265,12 @@ class Session:
         """Have the session resumed when the instant that is waited for has come."""
         until = self.port.hold_until
         if self.state == states.DEPARTED:
-            until = self._departures.look_at(until)
+            until = self._detached.look_at(until)
         if until != NEVER and self._waiting != until:
             self._waiting = until
             self._pacer.wake_at(until, self.resume)
             if self.open and not self._pacer.real:
-                self._hang_ups.look()  # whoever comes next is not let in before this wait is over
+                self._disconnects.look()  # the next host waits for the end of this wait
 
     def hung_up(self) -> None:
         """The host has gone: what it had sent is carried out, and the session ends."""
@@ -288,10 +286,10 @@ class Session:
         if by_claim(self.port):
             return False
         if self.link.tells_end:
-            return self._hang_ups.gone(self._fd)
+            return self._disconnects.gone(self._fd)
         if self.port.held:
             return self.port.hold_until != NEVER
-        return self._reading and self._hang_ups.waits(self._fd)
+        return self._reading and self._disconnects.waits(self._fd)
 
     def resume(self) -> None:
         """What the session waited for may have come."""
@@ -309,7 +307,7 @@ class Session:
             elif self.state == states.DEPARTED and not self.port.held:
                 report_half(self.link.peer, self.protocol)
                 self._close(states.DONE)
-        elif self.state == states.DEPARTED and self._departures.gives_up(self.port):
+        elif self.state == states.DEPARTED and self._detached.gives_up(self.port):
             self.give_up("another host waits to be let in")
         else:
             self._wait()
@@ -321,7 +319,7 @@ class Session:
             port.held = True
             port.hold_until = max(self._pacer.now, 1)
         if self._reading and not self.received:
-            self._wake_in_time()  # a HELLO may say that its host wants to be told
+            self._wake_in_time()  # its HELLO may ask for reports of pauses
         else:
             self._wait()
 
@@ -354,7 +352,7 @@ class Session:
                 self._push()
 
     def _push(self) -> None:
-        """Send what nobody asked for just now."""
+        """Send bytes that answer no request."""
         self._send()
         if len(self._pending) > MOST_EVENTS:
             log.warning(
@@ -508,8 +506,8 @@ class Session:
                 log.exception("internal error while the session of %s ended", link.peer)
 
     def _depart(self) -> None:
-        """Carry out what the host waits for, if that is to be; see :class:`Departures`."""
-        why = self._departures.take(self)
+        """Carry out what the host waits for, if that is to be; see :class:`DetachedWaits`."""
+        why = self._detached.take(self)
         if why is None:
             self._close(states.DONE)
             return
@@ -539,4 +537,4 @@ class Session:
             except Exception:  # the next host shall find nothing of this one
                 log.exception("internal error while the session of %s ended", self.link.peer)
         if departed:
-            self._departures.done(self)
+            self._detached.done(self)

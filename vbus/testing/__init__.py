@@ -1,6 +1,6 @@
 """What test suites of firmware, drivers, and new chips use.
 
-Nothing here is imported by the server; some of it wants ``vbus[test]`` (pytest, Hypothesis).
+Nothing here is imported by the server; some of it wants ``vbus[test]`` (pytest).
 Importing this package costs nothing: its names are loaded when first used.
 """
 
@@ -8,12 +8,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from vbus.serve.in_process import connect_in_process as connect_in_process
     from vbus.testing.checks.chip_checks import check_chip as check_chip
     from vbus.testing.checks.finding import Nonconformance as Nonconformance
     from vbus.testing.checks.plant_checks import check_plant as check_plant
     from vbus.testing.checks.wire_checks import check_protocol as check_protocol
     from vbus.testing.checks.wire_checks import check_transport as check_transport
-    from vbus.testing.in_process import connect_in_process as connect_in_process
 
 _HOMES = {
     "Nonconformance": "vbus.testing.checks.finding",
@@ -21,7 +21,7 @@ _HOMES = {
     "check_plant": "vbus.testing.checks.plant_checks",
     "check_protocol": "vbus.testing.checks.wire_checks",
     "check_transport": "vbus.testing.checks.wire_checks",
-    "connect_in_process": "vbus.testing.in_process",
+    "connect_in_process": "vbus.serve.in_process",
 }
 
 __all__ = [

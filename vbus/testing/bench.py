@@ -14,16 +14,20 @@ from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
+from vbus.campaign.account import Account, Witness
+from vbus.campaign.world import REFERENCE, arm
 from vbus.core.errors import ConfigError, VbusError
 from vbus.core.runtime import private_runtime
+from vbus.core.signals import Violation
 from vbus.protocols.quantities import format_instant
+from vbus.serve.in_process import connect_in_process
 from vbus.serve.output_file import write_file
 from vbus.serve.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
+from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits, budget_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
 from vbus.testing.variant import Variant
@@ -70,6 +74,7 @@ class Bench:
         scope: whether a test that fails leaves a page for a browser.
         chips: how the part numbers begin whose fixtures the test takes: they are on its board if
             it names none.
+        witnessed: whether what becomes of its board is wanted; see :meth:`account`.
 
     Raises:
         VbusError: a keyword is unknown, or makes no sense.
@@ -91,6 +96,7 @@ class Bench:
         variant: Variant = _NO_VARIANT,
         scope: bool = True,
         chips: Sequence[str] = (),
+        witnessed: bool = False,
     ) -> None:
         self.name = name
         self.variant = variant
@@ -115,6 +121,17 @@ class Bench:
         self._covered = covered
         self._scope = scope
         self._chips = chips
+        self.witnessed = witnessed
+
+    def limit(self, chip_time: int, cycles: int) -> None:
+        """Let the test take no more chip time (ps) and bus cycles than this."""
+        budget = self.budget
+        self.budget = replace(
+            budget,
+            chip_time=min(budget.chip_time, chip_time),
+            cycles=min(budget.cycles, cycles),
+            polling=float("inf"),
+        )
 
     # -- boards -------------------------------------------------------------------------------
 
@@ -139,8 +156,11 @@ class Bench:
                 " of them"
             )
         built = build(file, source)
-        built.run_for(variant.start)
+        built.run_for(variant.world.ahead)
         made = TestedBoard(built, file, source, strict, budget, self._covered)
+        if self.witnessed and self._main is None:
+            made.witness = Witness(built, variant.world == REFERENCE)
+        arm(built, variant.world)
         return self._take(made)
 
     def _take(self, made: TestedBoard) -> TestedBoard:
@@ -161,7 +181,7 @@ class Bench:
             raise VbusError(f"rate={rate!r}: it is chip seconds per second, more than 0")
         strict = bool(given.get("strict", self._strict))
         seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
-        file, source = variant.of_specimen(*for_test(text, name, seed, rate, strict))
+        file, source = variant.in_world(*for_test(text, name, seed, rate, strict))
         budget = self.budget
         if rate is not None:  # chip time passes by itself
             chip_time = UNBOUNDED if budget.chip_time == BUDGET.chip_time else budget.chip_time
@@ -183,7 +203,7 @@ class Bench:
             self._stack.callback(self._machine.close)
             for tested in self._machine.tested:
                 self._take(tested)
-            self._machine.advance(self.variant.start)
+            self._machine.advance(self.variant.world.ahead)
         return self._machine
 
     def main(self, otherwise: str = "") -> TestedBoard:
@@ -206,6 +226,39 @@ class Bench:
         """Whether the test's board has the chips of several fixtures, because nothing is said."""
         named = self._keywords.get("board") or self.variant.part
         return len(self._chips) > 1 and not named
+
+    def chip(self, start: str) -> ChipBench:
+        """Return the first chip of a family on the test's board, out of its reset.
+
+        A test that names no board gets one with a part of the family.
+
+        Args:
+            start: how a part number of the family begins.
+
+        Raises:
+            VbusError: the test's board has no such chip.
+        """
+        family = plugins.family_of(start)
+        part = typical_part(family, start)
+        tested = self.main(part)
+        if tested.served is not None:
+            raise VbusError(
+                f"the board is served on {tested.address}, by vbus_pty: attach to that terminal,"
+                " and take vbus_board to look at chips and plants"
+            )
+        board = tested.board
+        cls = plugins.chip_of(family)
+        kin = [chip for chip in board.chips if isinstance(chip, cls)]
+        chip = next((chip for chip in kin if chip.part.startswith(start)), kin[0] if kin else None)
+        if chip is None:
+            have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
+            raise VbusError(
+                f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no'
+                " board gets one with the chips of all fixtures among its arguments"
+            )
+        board.run_until(max(board.now, chip.ready_at() + self.variant.world.ahead))
+        bus = connect_in_process(board, chips=(chip.name,) if self.of_chips else ())
+        return ChipBench.of(board, chip, bus, tested.clock)
 
     @property
     def begun(self) -> TestedBoard | None:
@@ -297,6 +350,14 @@ class Bench:
         if self._interrupt is not None:
             self._interrupt.check_threads()
 
+    def account(self) -> Account | None:
+        """Return what became of the test's board, when the test is over; None: it has none."""
+        tested = self._main
+        if tested is None or tested.witness is None:
+            return None
+        with tested.watch.excused():
+            return tested.witness.account(stuck=tested.watch.stuck, slow=tested.watch.slow)
+
     def coverages(self) -> "list[CoverageObserver]":
         """Return what has counted what the hosts of this test exercise."""
         return [tested.coverage for tested in self.boards if tested.coverage is not None]
@@ -313,7 +374,7 @@ class Bench:
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
-                for armed in tested.faults()
+                for armed in tested.faults()[self.variant.world.arming() is not None :]
                 if not armed.fired and not armed.cleared
             ]
             lines += self._broken(tested, (0, 0))
@@ -330,6 +391,7 @@ class Bench:
         judged = self.judged(tested)
         if tested.strict or self.judge.violations == FAIL:
             lines += by_rule(judged.failing[failing:])
+            lines += tested.board.hints(judged.failing[failing:])
         if self.judge.after_fault == FAIL:
             lines += by_rule(judged.after_fault[after_fault:], ", after a fault")
         return lines
@@ -366,9 +428,9 @@ class Bench:
         faults = tested.faults()
         lines = tested.call(lambda: tested.watch.lines)
         journal = self._keep(tested, "vbj", tested.journal())
-        if self.variant.scenario is not None and tested is self._main:
-            report.lines.append(f"under:   {self.variant.scenario}")
-            report.properties.append(("vbus.under", str(self.variant.scenario)))
+        if self.variant.world != REFERENCE and tested is self._main:
+            report.lines.append(f"under:   {self.variant.world.sentence()}")
+            report.properties.append(("vbus.under", self.variant.world.sentence()))
         replay = f"vbus replay {shlex.quote(str(journal))}"
         report.lines += [
             f'board "{board.name}" at {format_instant(board.now)}, seed {board.seed},'
@@ -409,18 +471,27 @@ class Bench:
         judged = self.judged(tested)
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
+        yield from (f"    {line}" for line in tested.board.hints(judged.failing))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
-        notes = [*judged.notes, *tested.call(tested.board.left_over)]
+        notes = self._notes(tested)
         if notes:
             yield f"notes: {len(notes)}"
             yield from (f"    {line}" for line in by_rule(notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
+
+    def _notes(self, tested: TestedBoard) -> list[Violation]:
+        return [*self.judged(tested).notes, *tested.call(tested.board.left_over)]
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Return each rule that is noted, and what it says first: of a test that has passed."""
+        found = [note for tested in self.boards for note in self._notes(tested)]
+        return [(note.rule, f"{note.chip}: {note.detail}") for note in found]
 
     def _keep(self, tested: TestedBoard, suffix: str, content: bytes) -> Path:
         number = self.boards.index(tested)

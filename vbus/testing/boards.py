@@ -1,13 +1,13 @@
 """Board files as tests want them: found, put together from a part number, and adapted."""
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from vbus import plugins
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.campaign.world import with_keys
 from vbus.chips.family import Family
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import Clock, Kernel
@@ -23,33 +23,6 @@ def typical_part(family: Family, start: str = "") -> str:
     """Return a part of a family, by the beginning of its number."""
     parts = (*family.typical, *plugins.chip_of(family).PARTS)
     return next((part for part in parts if part.startswith(start)), start)
-
-
-def section_line(lines: list[str], pattern: str) -> int:
-    """Return the number of the line after a section's heading; 0 if it has none."""
-    for number, line in enumerate(lines):
-        if re.match(rf"\s*\[\s*{pattern}\s*\]", line):
-            return number + 1
-    return 0
-
-
-def with_keys(text: str, section: str, keys: Mapping[str, str]) -> str:
-    """Return a board file whose ``[section]`` has ``keys`` (TOML values) in place of its own."""
-    if not keys:
-        return text
-    lines = text.splitlines()
-    place = section_line(lines, re.escape(section))
-    if not place:
-        lines += ["", f"[{section}]"]
-        place = len(lines)
-    end = next((i for i in range(place, len(lines)) if lines[i].lstrip().startswith("[")), None)
-    kept = [
-        line
-        for line in lines[place:end]
-        if (key := re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)) is None or key[1] not in keys
-    ]
-    lines[place:end] = [*(f"{key} = {value}" for key, value in keys.items()), *kept]
-    return "\n".join(lines) + "\n"
 
 
 def of_part(part: str, plant: str = "", clock: str = "") -> str:

@@ -104,8 +104,10 @@ class Execute:
             VbusError: a source is not there; there is no compiler, or it complains, with its
                 words in the message.
         """
+        from vbus.cli.run.cflags import MICROCONTROLLERS
+
         files = [self._bench.find_file(source) for source in sources]
-        plus = shim in ("avr", "arduino", "pic") or any(file.suffix != ".c" for file in files)
+        plus = shim in MICROCONTROLLERS or any(file.suffix != ".c" for file in files)
         compiler = os.environ.get("CXX" if plus else "CC") or ("g++" if plus else "cc")
         if shutil.which(shlex.split(compiler)[0]) is None:
             raise VbusError(f"{compiler}: there is no such compiler; install gcc, or set CC or CXX")

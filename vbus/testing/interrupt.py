@@ -13,7 +13,7 @@ from vbus.testing.limits import HostStuck, HostWatch
 from vbus.testing.serving import THREAD
 
 NUMBER: Final = signal.SIGRTMAX - 1
-"""A signal that nobody else is likely to use; SIGALRM is that of pytest-timeout."""
+"""A signal that other libraries rarely use; SIGALRM is that of pytest-timeout."""
 _WAITS: Final = ("threading.py", "concurrent/futures/thread.py")
 """Files of Python in which a thread stands that has nothing to do."""
 _AGAIN: Final = 100

@@ -1,4 +1,4 @@
-"""What fails a test: breaches of a datasheet that nobody has accepted with a reason."""
+"""What fails a test: breaches of a datasheet that are not accepted with a reason."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ class Judged:
     Attributes:
         failing: those that fail the test.
         after_fault: those on a chip on which a fault had begun.
-        accepted: the others that somebody has accepted, each with the reason.
+        accepted: the others, which a test or the project accepts, each with the reason.
         notes: those that are no breach.
     """
 

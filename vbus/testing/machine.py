@@ -15,9 +15,9 @@ from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
+from vbus.serve.in_process import HostTurn, connect_in_process
 from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.clock import coming, span_of
-from vbus.testing.in_process import HostTurn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
 
@@ -127,7 +127,7 @@ class TestedMachine:
         """Return the SHA-256 (hex) over what has happened on all nodes, as ``vbus trace`` has it.
 
         Raises:
-            VbusError: nobody has asked for a :meth:`trace`.
+            VbusError: :meth:`trace` was not called.
         """
         try:
             return self._machine.trace_hash()
@@ -184,11 +184,11 @@ class TestedMachine:
         """Do one thing that brings the next grant of a node nearer.
 
         Raises:
-            VbusError: somebody else holds its time.
+            VbusError: another wait holds its time.
         """
         seen = set()
         while not self._machine.poll(conductor):
-            # Who has not ended the round is behind, or waits for somebody further behind.
+            # A node that has not ended the round is behind, or waits for one further behind.
             seen.add(conductor)
             missing = conductor.participant.missing()
             others = [self._machine.conductors[rank] for rank in missing]

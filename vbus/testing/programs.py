@@ -15,7 +15,7 @@ from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.cli.hosted.at_rest import LOOK, AtRest
-from vbus.cli.hosted.beside import host_of, link_of_program
+from vbus.cli.hosted.program import host_of, link_of_program
 from vbus.cli.proc import offspring, what_hangs
 from vbus.core.errors import VbusError
 from vbus.core.runtime import private_runtime

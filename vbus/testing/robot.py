@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.protocols.quantities import format_instant
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
 from vbus.testing.clock import WITHIN
 from vbus.testing.execute import Execute
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.judge import FAIL, Judge, accepted
 from vbus.testing.tested_board import TestedBoard
 from vbus.views.findings.suppress import Suppression

@@ -3,11 +3,12 @@
 import io
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.campaign.account import Witness
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.testing.clock import BoardClock
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from vbus.views.coverage.coverage import CoverageObserver
 
 _T = TypeVar("_T")
-MOST_PLAYED: Final = 100_000
-"""Bus cycles of a failing test that are played again for what became of its axes: some seconds."""
 
 
 class TestedBoard:
@@ -65,6 +64,8 @@ class TestedBoard:
         self.before_end: tuple[int, int] = (0, 0)
         """How many violations there were when the test ended: those that fail it, and those after
         a fault."""
+        self.witness: Witness | None = None
+        """What sees the run for a campaign."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None
@@ -92,27 +93,19 @@ class TestedBoard:
     def axes(self) -> list[str]:
         """Return what became of each axis: by the journal, so that a test that passes pays nothing.
 
-        It is ended. Of a run of more than :data:`MOST_PLAYED` cycles nothing is told.
+        It is ended. A run of more than :data:`MOST_PLAYED` cycles gives no lines.
         """
-        from vbus.cli.outcome import AxisOutcomes
-        from vbus.nodes.machine import board_of
-        from vbus.record.replay import Replay
+        from vbus.cli.outcome import MOST_PLAYED, axes_played
 
         if self.watch.cycles > MOST_PLAYED:
             return []
-        reader = JournalReader(io.BytesIO(self.journal()))
-        board = board_of(reader.header, self.file.path)
-        outcomes = AxisOutcomes(board)
-        board.observe(outcomes)
-        Replay(board, reader, reader.header.families).run()
-        outcomes.look()
-        return outcomes.lines()
+        return axes_played(JournalReader(io.BytesIO(self.journal())), self.file.path)[0]
 
     def page(self) -> bytes:
         """Return what the journal holds as one page for a browser."""
         from vbus.nodes.machine import board_of
         from vbus.views.scope.page_file import one_file
-        from vbus.views.scope.replayed import replayed
+        from vbus.views.scope.recording import replayed
 
         reader = JournalReader(io.BytesIO(self.journal()))
         board = board_of(reader.header, self.file.path)

@@ -67,11 +67,7 @@ class Triggers:
         return self._armed(arm, not by_hosts)
 
     def edge(
-        self,
-        pin: str,
-        level: int | None = None,
-        within: int | str = WITHIN,
-        by_hosts: bool = False,
+        self, pin: str, level: int | None = None, within: int | str = WITHIN, by_hosts: bool = False
     ) -> asyncio.Future[int]:
         """Wait for an edge at a pin, ``"x.HI"``; gives its instant (ps).
 
@@ -228,7 +224,7 @@ class Triggers:
         return future
 
     async def _run(self) -> None:
-        """Let time pass while somebody waits for it; notice when nothing happens at all."""
+        """Let time pass while a task waits for it; notice when nothing happens at all."""
         watch, board = self._tested.watch, self._board
         patience = self._tested.budget.polling
         seen, since = (-1, -1), monotonic()

@@ -1,17 +1,12 @@
-"""One of the variants of a test: another part, clock or time policy, and how its chips behave."""
+"""One of the variants of a test: another part, clock or time policy, and the world it runs in."""
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
+from vbus.campaign.world import REFERENCE, World, of_world, with_keys
 from vbus.core.errors import ConfigError
-from vbus.testing.boards import with_keys
-
-if TYPE_CHECKING:
-    from vbus.testing.hostile import Extremes
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +19,7 @@ class Variant:
         time: time policy; "" for that of the test.
         seed: of the board; None for that of the test.
         hostile: how many specimens are tried.
-        scenario: what the manual lets this specimen do; None for a typical one.
+        world: what else is otherwise.
     """
 
     part: str = ""
@@ -32,16 +27,7 @@ class Variant:
     time: str = ""
     seed: int | None = None
     hostile: int = 0
-    scenario: "Extremes | None" = None
-
-    @property
-    def start(self) -> int:
-        """How long after power-on hosts begin (ps)."""
-        if self.scenario is None:
-            return 0
-        from vbus.testing.hostile import PHASE
-
-        return self.scenario.phase * PHASE
+    world: World = REFERENCE
 
     def of_board(self, text: str, name: str) -> str:
         """Return a board file with this part, clock and time policy.
@@ -61,8 +47,8 @@ class Variant:
             text = with_keys(text, section, keys)
         return with_keys(text, "board", {"time": f'"{self.time}"'} if self.time else {})
 
-    def of_specimen(self, file: BoardFile, source: Source) -> tuple[BoardFile, Source]:
-        """Return a board file with the chips that the scenario has.
+    def in_world(self, file: BoardFile, source: Source) -> tuple[BoardFile, Source]:
+        """Return a board file as it is in the world of this variant.
 
         Raises:
             ConfigError: it is in real time, where no run repeats.
@@ -71,8 +57,4 @@ class Variant:
             raise ConfigError(
                 f"{file.path}: hostile: a board in real time does no run twice; leave rate out"
             )
-        if self.scenario is None:
-            return file, source
-        from vbus.testing.hostile import with_extremes
-
-        return read_board_text(with_extremes(source.text, self.scenario), file.path)
+        return of_world(file, source, self.world)

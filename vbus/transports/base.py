@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 REST_SECONDS: Final = 0.2
-"""How long nothing is tried after the system has run out of descriptors or memory."""
+"""How long nothing is tried after the system has run out of descriptors or memory (s): the socket
+stays readable, so an attempt at once would spin."""
 
 
 class Link:
@@ -86,7 +87,7 @@ class MessageLink(Link):
         return []
 
     def push(self, data: bytes) -> None:
-        """Send what nobody asked for just now: events."""
+        """Send bytes that answer no request: events."""
         raise NotImplementedError
 
 
@@ -137,7 +138,7 @@ class Transport:
         self.line: HostSection = NO_HOST
         """The host entry, for links that carry modem lines; set by the server."""
         self.no_room: bytes = b""
-        """What a host is told for which there is no room; set by the server."""
+        """The bytes for a host for which there is no room; set by the server."""
         self.closing: bool = False
         """The server is about to close this transport: what ends now is meant to."""
         self.report: Callable[[str], None] = _ignore

@@ -67,9 +67,9 @@ def clock_discipline() -> tuple[int, float] | None:
     Raises:
         OSError: the system does not tell.
     """
-    told = _Timex()
-    _checked(_libc.adjtimex(ctypes.byref(told)))
-    return None if told.status & _UNSYNCHRONISED else (told.maxerror, told.freq / _PPM)
+    clock = _Timex()
+    _checked(_libc.adjtimex(ctypes.byref(clock)))
+    return None if clock.status & _UNSYNCHRONISED else (clock.maxerror, clock.freq / _PPM)
 
 
 class TimerFd:

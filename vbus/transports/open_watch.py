@@ -11,7 +11,7 @@ from vbus.transports.linux import Inotify
 class OpenWatch:
     """Tells when one file is opened, written to and closed: how a PTY learns of its clients.
 
-    The system gives a user few inotify descriptors, 128 where nobody has asked for more, so all
+    The system gives a user few inotify descriptors, 128 unless it is set up for more, so all
     watches of an event loop share one.
 
     Args:
@@ -94,7 +94,7 @@ class _Shared:
                 self.watches[number].note(event)
 
     def end_if_idle(self) -> None:
-        """Free the descriptor if nobody watches any more."""
+        """Free the descriptor if no file is watched any more."""
         if not self.watches:
             self.loop.remove_reader(self.inotify.fd)
             self.inotify.close()

@@ -20,9 +20,10 @@ from vbus.transports.states import TERMINAL
 
 _READ_SIZE: Final = 1 << 16
 _MOST_READ: Final = 1 << 18
-"""Bytes read of a host's first ones; it may write as fast as they are read."""
+"""Bytes read of a host's first ones at most: it may write as fast as they are read."""
 LOOK_SECONDS: Final = 0.05
-"""How often is looked for clients where the system gives no watch."""
+"""How often to look for clients where the system gives no watch (s): a new client waits as long,
+and the machine wakes as often."""
 
 
 class PtyLink(Link):
@@ -157,7 +158,7 @@ class _Terminal:
         return data
 
     def unwatch(self) -> None:
-        """Nobody comes any more who is not here already."""
+        """Stop watching: no new client can open this terminal."""
         self.watch.close()
         self.watch = NoWatch()
 
@@ -184,7 +185,7 @@ class PtyTransport(Transport):
     What cannot be known: clients that have opened the terminal, written and closed before the
     server has looked once share it with one that opened it in the same moment. As long as that
     one has written nothing, what is there is the others', and is carried out as theirs; once it
-    has written, nobody can tell whose byte is whose, and all are taken as its own.
+    has written, the bytes look alike, and all are taken as its own.
 
     Whether a client has the terminal open is known from the master: it reports a hang-up while
     none has. An edge-triggered epoll makes an event of that state, an inotify watch tells of
@@ -246,7 +247,7 @@ class PtyTransport(Transport):
             self._look_at_times(terminal)
 
     def _look_at_times(self, terminal: _Terminal) -> None:
-        """Do without a watch: whoever opens the terminal is noticed a little later."""
+        """Do without a watch: a client that opens the terminal is noticed a little later."""
         if terminal.named:
             self._notice(terminal)
             self._loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
@@ -270,10 +271,10 @@ class PtyTransport(Transport):
         """Let the name lead from one terminal to a new one."""
         self._name_new(terminal)
         self._move(terminal, event)
-        terminal.learn()  # whoever has come before the name led elsewhere
+        terminal.learn()  # of clients that came before the name led elsewhere
 
     def _retire(self, terminal: _Terminal) -> None:
-        """Let the name lead to a new terminal; whoever has this one open keeps it."""
+        """Let the name lead to a new terminal; clients that have this one open keep it."""
         self._renew(terminal, states.LEFT)
         terminal.unwatch()
 
@@ -303,7 +304,7 @@ class PtyTransport(Transport):
             self._name_new(terminal)
 
     def _free(self, terminal: _Terminal) -> None:
-        """Close a terminal; whoever has it open finds it hung up."""
+        """Close a terminal; clients that have it open find it hung up."""
         terminal.move(states.FREE)
         self._terminals.remove(terminal)
         terminal.close()

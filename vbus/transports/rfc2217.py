@@ -17,7 +17,7 @@ from vbus.transports.sockets import SocketLink, TcpTransport
 READ: Final = 2048
 """Bytes looked through for options at a time: some milliseconds."""
 MOST_KEPT: Final = 1 << 16
-"""Bytes kept for a side that does not take them, before the other side is read no more."""
+"""Bytes stored for a side that does not take them, before the other side is read no more."""
 MOST_OPTION: Final = 256
 """Bytes of one Telnet option; the longest of RFC 2217 has 5."""
 
@@ -197,7 +197,7 @@ class _Telnet:
         host: the end towards the host.
         board: the end towards the session.
         settings: what the host may set.
-        marks: whether the session is told, among the bytes, of lines that change.
+        marks: whether the session gets, among the bytes, marks for lines that change.
         ended: called once when it is over.
     """
 

@@ -17,6 +17,7 @@ from vbus.core.wall_clock import monotonic
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
+"""How long a busy lock is tried again, and how often: one that only tests it lets go at once."""
 LONGEST_ADDRESS: Final = 107
 """Bytes of a Unix socket's path that the system takes."""
 
@@ -61,7 +62,7 @@ class NameLock:
 
         Args:
             board: what the name is for.
-            patience: how long somebody may have it who only looks whether its owner lives (s).
+            patience: how long another process may hold it to test whether its owner lives (s).
 
         Raises:
             TransportError: another running process has it, or the directory cannot be written.

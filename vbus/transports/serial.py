@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from serial import Serial
 
 RETRY_SECONDS: Final = 0.5
-"""How often an unplugged device is looked for."""
+"""How often an unplugged device is looked for (s): a person plugs it in."""
 
 
 class SerialLink(Link):

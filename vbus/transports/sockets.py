@@ -41,14 +41,12 @@ def handed_over(family: int, address: object) -> socket.socket | None:
     return None
 
 
-KEEP_ALIVE: Final = (
-    (socket.TCP_KEEPIDLE, 10),
-    (socket.TCP_KEEPINTVL, 5),
-    (socket.TCP_KEEPCNT, 3),
-)
-"""A silent TCP host is looked for after 10 s, and given up 15 s later."""
+KEEP_ALIVE: Final = ((socket.TCP_KEEPIDLE, 10), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
+"""A silent TCP host is probed after 10 s, and given up 15 s later; the system's own values are two
+hours. It trades the claims of a dead host for a pulled cable that comes back."""
 BACKLOG: Final = 1024
-"""Hosts that may wait to be accepted; all are taken in one turn of the event loop."""
+"""Hosts that may wait to be accepted; all are taken in one turn of the event loop. A
+process may usually have as many descriptors."""
 _ASKED: Final = 1 << 16
 """Bytes of a host's first requests."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -73,8 +71,8 @@ class SocketLink(Link):
 class _SocketTransport(Transport):
     """What both kinds share: a listening socket that accepts without waiting.
 
-    One descriptor is kept in reserve: when there are no more, it lets a host be told so, which
-    would otherwise wait outside and not know for what.
+    One descriptor is held in reserve. When there are no more, it serves to accept a host and to
+    refuse it with the reason; the host would wait in the queue of the socket otherwise.
     """
 
     _reserve: int = -1
@@ -219,7 +217,7 @@ class _SocketTransport(Transport):
 
 
 def _answers(path: Path) -> bool:
-    """Tell whether somebody listens at a Unix socket."""
+    """Whether a process listens at a Unix socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link, socket_address(path) as address:
         link.setblocking(False)
         return link.connect_ex(address) in (0, errno.EAGAIN)

@@ -15,7 +15,7 @@ EVENT: Final = "event"
 """From the board to a host that has not asked just now: only a link that is cut loses it."""
 
 MOST_KEPT: Final = 1024
-"""Messages that one fault keeps back; more are lost."""
+"""Messages that one fault holds back; more are lost. A bound of memory."""
 
 Arrive = Callable[[int], None]
 """Lets a message arrive, so many times; called once, with 0 if it does not come."""
@@ -126,12 +126,12 @@ class MessageFault:
         return [message] if self._once and self._kept else self._keep(message)
 
     def release(self) -> list[TravellingMessage]:
-        """Give back what was kept: it comes now, in its order."""
-        kept, self._kept = self._kept, []
-        return kept
+        """Give back what was held: it comes now, in its order."""
+        held, self._kept = self._kept, []
+        return held
 
     def forget(self, host: str) -> list[TravellingMessage]:
-        """A host has gone: give back what was kept of it."""
+        """A host has gone: give back its messages that were held."""
         gone = [message for message in self._kept if message.host == host]
         self._kept = [message for message in self._kept if message.host != host]
         return gone
@@ -142,7 +142,7 @@ class Traffic:
 
     Attributes:
         faults: those that act, the first one nearest to where a message comes from.
-        cut: is told when hosts seem to have gone because a link is cut, and when it is mended.
+        cut: called when hosts seem to have gone because a link is cut, and when it is mended.
     """
 
     def __init__(self) -> None:
@@ -170,7 +170,7 @@ class Traffic:
             self.cut(True)
 
     def remove(self, fault: MessageFault) -> None:
-        """Let a fault act no more; what it has kept back comes now. Again is harmless."""
+        """End a fault; messages it has held back come now. A second call does nothing."""
         if fault not in self.faults:
             return
         place = self.faults.index(fault)
@@ -186,13 +186,13 @@ class Traffic:
         return any(fault.tells_hosts_gone for fault in self.faults)
 
     def forget(self, host: str) -> None:
-        """A host has gone: let go of what is kept of its messages."""
+        """A host has gone: release those of its messages that are held."""
         for fault in self.faults:
             for message in fault.forget(host):
                 message.arrive(0)
 
     def close(self) -> None:
-        """Let go of whatever is kept; no message comes any more."""
+        """Release all messages that are held; no message comes any more."""
         faults, self.faults = self.faults, []
         for fault in faults:
             for message in fault.release():

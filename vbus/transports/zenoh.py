@@ -20,15 +20,17 @@ from vbus.transports.zenoh_inbox import Inbox
 from vbus.transports.zenoh_publications import Publications
 
 SETTLE_SECONDS: Final = 0.5
-"""How long a board that joins other routers waits until it knows what they have."""
+"""How long a board that joins other routers waits until it knows what they have (s): routers take
+some tenths of a second to exchange that."""
 ASK_SECONDS: Final = 2.0
-"""How long an answer of the network is waited for at the start."""
+"""How long an answer of the network is waited for at the start (s)."""
 TOKEN_SECONDS: Final = 3.0
-"""How long a host's session lives without its liveliness token having been seen."""
+"""How long a host's session lives without its liveliness token having been seen (s): the token may
+come after the first message."""
 MOST_HOSTS: Final = 256
-"""Sessions that may be open on one board."""
+"""Sessions that may be open on one board: a bound of memory."""
 REMEMBERED: Final = 4096
-"""Ended sessions whose late messages are known as such."""
+"""Ended sessions whose late messages are known as such: 16 for each that may be open."""
 
 
 class ZenohTransport(Transport):
@@ -348,7 +350,7 @@ class ZenohTransport(Transport):
     # -- the board itself ---------------------------------------------------------------------
 
     def _owner(self, sample: zenoh.Sample) -> None:
-        """Somebody owns the keys of this board's name: it should be us alone."""
+        """A token of this board's name has come or gone: more than our own is a rival."""
         token = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and self._is_rival(token):
             self.report(

@@ -87,7 +87,7 @@ class ZenohLink(MessageLink):
         )
 
     def _send(self, send: Callable[[], None]) -> None:
-        """Send a reply; a host that does not read its replies holds nobody else up."""
+        """Send a reply; a host that does not read its replies must not hold others up."""
         if self.exchange.unacknowledged <= DIRECT:
             send()
             return
@@ -118,7 +118,7 @@ class ZenohLink(MessageLink):
         )
 
     def _publish(self, number: int, code: str, data: bytes, times: int) -> None:
-        """Publish it as often as it is to arrive; a host that has gone is nobody's loss.
+        """Publish it as often as it is to arrive; a host that has gone is no error.
 
         One that does not read loses it: it is stored until the host acknowledges it, and sent again
         when the host repeats its message.
@@ -145,7 +145,7 @@ class ZenohLink(MessageLink):
         return self.exchange.leave()
 
     def push(self, data: bytes) -> None:
-        """Send events to the host, and to nobody else; when it has asked for them."""
+        """Send events to the host, and to no other; when it has asked for them."""
         if self._events is None:
             self._unheard.append(data)
             if sum(map(len, self._unheard)) > MOST_EVENTS:
@@ -230,13 +230,9 @@ def _answering(query: zenoh.Query) -> Iterator[None]:
 
 
 def send_reply(
-    query: zenoh.Query,
-    data: bytes,
-    key: str = "",
-    attachment: bytes | None = None,
-    times: int = 1,
+    query: zenoh.Query, data: bytes, key: str = "", attachment: bytes | None = None, times: int = 1
 ) -> None:
-    """Answer a query; a host that has gone meanwhile is nobody's loss.
+    """Answer a query; a host that has gone meanwhile is no error.
 
     Args:
         query: the query.

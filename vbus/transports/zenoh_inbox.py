@@ -17,7 +17,8 @@ from vbus.network import envelope
 from vbus.transports.zenoh_host import send_refusal
 
 MOST_WAITING: Final = 65536
-"""Messages that may wait for the event loop; more are dropped and asked again by their hosts."""
+"""Messages that may wait for the event loop; more are dropped and asked again by their hosts.
+A bound of memory."""
 
 log = logging.getLogger("vbus")
 
@@ -70,7 +71,7 @@ class Inbox:
 
         if ended is None:
             return zenoh.handlers.Callback(enter, indirect=False)
-        over = ended  # what is told of the end
+        over = ended  # the event of the end
         return zenoh.handlers.Callback(enter, lambda: put((lambda _: over(), None)), indirect=False)
 
     def _drain(self) -> None:

@@ -1,12 +1,52 @@
-"""The clauses of all chips that are registered, and what cites them, for those who explain them."""
+"""Clauses and AC tables of all registered chips, and what cites them, for explanations."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 
 from vbus import plugins
 from vbus.board.check.checks import all_rules
+from vbus.chips.base import Chip
 from vbus.chips.clauses import Clause, clauses_of
+from vbus.chips.strobes import AcTable
 from vbus.core.signals import Rule
-from vbus.views.tables import ac_limits
+from vbus.views.scope.frames import ALL, CLAUSES, frame, texts
+
+
+def ac_tables() -> Iterator[tuple[str, str, AcTable]]:
+    """Give every table of AC characteristics: family, supply (or ""), table."""
+    for family in plugins.families():
+        for supply, table in family.ac_tables.items():
+            yield family.name, supply, table
+
+
+def ac_limits(rule: str) -> list[str]:
+    """Return the row of the manual's AC table that a rule checks, once for each supply.
+
+    Args:
+        rule: name of the rule, such as ``lm628.T14``.
+
+    Returns:
+        ``["T14: at least 100 ns"]``, ``["tSDR at 5 V: at least 2.1 ns", ...]``; empty if the rule
+        is no row of such a table.
+    """
+    family, _, symbol = rule.partition(".")
+    limits = []
+    for owner, supply, table in ac_tables():
+        for row in table:
+            if owner == family and row.symbol == symbol:
+                least = [f"{row.min_ps / 1000:g} ns"] if row.min_ps else []
+                least += [f"{row.min_clk:g} clk"] if row.min_clk else []
+                minimum = f"at least {' + '.join(least) or '0 ns'}"
+                limit = f"at most {row.max_ps / 1000:g} ns" if row.max_ps else minimum
+                both = f"{minimum}, {limit}" if row.max_ps and least else limit
+                limits.append(f"{symbol}{f' at {supply}' if supply else ''}: {both}")
+    return limits
+
+
+@cache
+def ac_rules() -> frozenset[str]:
+    """Return the names of the rules that measure an interval, in ps."""
+    return frozenset(rule.name for _, _, table in ac_tables() for rule in table.rules.values())
 
 
 def all_clauses() -> Iterator[tuple[str, Clause]]:
@@ -55,3 +95,25 @@ def _citing() -> Iterator[tuple[str, str]]:
     for chip in plugins.chip_classes():
         for option in chip.OPTIONS:
             yield option.clause, f"{chip.FAMILY}: setting {option.name}: {option.title}"
+
+
+def clause_frame(families: Iterable[str]) -> bytes:
+    """Return a frame with the clauses of chip families: id, title, kind, section, text, citing.
+
+    Args:
+        families: names of the families; each may come more than once.
+    """
+    rows = []
+    citing = all_carriers()
+    for name in dict.fromkeys(families):
+        chip = plugins.family(name).load("chip", Chip)
+        package = chip.__module__.rpartition(".")[0] if chip is not None else ""
+        for clause in clauses_of(package).values() if package else ():
+            rows.append(
+                {
+                    "name": clause.name, "title": clause.title, "kind": clause.kind,
+                    "section": clause.section, "text": clause.text,
+                    "named_by": citing.get(clause.name, []),
+                }
+            )  # fmt: skip
+    return frame(CLAUSES, ALL, len(rows), 0, texts(rows))

@@ -127,6 +127,72 @@ def test_holding_an_axis_where_it_stands_needs_no_acceleration(bench):
     assert found(bench) == []
 
 
+@pytest.mark.spec("LM-TRJ-12")
+def test_a_move_with_velocity_0_is_noted(bench):
+    bench.filter(kp=10)
+    bench.move(0, accel=ONE, velocity=0, position=100)
+    bench.run(4 * SAMPLE)
+    assert found(bench) == [("no-velocity", "note")]
+
+
+@pytest.mark.spec("LM-TRJ-12")
+def test_velocity_mode_at_0_and_a_move_that_is_there_need_no_velocity(bench):
+    bench.filter(kp=10)
+    bench.move(0x1800, accel=ONE, velocity=0)
+    bench.run(2 * SAMPLE)
+    bench.move(0, position=0)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-TRJ-2")
+@pytest.mark.parametrize(
+    "velocities",
+    [
+        (20000, 40000, 60000, 14464),
+        (0x8000, 0xC000, 0x0000),
+        (1000, 33000, 464),
+        (25000, 50000, 34464),
+    ],
+)
+def test_a_velocity_that_has_lost_its_high_word_is_found(bench, velocities):
+    bench.filter(kp=10)
+    bench.move(0x1800, accel=ONE, velocity=velocities[0])
+    bench.run(SAMPLE)
+    for value in velocities[1:]:
+        assert found(bench) == []
+        bench.move(0x1800, velocity=value)
+        bench.run(SAMPLE)
+    assert found(bench) == [("velocity-wraps", "warning")]
+
+
+@pytest.mark.spec("LM-TRJ-2")
+@pytest.mark.parametrize(
+    "velocities",
+    [
+        (20000, 40000, 60000, 80000, 14464),  # slowed down, and the high word is there
+        (20000, 40000, 20000, 40000),
+        (40000, 20000, 10000, 5000),
+        (30000, 60000, 30000, 0),
+        (5000, 60000, 60000, 60000),
+    ],
+)
+def test_velocities_that_rise_and_fall_are_right(bench, velocities):
+    bench.filter(kp=10)
+    bench.load(0x1800, accel=ONE)
+    for value in velocities:
+        bench.move(0x1800, velocity=value)
+        bench.run(SAMPLE)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-PID-5")
+@pytest.mark.parametrize(("il", "expected"), [(0, [("no-integral", "note")]), (1, [])])
+def test_an_integral_coefficient_without_a_limit_is_noted(bench, il, expected):
+    bench.filter(kp=10, ki=5, il=il)
+    bench.move(0, accel=ONE, velocity=ONE, position=0)
+    assert found(bench) == expected
+
+
 # -- motor off ------------------------------------------------------------------------------------
 
 
@@ -207,6 +273,8 @@ def test_an_interrupt_that_stands_at_the_end_is_noted_where_hi_is_wired(bench):
     assert left(bench) == [], "a host that polls need not reset a flag"
     watched = []
     bench.chip.pins["HI"].net.watch(_watcher(bench, watched))
+    assert [rule for rule, _ in left(bench)] == ["hi-stands"]
+    bench.status()
     assert left(bench) == [
         ("hi-stands", "HI is high at the end: TRAJECTORY_COMPLETE; RSTI lets it fall")
     ]
@@ -215,7 +283,56 @@ def test_an_interrupt_that_stands_at_the_end_is_noted_where_hi_is_wired(bench):
     assert watched
 
 
+@pytest.mark.spec("LM-STA-7", "LM-CMD-17")
+def test_an_interrupt_that_mski_has_enabled_is_meant_to_be_answered(bench):
+    bench.command("RSTI", 0)
+    bench.command("MSKI", 0x04)
+    bench.filter(kp=10)
+    bench.move(0, accel=ONE, velocity=ONE, position=2)
+    bench.run(MS)
+    assert left(bench) == [
+        (
+            "hi-stands",
+            "HI is high at the end, and no status byte was read since it rose:"
+            " TRAJECTORY_COMPLETE; RSTI lets it fall",
+        )
+    ]
+    bench.command("MSKI", 0)
+    assert left(bench) == []
+
+
+@pytest.mark.spec("LM-STA-1")
+def test_errors_that_stand_at_the_end_are_noted(bench):
+    bench.write(1, 0)
+    assert left(bench) == [("errors-stand", "at the end: COMMAND_ERROR")]
+    bench.command("RSTI", 0)
+    assert left(bench) == []
+
+
 def _watcher(bench, seen):
     from vbus.core.signals import Watcher
 
     return Watcher(bench.kernel, lambda: seen.append(bench.now))
+
+
+@pytest.mark.spec("LM-CMD-19", "LM-CMD-20", "LM-CMD-18", "LM-BUS-9")
+def test_what_ends_when_busy_falls_has_ended_in_a_run_that_ends_before(bench):
+    bench.command("LFIL", 0x08)
+    bench.write(1, 0)
+    bench.write(1, 20)
+    assert [rule for rule, _ in left(bench)] == ["left-loaded"], "the word is under way"
+    bench.ready()
+    bench.write(0, 0x04)
+    assert left(bench) == [], "UDF is"
+    bench.ready()
+    bench.load(0, accel=ONE, velocity=ONE, position=5)
+    assert [rule for rule, _ in left(bench)] == ["left-loaded"]
+    bench.write(0, 0x01)
+    assert left(bench) == []
+    bench.ready()
+    bench.command("MSKI", 0x04)
+    assert [rule for rule, _ in left(bench)] == ["hi-stands"]
+    bench.command("RSTI")
+    bench.write(1, 0)
+    bench.write(1, 0)
+    assert left(bench) == []

@@ -159,3 +159,72 @@ def test_errors_that_stand_at_the_end_are_noted(moved: Bench) -> None:
     assert ("errors-stand", "axis 1 at the end: command error") in left(moved)
     moved.send("CLR_STATUS")
     assert "errors-stand" not in dict(left(moved))
+
+
+@pytest.fixture
+def refused(moved: Bench) -> Bench:
+    """An axis that has refused an acceleration in motion."""
+    moved.move(pos=1000)
+    moved.next_cycle(4)
+    moved.move(acc=0x2000)
+    moved.next_cycle(2)
+    return moved
+
+
+@spec("PMD-STA-2")
+@pytest.mark.parametrize("clear", ["CLR_STATUS", "RST_STATUS", "RST_INTRPT"])
+def test_an_error_that_is_cleared_unread_is_noted(refused: Bench, clear: str) -> None:
+    text = "axis 1: command error, and no status word has shown it to the host"
+    assert ("error-unread", text) in left(refused)
+    if clear == "RST_INTRPT":
+        refused.send("SET_INTRPT_MASK", COMMAND_ERROR)
+        refused.next_cycle()
+        refused.send(clear, 0)
+    else:
+        refused.send(clear, *([0] if clear == "RST_STATUS" else []))
+    assert ("error-unread", "note") in found(refused)
+    assert "error-unread" not in dict(left(refused))
+
+
+@spec("PMD-STA-2")
+@pytest.mark.parametrize("way", ["GET_STATUS", "GET_INTRPT", "SET_1"])
+def test_an_error_that_a_status_word_has_shown_is_right(refused: Bench, way: str) -> None:
+    refused.send(way)
+    assert "error-unread" not in dict(left(refused))
+    refused.send("CLR_STATUS")
+    assert ("error-unread", "note") not in found(refused)
+
+
+@spec("PMD-STA-2")
+def test_the_status_word_of_the_other_axis_shows_nothing(refused: Bench) -> None:
+    refused.send("SET_2")
+    refused.send("GET_STATUS")
+    assert "error-unread" in dict(left(refused))
+
+
+@spec("PMD-TRJ-12")
+@pytest.mark.parametrize("rates", [{"vel": 0, "acc": 0x1000}, {"vel": 0x10000, "acc": 0}])
+def test_a_move_without_a_rate_is_noted(bench: Bench, rates: dict[str, int]) -> None:
+    bench.move(pos=10, **rates)
+    bench.next_cycle(2)
+    assert ("no-rate", "note") in found(bench)
+
+
+@spec("PMD-TRJ-12")
+def test_a_move_with_the_rates_of_the_one_before_is_right(moved: Bench) -> None:
+    moved.move(pos=20)
+    moved.next_cycle(2)
+    moved.move(pos=20, vel=0)
+    moved.next_cycle(2)
+    assert ("no-rate", "note") not in found(moved)
+
+
+@spec("PMD-UPD-1")
+def test_an_update_of_a_run_that_ends_before_the_cycle_has_taken_what_was_loaded(
+    moved: Bench,
+) -> None:
+    moved.send("SET_VEL", 5)
+    moved.send("UPDATE")
+    assert "left-loaded" not in dict(left(moved))
+    moved.send("SET_VEL", 6)
+    assert "left-loaded" in dict(left(moved))

@@ -63,6 +63,16 @@ def test_a_value_beyond_what_the_manual_lists_is_found(bench, register, most):
     assert f"lists 00H to {most:02X}H" in bench.violations[0].detail
 
 
+@pytest.mark.spec("MCP-OUT-1")
+@pytest.mark.parametrize(
+    ("limit", "forceless"), [(0x7F, True), (0x80, True), (0x81, False), (0, False)]
+)
+def test_a_saturation_limit_that_gives_no_force_is_found(bench, limit, forceless):
+    bench.extended()
+    bench.write(0x4B, limit)
+    assert found(bench) == ([("no-force", "warning")] if forceless else [])
+
+
 # -- entering control -----------------------------------------------------------------------------
 
 
@@ -132,6 +142,29 @@ def test_control_with_a_lead_filter_of_gain_0_is_found(bench):
     bench.control()
     bench.samples()
     assert found(bench) == [("no-gain", "warning")]
+
+
+@pytest.mark.spec("MCP-FLT-3")
+@pytest.mark.parametrize(("kp", "rules"), [(0, ["no-gain", "no-integral"]), (1, ["no-integral"])])
+def test_an_integral_gain_that_its_limit_cuts_to_0_is_none(bench, kp, rules):
+    bench.extended()
+    bench.write(0x01, PID)
+    bench.write(0x61, kp, 0x20, 0)
+    bench.put("INTEGRAL_LIMIT", 0)
+    bench.control()
+    bench.samples()
+    assert [rule for rule, _ in found(bench)] == rules
+
+
+@pytest.mark.spec("MCP-REG-2")
+@pytest.mark.parametrize(("feature", "noted"), [(0, True), (PID, False)])
+def test_gains_of_the_pid_filter_beside_the_lead_filter_are_noted(bench, feature, noted):
+    bench.extended()
+    bench.write(0x01, feature)
+    bench.write(0x61, 5, 0, 5)
+    bench.control()
+    bench.samples()
+    assert found(bench) == ([("pid-unused", "note")] if noted else [])
 
 
 @pytest.mark.spec("MCP-FLT-3", "MCP-FLT-4")
@@ -233,6 +266,7 @@ def test_a_velocity_in_both_registers_is_right(bench, fine):
     bench.put("ACCELERATION", 0x100)
     bench.write(0x01, FINE if fine else 0)
     bench.put("PROFILE_VELOCITY", 4)
+    bench.put("FINAL_POSITION", 200)
     bench.put("VELOCITY", 0x400)
     bench.control()
     bench.samples()
@@ -248,6 +282,60 @@ def test_a_profile_that_waits_for_its_rates_is_noted(ready, name, what):
     ready.write(0x00, F0)
     assert found(ready) == [("no-rate", "note")]
     assert ready.violations[0].measured == 0
+
+
+@pytest.mark.spec("MCP-TRP-1", "MCP-REG-27")
+def test_a_profile_started_before_its_position_is_whole_is_found(ready):
+    ready.samples()
+    ready.write(0x29, 0x34)
+    ready.write(0x2A, 0x12)
+    ready.write(0x00, F0)
+    ready.write(0x2B, 0x01)
+    assert found(ready) == [("part-position", "note"), ("split-position", "warning")]
+    assert "of the final position R2B stayed as before" in ready.violations[0].detail
+
+
+@pytest.mark.spec("MCP-TRP-1", "MCP-REG-27", "MCP-TRP-6")
+def test_a_final_position_changed_as_a_whole_under_way_is_right(ready):
+    ready.samples()
+    for number in (3000, 4000, 5000):
+        ready.put("FINAL_POSITION", number)
+        ready.write(0x00, F0)
+        ready.samples(2)
+    ready.put("FINAL_POSITION", 6000)
+    ready.write(0x00, F0)
+    assert found(ready) == []
+
+
+@pytest.mark.spec("MCP-REG-27")
+def test_a_final_position_of_which_one_byte_is_written_is_noted_and_no_more(ready):
+    ready.samples()
+    ready.write(0x00, F0)
+    ready.samples(400)
+    ready.write(0x29, 5)
+    ready.write(0x00, F0)
+    ready.write(0x29, 6)
+    ready.write(0x2A, 1)
+    ready.write(0x2B, 0)
+    assert found(ready) == [("part-position", "note")]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_profile_without_a_way_to_go_is_noted(ready):
+    ready.samples()
+    ready.write(0x00, F0)
+    ready.samples(400)
+    ready.write(0x00, F0)
+    ready.put("FINAL_POSITION", 0)
+    assert found(ready) == [("no-way", "note")]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_final_position_written_where_the_axis_stands_is_right(ready):
+    ready.samples()
+    ready.put("FINAL_POSITION", 0)
+    ready.write(0x00, F0)
+    assert found(ready) == []
 
 
 # -- the counter ----------------------------------------------------------------------------------

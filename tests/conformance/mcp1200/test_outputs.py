@@ -7,7 +7,7 @@ import pytest
 from tests.conformance.mcp1200.conftest import RESET_CLK, Bench, Rail
 from vbus.chips.base import EDGE
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.motor_command import Pwm
+from vbus.chips.mcp1200.output import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.core.kernel import NEVER
 

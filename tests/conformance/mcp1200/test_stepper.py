@@ -478,9 +478,9 @@ def test_a_servo_plant_is_refused_only_if_it_takes_neither_drive() -> None:
     class Phased(Rail):
         TAKES = ("phases",)
 
-    with pytest.raises(ValueError, match=r"gives drive or pulses; this plant takes phases"):
+    with pytest.raises(ValueError, match="servo commands or step pulses; this plant takes phase"):
         Bench(plant=Phased())
-    with pytest.raises(ValueError, match="one axis"):
+    with pytest.raises(ValueError, match="the MCP-1200 has no axis 2; it has 1"):
         Bench().chip.connect(1, Rail())
 
 

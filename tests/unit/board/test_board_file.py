@@ -627,8 +627,8 @@ def test_a_name_given_twice_is_refused_at_its_second_place(again: str, line: int
     [
         (
             "LM629N-8", 'plant = "m"',
-            "b.toml:4: chips.x.plant: a LM629N-8 gives a servo command; StepperMotor takes"
-            " ('pulses', 'phases')",
+            "b.toml:4: chips.x.plant: the LM629N-8 gives servo commands; this plant takes"
+            " step pulses, phase commands",
         ),
         ("MC1141A", 'plants = ["m", "n"]', "b.toml:4: chips.x.plants: MC1141A has one axis; write"
          ' plant = "m"'),

@@ -6,7 +6,7 @@ from tests.unit.board.test_card_keys import BOARD, info, settings
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board_text
-from vbus.board.card.card_interrupt import add_interrupt
+from vbus.board.card.cards import add_interrupt
 from vbus.board.config import read_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import restore, take

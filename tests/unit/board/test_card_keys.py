@@ -71,6 +71,54 @@ def test_interrupts_are_output_lines_with_their_polarity(outputs: str, low: set[
     assert (named(told["low"]), told["signal"]) == (low, "0")
 
 
+GATES = """
+[glue.u1]
+part = "74HC02"
+hosts = ["1Y"]
+[glue.u1.pins]
+1A = "x.HI"
+1B = "x.HI"
+[glue.u2]
+part = "74HC03"
+[glue.u2.pins]
+1A = "x.HI"
+1B = "x.HI"
+1Y = "IRQ"
+2A = "x.HI"
+2B = "x.HI"
+2Y = "IRQ"
+"""
+
+
+@pytest.mark.parametrize(
+    ("outputs", "line", "low"),
+    [("u1.1Y", "u1.1Y", False), ("!u1.1Y", "u1.1Y", True), ("!u2.2Y", "u2.1Y", True),
+     ("!x.HI", "x.HI", True)],
+)  # fmt: skip
+def test_an_output_of_glue_interrupts_by_the_wire_it_is_on(
+    outputs: str, line: str, low: bool
+) -> None:
+    keys = f'interrupt = "{outputs}"{GATES}'
+    told = settings(keys)
+    bit = 1 << info(keys).outputs.index(line)
+    assert (int(told["lines"]), int(told["low"])) == (bit, bit * low)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ('interrupt = "u1.2Y"', 'cards.c.interrupt: found "u1.2Y"; outputs are u1.1Y'),
+        ('interrupt = "u9.1Y"', "cards.c.interrupt: there is no [chips.u9]"),
+        ('interrupt = "u1.1Y"\nacknowledge = "read"', '"u1.1Y" is an output of glue: make the'),
+        ('interrupt = "!x.HI"\nacknowledge = "read"', '"acknowledge" and "line" turn no output'),
+    ],
+)
+def test_what_of_glue_cannot_interrupt_is_named(keys: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_board_text(BOARD.replace("KEYS", keys + GATES))
+    assert message in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("signal", "number"),
     [("SIGHUP", "1"), ("SIGUSR1", "10"), ("SIGUSR2", "12"), ("SIGALRM", "14"), ("SIGIO", "29")],

@@ -115,10 +115,12 @@ def test_the_role_of_each_bus_pin_follows_from_the_chips_own_cycles(
 
 
 MISTAKES = [
-    ("PD4 =", "XD4 =", 'b.toml:17: pinmaps.uno.pins.XD4: "XD4" is no port bit; write PB3 (AVR) or'
-     " RB3 (PIC), with ports A to L and bits 0 to 7"),
-    ("PD4 =", "PD8 =", 'b.toml:17: pinmaps.uno.pins.PD8: "PD8" is no port bit; write PB3 (AVR) or'
-     " RB3 (PIC), with ports A to L and bits 0 to 7"),
+    ("PD4 =", "XD4 =", 'b.toml:17: pinmaps.uno.pins.XD4: "XD4" is no port bit; write PB3 (AVR,'
+     " STM32) or RB3 (PIC), with ports A to L and bits 0 to 15, or IRQ5, an interrupt input of a"
+     " processor"),
+    ("PD4 =", "PD16 =", 'b.toml:17: pinmaps.uno.pins.PD16: "PD16" is no port bit; write PB3 (AVR,'
+     " STM32) or RB3 (PIC), with ports A to L and bits 0 to 15, or IRQ5, an interrupt input of a"
+     " processor"),
     ("PB1 =", "PB0 =", "b.toml:22: pinmaps.uno.pins.PB0: PB0 is the same port bit as RB0; write"
      " one of them"),
     ('"/PS"', '"/SP"', 'b.toml:26: pinmaps.uno.pins.PC1: no chip of this map has a pin "/SP";'
@@ -145,7 +147,8 @@ MISTAKES = [
      ' is wired to "y", which is not among the chips of this host: x'),
     ('pinmap = "uno"', 'pinmap = "uno"\ncard = "c"\n[cards.c]\ndecode = "direct"\nchips = ["x"]',
      'b.toml:13: hosts[1].pinmap: a host has either a "card" or a "pinmap": addresses or port'
-     ' bits; both only if the card is the memory bus of the microcontroller ("memory = true")'),
+     ' bits; both only if the card is the memory bus of the microcontroller ("memory = true"),'
+     " or the map has only interrupt inputs (IRQ5)"),
 ]  # fmt: skip
 
 

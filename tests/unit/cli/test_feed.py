@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.waiting import until
-from vbus.cli.look.feed import MOST_WAITING, Feed
+from vbus.cli.sources import MOST_WAITING, Feed
 from vbus.serve.registry import watch_path
 
 REQUEST = b'{"registers": true}' + b" " * 980 + b"\n"

@@ -5,9 +5,8 @@ from typing import Any
 
 import pytest
 
-from vbus.cli.look.scope_bookmarks import RUNS, Bookmarks, of_journal
+from vbus.cli.look.scope_bookmarks import LONGEST, MOST, RUNS, Bookmarks, of_journal
 from vbus.core.errors import VbusError
-from vbus.views.scope.bookmarks import LONGEST, MOST
 
 
 def mark(at: int, text: str = "here") -> dict[str, str]:

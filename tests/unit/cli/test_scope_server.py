@@ -3,6 +3,8 @@
 import asyncio
 import json
 import socket
+import subprocess
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -431,3 +433,13 @@ def _client(authority: trustme.CA):  # type: ignore[no-untyped-def]
     context = ssl.create_default_context()
     authority.configure_trust(context)
     return context
+
+
+def test_what_is_missing_for_the_page_is_named() -> None:
+    code = """
+import sys
+sys.modules["aiohttp"] = None
+import vbus.cli.look.scope_server
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "PluginError: the scope needs aiohttp" in done.stderr

@@ -270,7 +270,7 @@ def test_a_board_that_never_answers_is_not_connected_to(pty_served: Served) -> N
             "an environment variable in it is not set; vbus ls shows the link in full",
         ),
         ("{}/plain", "not a PTY"),
-        ("unix:{}/plain", "nobody listens there; is the board running? (vbus ls)"),
+        ("unix:{}/plain", "no process listens there; is the board running? (vbus ls)"),
         ("serial:{}/none", ""),
         ("tcp:127.0.0.1:{port}", "Connection refused"),
     ],

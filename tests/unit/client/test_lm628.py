@@ -215,9 +215,7 @@ def test_waiting_for_a_status_bit_lets_chip_time_pass(bus: Bus, board: Served) -
     board.port.answers[0] = [0x80, 0x80, 0x84]
     assert Lm628(bus).wait_status(0x04, every="2ms") == 0x84
     assert [call for call in board.port.calls if call[0] == "delay"] == [("delay", 2 * 10**9)] * 2
-    with pytest.raises(
-        NotReadyError, match=r"^status 84h after 5000us; none of the bits 20h is set$"
-    ):
+    with pytest.raises(NotReadyError, match=r"^status 84h after 5ms; none of the bits 20h is set$"):
         Lm628(bus).wait_status(0x20, longest="5ms")
 
 

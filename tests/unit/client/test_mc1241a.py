@@ -117,7 +117,7 @@ def test_waiting_for_an_event_lets_chip_time_pass(bus: Bus, board: Served) -> No
     assert [call for call in board.port.calls if call[0] == "delay"] == [("delay", 2 * 10**9)] * 2
     board.port.answers[0] = [0x00]
     with pytest.raises(
-        NotReadyError, match=r"^status 0000h after 5000us; none of the bits 01h is set$"
+        NotReadyError, match=r"^status 0000h after 5ms; none of the bits 01h is set$"
     ):
         Mc1241a(bus).wait_event(0x01, longest="5ms")
 

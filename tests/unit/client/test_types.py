@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.unit.client.served import Served
-from vbus.chips.lm628.calls import Lm628Calls as AioCalls
+from vbus.chips.lm628.host import Lm628Calls as AioCalls
 from vbus.cli.generate.targets import own_clients, stale
 from vbus.client import Bus, aio, blocking, connect
 from vbus.client.aio.lm628 import Lm628 as AioLm628
@@ -87,8 +87,7 @@ ERRORS = [
 ]
 STUBS = (
     "vbus.client.bus", "vbus.client.access", "vbus.client.lm628", "vbus.client.mcp1200",
-    "vbus.client.mc1241a", "vbus.chips.lm628.calls", "vbus.chips.mcp1200.calls",
-    "vbus.chips.mc1241a.calls",
+    "vbus.client.mc1241a",
 )  # fmt: skip
 
 

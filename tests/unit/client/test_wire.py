@@ -11,7 +11,7 @@ from vbus.client.wire import SessionWire
 from vbus.core.errors import ProtocolError
 from vbus.core.kernel import US
 from vbus.protocols.byte import ByteProtocol
-from vbus.protocols.hello import encode_hello
+from vbus.protocols.info import encode_hello
 from vbus.protocols.port import PortInfo
 
 INFO = PortInfo("b", "lockstep", 0.0, lines=["/RD"], outputs=[], pins=["x./RST", "y./RST", "x.HI"])

@@ -12,7 +12,6 @@ from vbus.core.signals import Observer
 from vbus.events.condition import Condition
 from vbus.events.watch import wait_until
 from vbus.testing.bench import Bench
-from vbus.testing.chips import chip_bench
 
 
 def moving(target: int = 500) -> Board:
@@ -218,7 +217,7 @@ def test_what_has_not_come_is_told_with_what_there_is() -> None:
 def test_a_test_has_it_by_its_board_and_by_its_clock() -> None:
     """The time that passes is none that a host let pass."""
     bench = Bench("test", {"budget": {"chip_time": "3 ms"}}, [Path.cwd()], Path.cwd)
-    x = chip_bench(bench, "LM629")
+    x = bench.chip("LM629")
     met = x.board.wait_until("time >= 50 ms")
     assert met == 50 * MS == x.clock.now
     assert x.clock.wait_until("x.status.TRAJECTORY_COMPLETE") == 50 * MS

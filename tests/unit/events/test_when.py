@@ -11,7 +11,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.core.kernel import MS, US
-from vbus.events.watch import Holds, Watch
+from vbus.events.watch import ConditionTracker, Watch
 from vbus.record.history import History
 from vbus.views.wave.wave import Wave
 
@@ -100,7 +100,7 @@ def first_of_wave(form: str) -> int:
 def first_call(form: str) -> tuple[str, int]:
     _, entries = read(record(LM629, host))
     history = History(lambda: load_board_text(LM629), entries)
-    found = history.first(Holds(form, history.board))
+    found = history.first(ConditionTracker(form, history.board))
     assert found is not None
     return found.op, found.after
 

@@ -85,7 +85,7 @@ def test_it_is_told_which_resets_fail(power_on: str, text: str) -> None:
 def test_the_longest_busy_is_100_us() -> None:
     board = build()
     host = Lm(board)
-    fault = board.faults.arm("busy_longest")
+    fault = board.faults.arm("busy_longest", until="cleared")
     for longest in (True, False):
         host.port.write(0, 0x1E)
         board.run_for(90 * US)
@@ -102,7 +102,7 @@ def test_a_longer_busy_of_an_mc1241a_is_seen_in_the_adapters_status() -> None:
     board = build(MC, STEPPER)
     host = Mc(board)
     host.ready()
-    board.faults.arm("busy_longest", extra=MS)
+    board.faults.arm("busy_longest", until="cleared", extra=MS)
     host.port.write(1, 0x00)
     board.run_for(MS)
     assert not host.port.read(1) & 0x80
@@ -283,7 +283,7 @@ def test_bus_faults_of_other_chips_come_and_go(name: str, family: str) -> None:
 
 def test_a_state_throws_the_switches_of_the_faults_it_has_and_no_others() -> None:
     board, other = build(), build()
-    board.faults.arm("busy_longest")
+    board.faults.arm("busy_longest", until="cleared")
     other.load(board.save())
     chip = other.chips[0]
     assert (probe(chip).worst_busy, probe(chip).stuck_part) == (True, False)

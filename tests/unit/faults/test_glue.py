@@ -35,7 +35,7 @@ def test_a_wire_that_is_shorted_selects_nobody_until_it_is_mended() -> None:
     twin.faults.clear()
     assert twin.find_pin("y./CS").net.bends == ()
     found = [(one.what, one.text) for one in slot.board.faults.log]
-    assert found == [("begun", "y./CS is high, whoever drives it"), ("ended", "cleared")]
+    assert found == [("begun", "y./CS is high, whatever drives it"), ("ended", "cleared")]
 
 
 def test_a_wire_is_named_by_its_own_name_or_a_pin_on_it_and_shorted_low_holds_reset() -> None:

@@ -29,6 +29,7 @@ NUMBERS = {
     ("byte_flipped", "mask"): (255, 1, 255),
     ("strobe_doubled", "at"): (30_000, 1000, 1_000_000_000),
     ("strobe_doubled", "gap"): (20_000, 1000, 1_000_000_000),
+    ("bus_pulled", "level"): (1, 0, 1),
     ("contention", "data"): (0, 0, 255),
     ("net_stuck", "level"): (1, 0, 1),
     ("message_lost", "every"): (1, 1, 1 << 30),

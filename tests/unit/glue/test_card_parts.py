@@ -241,7 +241,7 @@ def test_ranges_select_chips_at_strides_of_memory_and_one_of_them_both() -> None
         "slot 20000H: read x.0, write x.0", "slot 20004H: read x.1, write x.1",
         "slot 20008H: read y.0, write y.0", "slot 2000CH: read y.1, write y.1",
         "slot 20010H: read x.0+y.0, write x.0+y.0", "slot 20014H: read x.1+y.1, write x.1+y.1",
-        "slot 20018H-2001CH: nobody; at 20018H x./CS is high by slot-selects; y./CS is high by"
+        "slot 20018H-2001CH: no chip; at 20018H x./CS is high by slot-selects; y./CS is high by"
         " slot-selects",
     ]  # fmt: skip
     assert notes[0] == (
@@ -333,18 +333,60 @@ card = "bus"
 """Registers at 8000H to 807FH; a read there loads the output latch, which is read 80H above."""
 
 
-def test_an_mcp_1200_takes_its_address_from_the_multiplexed_bus_of_an_avr() -> None:
-    slot = Slot(MULTIPLEXED)
+@pytest.mark.parametrize(("bus", "base"), [("XMEM", 0x8000), ("MUX", 0x2000_8000)])
+def test_an_mcp_1200_takes_its_address_from_a_multiplexed_bus(bus: str, base: int) -> None:
+    """That of an AVR, and that of a processor with more than 64 KB."""
+    slot = Slot(MULTIPLEXED.replace('"XMEM"', f'"{bus}"').replace("0x8000", hex(base)))
     for number, data in ((0x22, 0x5A), (0x2A, 0xC3)):
-        slot.outb(0x8000 + number, data)
+        slot.outb(base + number, data)
         slot.port.delay(10 * US)
     for number, data in ((0x22, 0x5A), (0x2A, 0xC3)):
-        slot.inb(0x8000 + number)
+        slot.inb(base + number)
         slot.port.delay(10 * US)
-        assert slot.inb(0x8080 + number) == data
+        assert slot.inb(base + 0x80 + number) == data
         slot.port.delay(10 * US)
     # R/W rises with /CS: a careful board would hold it.
     assert {violation.rule for violation in slot.board.violations} == {"mcp1200.tWCS"}
+
+
+VME = (FOLDER.parent / "mcp1200_mmio" / "vme_card.toml").read_text()
+
+
+def test_a_card_has_registers_beside_a_chip_that_answers_by_its_table() -> None:
+    """The chip by whole cycles, which multiplex its address; the latch and the flags by the bus."""
+    slot = Slot(VME)
+    base = 0x20005000
+    assert slot.inb(base + 0xC0) == 0
+    slot.outb(base + 0xC0, 0x03)
+    slot.port.delay(1 * MS)
+    slot.outb(base + 0x22, 0x5A)
+    assert [slot.inb(base + at) for at in (0x22, 0xC0, 0xC1, 0xD0)] == [0x5A, 0x03, 0x02, 0xFF]
+    assert slot.board.find_pin("irq.1Y").net.value == 0  # idle, and enabled
+    slot.outb(base + 0xC0, 0x00)
+    assert slot.board.find_pin("x./RESET").net.value == 0
+    assert slot.board.find_pin("irq.1Y").net.value == 1
+    shown, _ = mapped(VME)
+    assert "vme 20005022H: read x.22, write x.22" in shown
+    assert "vme 200050C0H: read control, write control" in shown
+    assert "vme 200050C1H: read flags" in shown
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("at = 0xC0", "at = 0x20", 'registers.control.at: "x" answers at 32 already; move the'),
+        ('decode = "direct"', 'decode = "odd"', 'vme.decode: found "odd"'),
+        ('decode = "direct"', "ports = [{ offset = 0, chip = \"x\", address = 0 }]",
+         'cards.vme.chips: "chips" is for a card with "decode"'),
+        ('chips = ["x"]', 'chips = ["x"]\nports = [{ offset = 0, chip = "x", address = 0 }]',
+         'a card has either "decode" and "chips", or a list of "ports" beside its "bus"'),
+        ('decode = "direct"', "block = 4", '"block" is for a card with "decode"; write one'),
+    ],
+)  # fmt: skip
+def test_what_a_card_with_both_cannot_have_is_named(old: str, new: str, message: str) -> None:
+    with pytest.raises(ConfigError) as told:
+        load_board_text(VME.replace(old, new))
+    assert message in str(told.value)
 
 
 def test_the_times_and_lines_of_each_bus_are_those_of_its_data_sheet() -> None:
@@ -356,6 +398,7 @@ def test_the_times_and_lines_of_each_bus_are_those_of_its_data_sheet() -> None:
         "ISA": (20, ("/IOR", "/IOW", "/MEMR", "/MEMW"), 100_000, 500_000, 30_000, 120_000),
         "XMEM": (16, ("/RD", "/WR"), 125_000, 52_500, 47_500, 62_500),
         "SRAM": (24, ("/OE", "/WE"), 10_000, 100_000, 10_000, 10_000),
+        "MUX": (24, ("/RD", "/WR"), 125_000, 200_000, 50_000, 50_000),
     }
 
 
@@ -381,6 +424,6 @@ def test_the_map_says_nothing_of_inputs_that_are_tied() -> None:
     shown, _ = mapped((FOLDER / "avr_xmem.toml").read_text())
     levels = "bus.A4 0, bus.A5 1, bus.A6 0, bus.A7 0, LOWER 0"
     assert (
-        f"bus 8020H-80EFH: nobody; at 8020H x./CS is high by u1 ({levels}); y./CS is high by u1"
+        f"bus 8020H-80EFH: no chip; at 8020H x./CS is high by u1 ({levels}); y./CS is high by u1"
         f" ({levels})"
     ) in shown

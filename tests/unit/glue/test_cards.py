@@ -289,11 +289,11 @@ def test_the_map_tells_who_answers_at_each_address() -> None:
         "slot 303H: read y.1, write y.1",
         "slot 304H: read x.0+y.0, write x.0+y.0",
         "slot 305H: read x.1+y.1, write x.1+y.1",
-        "slot 306H-30BH: nobody; at 306H x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
+        "slot 306H-30BH: no chip; at 306H x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
         " match (Y1 1, Y2 1)",
         "slot 30CH: read u3, write u2",
         "slot 30DH: read u3, write u2",
-        "slot 30EH-30FH: nobody; at 30EH x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
+        "slot 30EH-30FH: no chip; at 30EH x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
         " match (Y1 1, Y2 1)",
     ]
     assert wrong == [
@@ -340,7 +340,7 @@ def test_a_journal_of_cycles_through_glue_is_replayed_to_the_bit() -> None:
     ("old", "new", "message"),
     [
         ('bus = "ISA"', 'bus = "VME"', 'found "VME"; allowed are "ISA"'),
-        ('bus = "ISA"', 'bus = "ISA"\nblock = 2', '"block" is for cards without a bus; here'),
+        ('bus = "ISA"', 'bus = "ISA"\nblock = 2', '"block" is for a card with "decode"'),
         ('bus = "ISA"', 'bus = "SRAM"', 'a bus "SRAM" has memory alone; write memory = true'),
         ("base = 0x300", "base = 0xFFF8", "the card ends at 10007H; I/O ports end at FFFFH"),
         ("base = 0x300", "base = 0xFFFF8\nmemory = true", "addresses of this bus end at FFFFFH"),

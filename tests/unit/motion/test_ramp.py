@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.chips.motion.ramp import toward
+from vbus.chips.motion.trapezoid import toward
 
 
 def ramp(velocity: int, goal: int, accel: int, start: int = 0) -> list[int]:

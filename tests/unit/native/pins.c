@@ -74,7 +74,8 @@ int main(void)
     while (fgets(line, sizeof line, stdin) != NULL) {
         if (sscanf(line, "?%c", &port) == 1) {
             pin_decoder_look(&decoder, (unsigned)(port - 'A'));
-            printf("%c %02X\n", port, pin_decoder_input(&decoder, (unsigned)(port - 'A')));
+            printf("%c %02X\n", port,
+                   pin_decoder_input(&decoder, (unsigned)(port - 'A')) & (line[2] == '+' ? 0xFFFF : 0xFF));
         } else if (sscanf(line, "=%x", &first) == 1)
             next_byte = first;
         else if (sscanf(line, "o%x", &first) == 1)

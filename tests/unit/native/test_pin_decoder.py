@@ -243,10 +243,18 @@ def test_an_output_line_is_seen_at_its_port_bit(decoder: Path) -> None:
     assert played == ["B FF", "B FF", "B FB", "B FF"]
 
 
+def test_a_port_may_have_16_bits(decoder: Path) -> None:
+    """Data on the high half, strobes on the low one: one call is one instant for both."""
+    wide = " ".join(f"0d{bit}=B{bit + 8}" for bit in range(8)) + " 0r=B1 0w=B2 0s=B0"
+    played = play(decoder, wide, "BFF07 FF07", "BFF07 5502", "BFF07 AA07", "?B+",
+                  "=3C", "B0007 0005", "B0007 0004", "?B+")  # fmt: skip
+    assert played == ["write 1 0 55", "B AAFF", "read 1 0", "B 3CFC"]
+
+
 @pytest.mark.parametrize(
     ("wiring", "place"),
     [
-        ("0r=M0", 1), ("0r=A8", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
+        ("0r=N0", 1), ("0r=A16", 1), ("0x=A0", 1), ("16r=A0", 1), ("r=A0", 1), ("0d8=A0", 1),
         ("0r=A0 0w", 7), ("0r=A0 0w=", 7), ("0r=A0,0w=A1", 1), ("o32=A0", 1), ("p=A0", 1),
         ("0r=!", 1), ("0r", 1),
     ],

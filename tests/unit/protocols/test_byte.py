@@ -6,7 +6,7 @@ from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
 from vbus.core.kernel import END, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.codes import NO_SUCH
-from vbus.protocols.hello import decode_hello
+from vbus.protocols.info import decode_hello
 from vbus.protocols.port import ChipInfo, PortError, PortInfo
 
 

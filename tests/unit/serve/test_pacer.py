@@ -24,10 +24,10 @@ from vbus.serve.time.pacer import (
     PIECE_NS,
     SLICE,
     STALL,
-    Pacer,
+    Tick,
+    WallClockPacer,
 )
-from vbus.serve.time.slices import SLICE_NS
-from vbus.serve.time.ticks import Tick
+from vbus.serve.time.time_slicer import SLICE_NS
 
 
 class WallClock:
@@ -39,12 +39,12 @@ class WallClock:
 
 
 def paced(rate: float = 1.0, stall: str = "catch_up", policy: str = "realtime") -> tuple[
-    Board, Pacer, WallClock
+    Board, WallClockPacer, WallClock
 ]:  # fmt: skip
     board = Board("bench", policy, rate=rate)
     board.add_chip(Toy, "t", "TOY", 8_000_000)
     wall = WallClock()
-    return board, Pacer(board, stall, wall), wall
+    return board, WallClockPacer(board, stall, wall), wall
 
 
 def test_chip_time_is_wall_time_since_the_start() -> None:
@@ -155,7 +155,7 @@ def test_the_wall_clock_does_not_move_a_board_whose_host_is_master_of_time(polic
 
 def test_an_unknown_stall_policy_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^stall = 'jump': allowed are catch_up, slip$"):
-        Pacer(Board("b"), "jump")
+        WallClockPacer(Board("b"), "jump")
 
 
 def test_looking_often_or_seldom_is_no_lag_while_the_machine_keeps_up() -> None:
@@ -214,13 +214,13 @@ class Labour(Toy):
 
 
 def laborious(cost_ns: int, rate: float = 1.0, policy: str = "lockstep") -> tuple[
-    Board, Pacer, Loop
+    Board, WallClockPacer, Loop
 ]:  # fmt: skip
     board = Board("bench", policy, rate=rate)
     chip = board.add_chip(Labour, "t", "TOY", 8_000_000)
     assert isinstance(chip, Labour)
     chip.wall, chip.cost_ns = WallClock(), cost_ns
-    pacer, loop = Pacer(board, clock=chip.wall), Loop()
+    pacer, loop = WallClockPacer(board, clock=chip.wall), Loop()
     started: Any = loop
     pacer.start(started)
     return board, pacer, loop
@@ -301,7 +301,7 @@ def test_without_a_limit_of_rate_a_board_at_rest_does_not_run_away() -> None:
     assert isinstance(chip, Idler)
     chip.wall = WallClock()
     loop: Any = Loop()
-    Pacer(board, clock=chip.wall).start(loop)
+    WallClockPacer(board, clock=chip.wall).start(loop)
 
     assert slices(board, loop, 50) == [SLICE] * 50
 
@@ -400,7 +400,7 @@ def test_chips_that_owe_little_are_brought_up_to_date_less_often(
     chip = board.add_chip(Labour, "t", "TOY", 8_000_000)
     assert isinstance(chip, Labour)
     chip.wall, chip.cost_ns = WallClock(), cost_ns
-    pacer = Pacer(board, clock=chip.wall)
+    pacer = WallClockPacer(board, clock=chip.wall)
 
     found = []
     for _ in ticks:
@@ -425,7 +425,7 @@ def test_what_somebody_looks_on_is_brought_up_to_date_more_often() -> None:
     assert tick.span == 25 * MS
 
 
-def resting() -> tuple[Board, Pacer, WallClock]:
+def resting() -> tuple[Board, WallClockPacer, WallClock]:
     """A real-time board that has been left alone for a minute."""
     board = load_board_text(
         '[board]\nname = "b"\ntime = "realtime"\npower_on = "done"\n'
@@ -436,13 +436,13 @@ def resting() -> tuple[Board, Pacer, WallClock]:
         )
     )
     wall = WallClock()
-    pacer = Pacer(board, clock=wall)
+    pacer = WallClockPacer(board, clock=wall)
     pacer.arm()
     sleep(pacer, wall, 60 * SECOND)
     return board, pacer, wall
 
 
-def sleep(pacer: Pacer, wall: WallClock, duration: int) -> int:
+def sleep(pacer: WallClockPacer, wall: WallClock, duration: int) -> int:
     """Let wall time pass; return how often the pacer woke up."""
     end, wakes = wall.ns + duration // 1000, 0
     while True:
@@ -491,7 +491,7 @@ def test_a_stall_while_the_board_rests_is_seen_and_what_it_slept_is_no_part_of_i
 
 
 def many(count: int, cost_ns: int, policy: str, rate: float = 1.0) -> tuple[
-    Board, Pacer, WallClock
+    Board, WallClockPacer, WallClock
 ]:  # fmt: skip
     """A board of many chips that each take a while to bring up to date."""
     wall = WallClock()
@@ -500,7 +500,7 @@ def many(count: int, cost_ns: int, policy: str, rate: float = 1.0) -> tuple[
         chip = board.add_chip(Labour, f"t{number}", "TOY", 8_000_000)
         assert isinstance(chip, Labour)
         chip.wall, chip.cost_ns = wall, cost_ns
-    return board, Pacer(board, clock=wall, spent=wall), wall
+    return board, WallClockPacer(board, clock=wall, spent=wall), wall
 
 
 @pytest.mark.parametrize("rate", [1.0, float("inf")])
@@ -525,7 +525,7 @@ def test_no_slice_takes_longer_than_its_time_and_one_chip(rate: float) -> None:
     assert board.now > 4 * SLICE - 1, "and yet time goes on"
 
 
-def keep_up(pacer: Pacer, wall: WallClock, board: Board, duration: int) -> int:
+def keep_up(pacer: WallClockPacer, wall: WallClock, board: Board, duration: int) -> int:
     """Serve for a while; return how long the longest wait for the event loop was (ns)."""
     end, longest = wall.ns + duration // 1000, 0
     while wall.ns < end:
@@ -587,7 +587,7 @@ def test_more_than_the_machine_can_follow_is_told_once_with_how_much(stall: str)
         chip = board.add_chip(Dear, f"t{number}", "TOY", 8_000_000)
         assert isinstance(chip, Dear)
         chip.wall = wall
-    pacer = Pacer(board, stall, wall, wall)
+    pacer = WallClockPacer(board, stall, wall, wall)
     pacer.arm()
     told: list[str] = []
     pacer.report = told.append
@@ -659,7 +659,7 @@ def test_edges_that_are_listened_to_come_in_slices_too() -> None:
     chip = board.add_chip(Ticking, "t", "TOY", 8_000_000)
     assert isinstance(chip, Ticking)
     chip.wall, chip.cost_ns = wall, 500_000
-    pacer = Pacer(board, clock=wall)
+    pacer = WallClockPacer(board, clock=wall)
     loop: Any = Loop()
     pacer.start(loop)
     chip.ticks()
@@ -689,7 +689,7 @@ def test_chips_at_rest_are_left_alone_however_many_there_are() -> None:
         chip = board.add_chip(Idler, f"t{number}", "TOY", 8_000_000)
         assert isinstance(chip, Idler)
         chip.wall, chip.cost_ns = wall, 100_000
-    pacer = Pacer(board, clock=wall)
+    pacer = WallClockPacer(board, clock=wall)
     pacer.arm()
 
     wakes = sleep(pacer, wall, 600 * SECOND)
@@ -741,7 +741,7 @@ def test_a_stepper_chip_set_is_at_rest_only_while_nothing_is_due_inside(
         '[plants.m]\nmodel = "stepper"\n'
     )
     wall = WallClock()
-    pacer = Pacer(board, clock=wall)
+    pacer = WallClockPacer(board, clock=wall)
     pacer.arm()
     sleep(pacer, wall, 2 * SECOND)
     chip = board.chip("x")
@@ -816,7 +816,7 @@ def test_a_host_of_a_node_is_woken_when_the_nodes_grant_what_it_waits_for() -> N
 
 def test_the_time_of_nodes_counts_from_their_epoch_and_follows_its_drift() -> None:
     board, _, wall = paced()
-    pacer = Pacer(board, clock=wall, epoch=wall.ns - 3_000_000)
+    pacer = WallClockPacer(board, clock=wall, epoch=wall.ns - 3_000_000)
     moved: list[int] = []
     pacer.on_moved = lambda: moved.append(board.now)
     with closing(asyncio.new_event_loop()) as loop:
@@ -839,7 +839,7 @@ def test_hosts_of_a_board_that_cannot_follow_do_not_wait_for_a_slice_each() -> N
     assert isinstance(chip, Ticking)
     wall = chip.wall = WallClock()
     chip.cost_ns = 50_000  # of each us of chip time
-    pacer = Pacer(board, clock=wall)
+    pacer = WallClockPacer(board, clock=wall)
     chip.ticks()
 
     shares = []

@@ -11,11 +11,10 @@ from tests.unit.faults.bench import build
 from vbus.board.board import Board
 from vbus.core.kernel import MS, SECOND, US
 from vbus.protocols.byte import ByteProtocol
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
-from vbus.serve.session import BURST, Serving, Session, Turns
-from vbus.serve.time.pacer import Pacer
-from vbus.serve.time.patience import CROWDED, LATE_NS
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.session import BURST, Serving, Session, SpinTurn
+from vbus.serve.time.pacer import WallClockPacer
+from vbus.serve.time.spin_policy import CROWDED, LATE_NS
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink
@@ -37,22 +36,22 @@ class Served:
         self.board: Board = build(policy=policy)
         self.hosts: list[socket.socket] = []
         self.sessions: list[Session] = []
-        self.pacer = Pacer(self.board)
+        self.pacer = WallClockPacer(self.board)
         self.pacer.start(self.loop)
         self.ended: list[Session] = []
-        self.departures = Departures(self.pacer)
-        self.hang_ups = HangUps(self.loop)
-        self.hang_ups.open()
-        self.pacer.look_for_hosts = self.hang_ups.look
-        self.departures.look_for_hosts = self._look_for_hosts
+        self.detached = DetachedWaits(self.pacer)
+        self.disconnects = DisconnectPoller(self.loop)
+        self.disconnects.open()
+        self.pacer.look_for_hosts = self.disconnects.look
+        self.detached.look_for_hosts = self._look_for_hosts
         self.serving = Serving(
-            self.loop, self.pacer, Turns(), Histogram(ROUND_TRIP_NS), self.hang_ups,
-            self.departures, self.ended.append,
+            self.loop, self.pacer, SpinTurn(), Histogram(ROUND_TRIP_NS), self.disconnects,
+            self.detached, self.ended.append,
         )  # fmt: skip
 
     def _look_for_hosts(self) -> None:
         for session in self.sessions:
-            if session not in self.ended and self.hang_ups.gone_of([session.link.fd]):
+            if session not in self.ended and self.disconnects.gone_of([session.link.fd]):
                 session.hung_up()
 
     def connect(self) -> socket.socket:
@@ -60,7 +59,7 @@ class Served:
         near.setblocking(False)
         far.setblocking(False)
         self.hosts.append(far)
-        self.departures.admit(SocketLink(near, "x"), self._begin)
+        self.detached.admit(SocketLink(near, "x"), self._begin)
         return far
 
     def _begin(self, link: Link) -> None:
@@ -70,13 +69,13 @@ class Served:
         session.begin()
 
     def close(self) -> None:
-        self.departures.close()
+        self.detached.close()
         for session in self.sessions:
             session.end("the board stops")
         for host in self.hosts:
             host.close()
         self.pacer.stop()
-        self.hang_ups.close()
+        self.disconnects.close()
         self.loop.close()
 
     def turn(self, times: int) -> None:
@@ -274,7 +273,7 @@ def test_a_board_that_stops_carries_nothing_out_and_lets_nobody_in() -> None:
         it.turn(1)
         second = it.connect()
         second.send(READ)
-        it.departures.close()
+        it.detached.close()
         it.rest()
         assert it.board.now < 50 * SECOND
         assert it.board.ports == []

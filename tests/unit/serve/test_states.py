@@ -97,7 +97,7 @@ class OneSession:
         elif event == states.GONE:
             self.host.close()
         elif event == states.GIVE_UP:
-            it.departures.close()
+            it.detached.close()
         elif event == states.END:
             session.end("the board stops")
         it.turn(4)

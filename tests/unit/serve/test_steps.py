@@ -18,12 +18,11 @@ from vbus.protocols.requests import REQUESTS
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.manual_host import ManualHost
 from vbus.serve.orders.control import Control, Order
-from vbus.serve.session import Serving, Session, Turns
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.session import Serving, Session, SpinTurn
+from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import PAUSED, RUNNING, STEPPING, Steps
 from vbus.transports.sockets import SocketLink
@@ -46,13 +45,13 @@ class Bench:
         self.loop = asyncio.new_event_loop()
         self.board: Board = build(policy=policy)
         self.record()
-        self.pacer = Pacer(self.board, clock=lambda: self.ns)
+        self.pacer = WallClockPacer(self.board, clock=lambda: self.ns)
         self.sessions: list[Session] = []
         self.steps = Steps(self.board, self.pacer, lambda: iter(self.sessions))
         self.control = Control(self.pacer.catch_up)
         self.control.orders |= self.steps.orders()
-        self.hang_ups = HangUps(self.loop)
-        self.hang_ups.open()
+        self.disconnects = DisconnectPoller(self.loop)
+        self.disconnects.open()
         self.pacer.start(self.loop)
         self.manual: ManualHost | None = None
         self.far: list[socket.socket] = []
@@ -68,8 +67,8 @@ class Bench:
         self.far.append(far)
         port = self.board.open_port(f"host{len(self.sessions)}")
         serving = Serving(
-            self.loop, self.pacer, Turns(), Histogram(ROUND_TRIP_NS), self.hang_ups,
-            Departures(self.pacer), self.sessions.remove,
+            self.loop, self.pacer, SpinTurn(), Histogram(ROUND_TRIP_NS), self.disconnects,
+            DetachedWaits(self.pacer), self.sessions.remove,
         )  # fmt: skip
         session = Session(serving, SocketLink(near, "x"), port, ByteProtocol(port))
         port.on_resume = session.resume_soon
@@ -118,7 +117,7 @@ class Bench:
         for session in list(self.sessions):
             session.end("the end")
         self.pacer.stop()
-        self.hang_ups.close()
+        self.disconnects.close()
         for far in self.far:
             far.close()
         self.loop.close()

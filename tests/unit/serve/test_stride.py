@@ -13,7 +13,7 @@ from vbus.core.kernel import END, MS, US
 from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 CLOCK = 50_000
 ASKED = 600 * US
@@ -40,7 +40,7 @@ def paced(board: Board, host: Callable[[], bool]) -> list[int]:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         done = asyncio.Event()
-        pacer = Pacer(board)
+        pacer = WallClockPacer(board)
         pacer.start(loop)
         [port] = board.ports
         last = board.now

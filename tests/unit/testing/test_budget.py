@@ -13,9 +13,9 @@ from vbus.client.lm628 import Lm628
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import MS, SECOND
 from vbus.serve.host_limits import GRACE, LOOK
+from vbus.serve.in_process import connect_in_process
 from vbus.serve.time.polls import Polls
 from vbus.testing.boards import for_test, of_part
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, HostWatch, Limits, budget_of
 
 pytest_plugins = "pytester"
@@ -49,7 +49,7 @@ def test_polls_in_vain_end_a_host_where_nothing_can_change(
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     polled(bus, 700, address)
-    with pytest.raises(HostStuck, match="it polled 700 times and was told nothing new, and noth"):
+    with pytest.raises(HostStuck, match="it polled 700 times and read nothing new, and noth"):
         polled(bus, 1, address)
     assert f"can change any more: {told}" in watch.stuck
     assert watch.cycles == 701
@@ -82,9 +82,60 @@ def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board.kernel.timer(lambda: None).at(SECOND)
     board.run_until(5 * MS)
     bus = connect_in_process(board)
-    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and was told nothing"):
+    with pytest.raises(HostStuck, match="it has polled for 0 s of wall time and read nothing"):
         polled(bus, 3 * LOOK, 0)
     assert watch.cycles == 2 * LOOK + 1
+
+
+@pytest.mark.parametrize(("velocity", "in_vain"), [(4 << 16, False), (4, True)])
+def test_chip_time_decides_of_polls_until_a_move_is_over(velocity: int, in_vain: bool) -> None:
+    """4/65536 counts per sample take months for 5000 counts."""
+    board = in_lockstep("LM629N-8")
+    board.run_until(2 * MS)
+    watch = HostWatch(board, Limits(chip_time=2 * SECOND, polls=30, polling=BUDGET.polling))
+    bus = connect_in_process(board)
+    axis = Lm628(bus)
+    axis.load_filter(kp=300, kd=2000)
+    axis.rsti(0)
+    axis.load_trajectory(acc=400, vel=velocity, pos=5000, start=True)
+    board.run_for(5 * MS)
+    if not in_vain:
+        polled(bus, 2000, 0)
+        assert watch.stuck == ""
+        return
+    now = board.now
+    with pytest.raises(HostStuck, match="it polled 300 times and read nothing new, and would"):
+        polled(bus, 400, 0)
+    assert board.now < now + MS, "the board itself has not gone on"
+    assert not watch.slow
+    ahead = next(line for line in watch.details if "would have" in line)
+    assert ahead.startswith("x would have desired 0.47")
+    assert "target 5000" in ahead
+    assert ahead.endswith(" at 2000000us")
+
+
+@pytest.mark.parametrize(
+    ("part", "cycles"),
+    [("MC1241A", ((True, 1, 0x31), (False, 0, 0), (False, 0, 0))), ("MCP-1200", ((False, 0, 0),))],
+)
+def test_polls_of_every_family_are_foreseen(
+    part: str, cycles: tuple[tuple[bool, int, int], ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = in_lockstep(part)
+    board.run_until(5 * MS)
+    watch = HostWatch(board, Limits(chip_time=SECOND, polls=3, polling=BUDGET.polling))
+    monkeypatch.setattr(watch, "_unchanging", lambda: False)
+    bus = connect_in_process(board)
+
+    def poll() -> None:
+        for _ in range(200):
+            for write, address, data in cycles:
+                bus.delay("70us")
+                bus.write(address, data) if write else bus.read(address)
+
+    with pytest.raises(HostStuck, match="would read nothing new before"):
+        poll()
+    assert not watch.slow
 
 
 def moving(policy: str, limits: Limits) -> tuple[HostWatch, Bus]:
@@ -154,7 +205,7 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
         bus.write(0, RSTI)
     assert watch.cycles == 1500 + 4 * LOOK + 1
     assert watch.stuck == (
-        "it made more than 1500 bus cycles, beside 4000 of polls that told it nothing new"
+        "it made more than 1500 bus cycles, beside 4000 of polls that gave it nothing new"
     )
 
 
@@ -357,9 +408,9 @@ def test_budgets_end_tests_of_every_kind(suite: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(
         [
             "*test_host*",
-            "E*the host hangs: it polled 300 times and was told nothing new, and nothing on the*",
+            "E*the host hangs: it polled 300 times and read nothing new, and nothing on the*",
             "*test_swallowed*",
-            "the host hung: it polled 300 times and was told nothing new, and nothing on the*",
+            "the host hung: it polled 300 times and read nothing new, and nothing on the*",
             "*test_program*",
             "E*the host hangs: it polled *",
             "about to wait",
@@ -429,7 +480,7 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
     result.stdout.fnmatch_lines(
         [
             "*left behind what hung on its terminal, and it goes on in the thread mine at *.py:*",
-            "*HostStuck: the host hangs: it polled 1000 times and was told nothing new, and noth*",
+            "*HostStuck: the host hangs: it polled 1000 times and read nothing new, and noth*",
         ]
     )
     outcomes = result.parseoutcomes()

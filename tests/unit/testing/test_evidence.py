@@ -5,8 +5,8 @@ import pytest
 from vbus.board.build import build
 from vbus.core.kernel import MS
 from vbus.serve.host_limits import KEPT
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import for_test, of_part
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import HostWatch, Limits
 
 pytest_plugins = "pytester"

@@ -8,8 +8,8 @@ import pytest
 
 from vbus.core.errors import ConfigError, VbusError
 from vbus.plant.dc_motor import DcMotor
+from vbus.testing.limits import NEAR, tolerance_of
 from vbus.testing.plugins.golden import complaints, read_golden, text_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
 from vbus.views.runs.difference import Tolerance
 from vbus.views.runs.motion import AxisCourse, Move
 from vbus.views.runs.run import Run, Said

@@ -383,9 +383,10 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
 
         def test_nothing():
             loaded = {name for name in sys.modules if name.startswith("vbus.")}
-            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugins.plugin", "vbus.version",
+            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugins",
+                    "vbus.testing.plugins.plugin", "vbus.version",
                     "vbus.testing.plugins.acceptance_plugin",
-                    "vbus.testing.plugins.golden_plugin", "vbus.testing.plugins.matrix_plugin"}
+                    "vbus.testing.plugins.golden_plugin", "vbus.testing.plugins.worlds_plugin"}
             assert loaded <= mine
         """
     )

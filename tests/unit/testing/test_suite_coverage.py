@@ -24,7 +24,7 @@ def test_registers(vbus_mcp1200):
 
 @pytest.mark.vbus(violations="report")
 def test_early(vbus_board):
-    from vbus.testing.in_process import connect_in_process
+    from vbus.serve.in_process import connect_in_process
     connect_in_process(vbus_board).write(0, 0x1E)
 
 def test_of_nothing():
@@ -122,7 +122,7 @@ def test_a_run_can_be_held_to_a_limit_and_compared_with_a_base(suite: pytest.Pyt
     [
         (
             "--vbus-coverage=c.pdf",
-            "*=c.pdf: the name ends in one of .txt, .json*",
+            "*=c.pdf: a coverage file's name ends in one of .txt, .json*",
         ),
         ("--vbus-coverage-base=none.json", "*none.json: *No such file*"),
         ("--vbus-coverage-fail-under=130", "*=130: percent go from 0 to 100"),

@@ -16,11 +16,11 @@ from vbus.core.kernel import MS, NS
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.in_process import connect_in_process
+from vbus.serve.time.pacer import WallClockPacer
 from vbus.testing.bench import Bench
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.clock import BoardClock
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.triggers import Triggers
 
 SHORT = 100 * NS
@@ -38,7 +38,7 @@ class Held:
         self.clock.advance("5 ms")
         self.bus: Bus = connect_in_process(self.board)
         self.other: Bus = connect_in_process(self.board)
-        self.pacer = Pacer(self.board)
+        self.pacer = WallClockPacer(self.board)
 
     def findings(self) -> list[tuple[str, int, int]]:
         return [(one.rule, one.measured, one.limit) for one in self.board.violations]
@@ -150,7 +150,7 @@ def test_a_pulse_of_a_scenario_is_judged() -> None:
 def test_in_real_time_the_same_pulse_is_judged() -> None:
     board = build(*for_test(of_part("LM629N-8"), "board.toml", rate=1.0))
     now = [0]
-    pacer = Pacer(board, clock=lambda: now[0])
+    pacer = WallClockPacer(board, clock=lambda: now[0])
     port = board.open_port("host")
     now[0] = 5_000_000
     pacer.catch_up()

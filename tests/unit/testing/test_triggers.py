@@ -10,7 +10,6 @@ from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, US
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
-from vbus.testing.chips import chip_bench
 from vbus.testing.limits import Limits
 from vbus.testing.triggers import Triggers
 
@@ -24,7 +23,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def x(bench: Bench) -> ChipBench:
-    return chip_bench(bench, "LM629")
+    return bench.chip("LM629")
 
 
 @pytest.fixture

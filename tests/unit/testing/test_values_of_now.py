@@ -17,12 +17,11 @@ from vbus.client import Bus
 from vbus.client.mcp1200 import PROFILE
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS
+from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
-from vbus.testing.chips import chip_bench
 from vbus.testing.clock import BoardClock
 from vbus.testing.execute import Execute
-from vbus.testing.in_process import connect_in_process
 from vbus.testing.machine import TestedMachine
 from vbus.testing.robot import robot
 from vbus.testing.triggers import Triggers
@@ -112,7 +111,7 @@ class Moving:
 
     def __init__(self, folder: Path) -> None:
         self.bench = Bench("test", {}, [folder], lambda: folder, scope=False, chips=PARTS)
-        self.x, self.y, self.z = (chip_bench(self.bench, part) for part in PARTS)
+        self.x, self.y, self.z = (self.bench.chip(part) for part in PARTS)
         self.other = connect_in_process(self.board)
         servo, mcp, pmd = self.x.host, self.y.host, self.z.host
         mcp.reset()

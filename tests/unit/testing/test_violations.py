@@ -6,7 +6,7 @@ pytest_plugins = "pytester"
 
 TOO_EARLY = """
 import pytest
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 
 def too_early(board, times=1):
     bus = connect_in_process(board)
@@ -266,7 +266,7 @@ def test_a_project_that_makes_no_sense_is_refused(
 
 CLOSES = """
 import pytest
-from vbus.testing.in_process import connect_in_process
+from vbus.serve.in_process import connect_in_process
 
 @pytest.fixture
 def driver(vbus_board):
@@ -338,3 +338,47 @@ def test_c_without_a_board():
         ["the project accepts lm628.busy-write (old firmware), which never happened; take it out"]
     )
     result.stdout.fnmatch_lines(["*.py accepts lm628.busy-read (polls too fast), which never*"])
+
+
+@pytest.mark.parametrize("options", [[], ["-n", "2"]])
+def test_notes_of_tests_that_pass_stand_in_the_summary(
+    suite: pytest.Pytester, options: list[str]
+) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.parametrize("n", range(2))
+        def test_left(vbus_lm629, n):
+            vbus_lm629.host.load_filter(kp=300, update=False)
+
+        def test_clean(vbus_lm629):
+            vbus_lm629.host.load_filter(kp=300)
+        """
+    )
+    done = suite.runpytest("-q", *options)
+    done.assert_outcomes(passed=3)
+    done.stdout.fnmatch_lines(
+        [
+            "*vbus notes of tests that passed*",
+            "lm628.left-loaded in 2 tests, first *test_left*: x: LFIL has loaded a filter that no*",
+        ]
+    )
+    assert "test_clean" not in done.stdout.str()
+
+
+def test_a_write_into_the_reset_at_power_on_is_told_what_helps(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        from vbus.serve.in_process import connect_in_process
+
+        def test_busy_alone_is_polled(vbus_board):
+            bus = connect_in_process(vbus_board)
+            while bus.read(0) & 1:
+                pass
+            bus.write(0, 0x1E)
+        """
+    )
+    done = suite.runpytest("-q")
+    done.assert_outcomes(failed=1)
+    done.stdout.fnmatch_lines(['*hint: x is in the reset that follows power-on*power_on = "done"*'])

@@ -11,9 +11,8 @@ from vbus.core.kernel import MS, NS, US
 from vbus.views.silicon.capture import UNKNOWN, Sample
 from vbus.views.silicon.capture_vcd import read_vcd
 from vbus.views.silicon.channel_map import Wiring, wiring_of
-from vbus.views.silicon.conform import Conform
+from vbus.views.silicon.conform import CaptureTolerance, Conform, Verdict
 from vbus.views.silicon.start import find_start, watch_of
-from vbus.views.silicon.verdict import CaptureTolerance, Verdict
 from vbus.views.wave.wave import Wave
 
 BOARDS = {

@@ -19,7 +19,8 @@ from tests.unit.views.conftest import LM629, lm629_command
 from vbus.board.build import load_board_text
 from vbus.board.check.checks import all_rules
 from vbus.board.host_bus import HostBus
-from vbus.cli.journal_lines import decoded, opened
+from vbus.cli.journal_lines import decoded
+from vbus.cli.sources import opened
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
 from vbus.record.view import play

@@ -13,8 +13,8 @@ from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.core.errors import CaptureError
 from vbus.core.kernel import MS, NS, US, Kernel
 from vbus.core.signals import Net
+from vbus.views.silicon.conform import Mismatch, Verdict
 from vbus.views.silicon.outputs import OutputWatch
-from vbus.views.silicon.verdict import Mismatch, Verdict
 
 FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
 

@@ -11,9 +11,8 @@ from vbus.core.signals import Net, Observer
 from vbus.views.silicon.capture import Sample
 from vbus.views.silicon.card_watch import CardWatch, tie_others
 from vbus.views.silicon.channel_map import Wiring, wiring_of
-from vbus.views.silicon.conform import Conform
+from vbus.views.silicon.conform import CaptureTolerance, Conform, Verdict
 from vbus.views.silicon.start import find_start, watch_of
-from vbus.views.silicon.verdict import CaptureTolerance, Verdict
 
 LOW = [f"A{number}" for number in range(4)]
 CHANNELS = [*LOW, "A9", "/IOR", "/IOW", *(f"D{bit}" for bit in range(8))]

@@ -8,7 +8,7 @@ from tests.unit.views.captures import BOARDS, Shot, vcd
 from vbus.core.errors import CaptureError
 from vbus.core.kernel import NS
 from vbus.views.silicon.capture import UNKNOWN
-from vbus.views.silicon.verdict import Mismatch, Verdict
+from vbus.views.silicon.conform import Mismatch, Verdict
 
 FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
 READ = {"lm628": "/RD", "mc1241a": "~HostRead", "mcp1200": "/OE"}

@@ -10,7 +10,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS
-from vbus.events.watch import Holds
+from vbus.events.watch import ConditionTracker
 from vbus.record.history import History
 from vbus.record.player import Player
 
@@ -84,7 +84,7 @@ def test_the_first_violation_is_found_by_bisection_too(walked: bool) -> None:
     history = History(make, RUN, every=8)
     if walked:
         history.to(len(RUN))
-    holds = Holds("lm628.busy-write", history.board)
+    holds = ConditionTracker("lm628.busy-write", history.board)
     found = history.first(holds, holds.stays)
     assert holds.stays
     assert found is not None
@@ -95,7 +95,7 @@ def test_the_first_violation_is_found_by_bisection_too(walked: bool) -> None:
 
 def test_the_first_call_after_which_an_axis_is_beyond_a_place_is_found() -> None:
     history = History(make, RUN)
-    holds = Holds("x.real>100", history.board)
+    holds = ConditionTracker("x.real>100", history.board)
     found = history.first(holds, holds.stays)
     assert found is not None
     assert not holds.stays
@@ -107,7 +107,7 @@ def test_the_first_call_after_which_an_axis_is_beyond_a_place_is_found() -> None
 
 def test_what_never_holds_is_said_to() -> None:
     history = History(make, RUN)
-    assert history.first(Holds("x.real > 1e9", history.board)) is None
+    assert history.first(ConditionTracker("x.real > 1e9", history.board)) is None
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_what_never_holds_is_said_to() -> None:
 )
 def test_a_condition_that_makes_no_sense_is_refused(text: str, says: str) -> None:
     with pytest.raises(VbusError) as caught:
-        Holds(text, make())
+        ConditionTracker(text, make())
     assert says in str(caught.value)
 
 
@@ -135,7 +135,7 @@ def test_a_pin_is_a_condition() -> None:
     _, entries = read(record(LM629, host))
     history = History(make, entries)
     for level in (0, 1):
-        found = history.first(Holds(f"x./RST={level}", history.board))
+        found = history.first(ConditionTracker(f"x./RST={level}", history.board))
         if level:
             assert found is None  # it is high from the start: no call has made it so
         else:
@@ -155,7 +155,7 @@ def test_a_pin_is_a_condition() -> None:
 )
 def test_what_has_happened_during_a_call_holds_after_it(text: str, op: str) -> None:
     history = History(make, RUN)
-    found = history.first(Holds(text, history.board))
+    found = history.first(ConditionTracker(text, history.board))
     assert found is not None
     assert found.op == op
     assert history.position == found.number + 1

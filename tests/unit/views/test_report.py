@@ -14,11 +14,11 @@ from vbus.core.errors import ConfigError, VbusError
 from vbus.core.kernel import MS
 from vbus.core.signals import Violation
 from vbus.record.view import play
+from vbus.views.clauses import ac_tables
 from vbus.views.findings import formats
 from vbus.views.findings.compatibility import Compatibility
 from vbus.views.findings.report import CONTEXT, DETAILED, Report
 from vbus.views.findings.suppress import Suppression, read_suppressions
-from vbus.views.tables import ac_tables
 
 
 def careless(port: HostBus) -> None:

@@ -13,8 +13,7 @@ from vbus.chips.lm628.packets import Lm628Decoder
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, US
 from vbus.core.signals import Violation
-from vbus.views.names import bit_names, plain
-from vbus.views.wave.signals import Signal
+from vbus.views.wave.signals import Signal, bit_names, plain
 from vbus.views.wave.vcd_file import VcdFile
 from vbus.views.wave.wave import DONE, Wave
 

@@ -27,7 +27,7 @@ class CyclePath(Guard):
 
         Args:
             pins: the host's pins.
-            teller: is told of the cycles it makes at chips.
+            teller: takes the cycles it makes at chips.
             address: counted in strides from the card's base.
             when: its latching edge.
         """
@@ -130,7 +130,7 @@ class CardBus(Chip):
         return self.row.latched and len(self.pins[LATCH].net.pins) > 1
 
     chips: tuple[Chip, ...] = ()
-    """The chips of the board, which show what they drive when somebody looks."""
+    """The chips of the board, which drive their pins when :meth:`advance` asks."""
     path: CyclePath | None = None
     """What brings cycles to them."""
     free_at: int = 0
@@ -149,7 +149,7 @@ class CardBus(Chip):
         return NEVER
 
     def after_load(self) -> None:
-        """Nobody owes anything to wires that have been loaded."""
+        """Forget levels that are not set yet: the wires have been loaded."""
         if self.path is not None:
             self.path.forget()
 

@@ -39,7 +39,7 @@ class WireState:
         self.cycles: list[CardCycle | None] = [None] * (2 * MOST)
 
     def come_true(self, data: int) -> None:
-        """Let all stand like this; nobody is told.
+        """Set all nets, pins and blocks, without edges or events.
 
         Args:
             data: the byte that is written; -1: a data bus keeps what was there.
@@ -58,7 +58,7 @@ class CardCycle:
     """What a cycle comes to, as it was seen while it was played.
 
     Args:
-        chips: those that are read or written, in the order in which that was told.
+        chips: those that are read or written, in the order of the reports.
         places: the address at each of them.
         fall: how long before its end a read begins at the chip (ps).
         answer: what is read if no chip answers.

@@ -19,7 +19,7 @@ from vbus.glue import logic
 from vbus.glue.part import GlueBlock
 
 MOST_SHOWN: Final = 8
-"""Inputs of a decoder that are told with their levels; more would be the whole address."""
+"""Most inputs of a decoder that are shown with their levels; more would be the whole address."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class CardAnswer:
         address: the address.
         reads: who drives the data bus in a read: ``"x.0"`` is address 0 of chip x.
         writes: who takes what is written.
-        why: where nobody does either, what keeps the chips from it: inputs of what selects them.
+        why: where no chip does either, what keeps the chips from it: inputs of what selects them.
     """
 
     card: str
@@ -46,24 +46,24 @@ def address_map(file: BoardFile, board: Board) -> list[CardAnswer]:
 
     Args:
         file: the board file.
-        board: a board of that file which nobody needs any more: every address is tried on it.
+        board: a spare board of that file: every address is tried on it.
     """
     found: list[CardAnswer] = []
     for card in file.cards:
         host = next((host for host in file.hosts if host.card == card.name), None)
+        mine: dict[int, CardAnswer] = {}
         if card.bus:
-            found += _tried(file, card, board)
-        elif host is not None:
+            mine = {answer.address: answer for answer in _tried(file, card, board)}
+        if card.decoded and host is not None:
             table = card_of(file, host)
             assert table is not None
             names = host.chips or tuple(chip.name for chip in file.chips)
-            found += [
-                CardAnswer(
-                    card.name, card.base + offset,
-                    _row(table.reads, offset, names), _row(table.writes, offset, names),
-                )
-                for offset in table.offsets()
-            ]  # fmt: skip
+            for offset in table.offsets():
+                reads, writes = _row(table.reads, offset, names), _row(table.writes, offset, names)
+                if not card.bus or all(f"{card.name}." not in one for one in (*reads, *writes)):
+                    address = card.base + offset
+                    mine[address] = CardAnswer(card.name, address, reads, writes)
+        found += [mine[address] for address in sorted(mine)]
     return found
 
 
@@ -118,22 +118,22 @@ def _open(pin: Pin) -> bool:
 
 
 def lines(found: list[CardAnswer]) -> Iterator[str]:
-    """Give a map as text; neighbours at which nobody answers are one line."""
+    """Give a map as text; neighbours at which no chip answers are one line."""
     for (card, silent), group in groupby(found, lambda a: (a.card, not (a.reads or a.writes))):
         rows = list(group)
         if silent:
             last = f"-{rows[-1].address:X}H" if len(rows) > 1 else ""
             at = f" at {rows[0].address:X}H" if last and rows[0].why else ""
             why = f";{at} {rows[0].why}" if rows[0].why else ""
-            yield f"{card} {rows[0].address:X}H{last}: nobody{why}"
+            yield f"{card} {rows[0].address:X}H{last}: no chip{why}"
             continue
         for row in rows:
-            told = [
+            uses = [
                 f"{verb} {'+'.join(who)}"
                 for verb, who in (("read", row.reads), ("write", row.writes))
                 if who
             ]
-            yield f"{card} {row.address:X}H: {', '.join(told)}"
+            yield f"{card} {row.address:X}H: {', '.join(uses)}"
 
 
 def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[CardAnswer]:
@@ -192,7 +192,7 @@ def _selected(chip: Chip, known: Mapping[str, str], write: bool) -> bool:
 def _kept_from(board: Board, chips: list[Chip], known: Mapping[str, Mapping[str, str]]) -> str:
     """Say what holds the selects of chips high: the part, and the levels at its inputs."""
     owners = {id(block): part.name for part in board.glue.parts for block in part.blocks}
-    told = []
+    shown_inputs = []
     for chip in chips:
         for name, role in known[chip.name].items():
             net = chip.pins[name].net if role == SELECT else None
@@ -203,8 +203,8 @@ def _kept_from(board: Board, chips: list[Chip], known: Mapping[str, Mapping[str,
                         if pin.net.width == 1 and pin.net.pins != (pin,)
                     ]  # fmt: skip
                     shown = f" ({', '.join(levels)})" if len(levels) <= MOST_SHOWN else ""
-                    told.append(f"{chip.name}.{name} is high by {owners[id(block)]}{shown}")
-    return "; ".join(told)
+                    shown_inputs.append(f"{chip.name}.{name} is high by {owners[id(block)]}{shown}")
+    return "; ".join(shown_inputs)
 
 
 def _address(chip: Chip, known: Mapping[str, str]) -> int:

@@ -6,7 +6,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card.card_interrupt import active_low
+from vbus.board.card.cards import active_low
 from vbus.board.glue_order import Fail, Planned
 from vbus.boardfile.cards import CardRegisterSection, CardSection
 from vbus.boardfile.lines import Path

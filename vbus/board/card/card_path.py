@@ -3,7 +3,7 @@
 How the wires stand before a cycle, its address, its way, and the byte where glue looks at it
 decide what comes of it. So it is played once and watched; the next one like it is made at the
 chips it reached, at the instants at which the strobes came, and the wires have the levels they
-would have as soon as somebody looks. What does not follow from the wires alone is always played.
+would have as soon as they are read. What does not follow from the wires alone is always played.
 
 The fast way of a card; ``tests/properties/test_cards.py`` holds it equal to strobes.
 """
@@ -35,7 +35,7 @@ class OutsideGuard(Guard):
     """Watches the wires that no cycle moves and that decide what comes of one.
 
     Args:
-        path: is told when one moves.
+        path: its ``disturb`` is called when one moves.
     """
 
     WIRING: ClassVar[Names] = ("*",)
@@ -99,7 +99,7 @@ class CardPath(CyclePath):
         recovery: int = self._recovery
         bus.cycle_ps = lead + recovery
         board.kernel.settle()
-        self._take_levels()  # as the wires rest; no edge has told of that
+        self._take_levels()  # as the wires rest; no edge has shown that
 
     # -- cycles ---------------------------------------------------------------------------------
 
@@ -162,7 +162,7 @@ class CardPath(CyclePath):
             through.by = teller
 
     def _owe(self, after: WireState) -> None:
-        """The wires would stand like this: whoever touches one before finds them so."""
+        """Remember how the wires stand, and set their levels only when one is read or moved."""
         if self._owed is not after:
             self._state = self._owed = after
 
@@ -355,7 +355,7 @@ class CardPath(CyclePath):
         return state
 
     def touched(self) -> None:
-        """A pin on a wire that cycles move moves, or somebody begins to listen."""
+        """A pin on a wire that cycles move has moved, or a listener has come."""
         if self._record is not None:
             self._record.touched()
         elif not self._moving:
@@ -380,14 +380,14 @@ class CardPath(CyclePath):
             self._take_levels()
 
     def _take_levels(self) -> None:
-        """Let chips take their lines as they stand: no edge has told of them."""
+        """Let chips take their lines as they stand: there were no edges."""
         for chip in self._wires.behind:
             if chip.on_levels is not None and not self._wires.edged:
                 chip.judged = True
                 chip.on_levels()
 
     def cut_short(self) -> None:
-        """Data of a cycle lets go before its instant: nobody judges how long it was held."""
+        """Data of a cycle lets go before its instant: its hold time is not judged."""
         if self._bus.free_at > self._kernel.now:
             self._take_levels()
 

@@ -253,7 +253,7 @@ class CardRecord(Task):
 
         Args:
             value: the byte that was read.
-            ended: the cycles at chips that were told, with the instants.
+            ended: the cycles at chips that were reported, with the instants.
         """
         wires, shots = self._wires, self._shots
         bus = wires.bus

@@ -1,12 +1,17 @@
-"""Card adapters: how addresses on a plug-in card select a chip and its ports."""
+"""Card adapters: how addresses on a plug-in card select a chip and its ports. Their interrupt: the
+outputs wired-OR, a flip-flop that an access clears, a line that cards share."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
 
 from msgspec import Struct, field
 
-from vbus.board.card.card_interrupt import active_low
 from vbus.chips.base import Chip
-from vbus.chips.tables import CardRow
+from vbus.chips.tables import CardRow, PinRow
+from vbus.circuit.circuit import Circuit
+from vbus.core.signals import HIGH, LOW
+from vbus.glue import logic
+from vbus.glue.table import OPEN, Block
 from vbus.protocols.port import CardAccess
 
 Places = list[dict[int, CardAccess]]
@@ -14,6 +19,9 @@ Places = list[dict[int, CardAccess]]
 
 DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
+
+INT: Final = PinRow("/INT", "od", title="interrupt, active low, open collector")
+ACK: Final = PinRow("/ACK", "in", title="clears the flip-flop while it is low")
 
 
 def decodes(chip: Chip | type[Chip]) -> dict[str, tuple[CardRow, ...]]:
@@ -39,15 +47,14 @@ class Card(Struct):
         base: address of the card's first port.
         reads: offset from ``base`` to (number of the chip in its session, address at that chip).
         writes: the same for writes: a port need not do the same in both directions.
-        unconnected: data bits that nobody drives when an offset is read; they are read as 1.
+        unconnected: data bits that no chip drives when an offset is read; they are read as 1.
         memory: whether programs find it among memory addresses, not I/O ports.
         fixed: where a program expects the memory page of the first port without mapping it, or 0.
         big_endian: whether the byte at the lowest address of a wide access is the most
             significant one.
-        interrupt: the output, ``"chip.pin"``, that interrupts a program; low if its name has a /
-            or ~.
+        interrupt: the outputs, ``"chip.pin"``, that interrupt a program: see :func:`outputs_of`.
         signal: number of the signal an interrupt sends to a program, or 0.
-        edge: whether an interrupt that stands is none any more once the program has been told.
+        edge: whether an interrupt that stands ends once the program has had its signal.
         acknowledge: the pin, ``"card./ACK"``, that an access pulses low, or "".
         acknowledge_read: the offset at which a read does so, or -1.
         acknowledge_write: the same for a write.
@@ -69,12 +76,12 @@ class Card(Struct):
     acknowledge_write: int = -1
 
     def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Return (chip number, chip address) behind ``address``; None if nobody answers."""
+        """Return (chip number, chip address) behind ``address``; None if no chip answers."""
         rows = self.writes if write else self.reads
         return rows.get(address - self.base)
 
     def floating(self, address: int) -> int:
-        """Return the data bits that nobody drives when ``address`` is read."""
+        """Return the data bits that no chip drives when ``address`` is read."""
         return self.unconnected.get(address - self.base, 0)
 
     def places(self, sides: list[str]) -> Places:
@@ -98,7 +105,7 @@ class Card(Struct):
         """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
 
         Direction and address at the card, number and address of the chip; ``/7F`` behind a read
-        are the data bits nobody drives, ``!5`` the side pin, of ``sides``, that the access pulses
+        are the data bits no chip drives, ``!5`` the side pin, of ``sides``, that the access pulses
         low after it. Where no chip answers there is that alone: ``r344!5``.
         """
         entries = []
@@ -116,19 +123,21 @@ class Card(Struct):
                 entries.append(entry)
         return " ".join(entries)
 
-    def program_text(self, outputs: list[str]) -> str:
+    def program_text(self, number: Callable[[str], int]) -> str:
         """Return what HELLO tells ``vbus exec``: how a program finds the card.
 
-        ``lines`` has a bit for each interrupting output among ``outputs``, ``low`` for those that
-        do so when they are low.
+        ``lines`` has a bit for each interrupting output, ``low`` for those that do so when they are
+        low.
+
+        Args:
+            number: tells which output line of the session has a pin, ``"chip.pin"``, or -1.
         """
         parts = [f"memory={int(self.memory)}", f"fixed={self.fixed}", f"big={int(self.big_endian)}"]
         lines = low = 0
-        for output in self.interrupt.split():
-            if output in outputs:
-                bit = 1 << outputs.index(output)
-                lines |= bit
-                low |= bit if active_low(output.partition(".")[2]) else 0
+        for output, is_low in outputs_of(self.interrupt):
+            if (place := number(output)) >= 0:
+                lines |= 1 << place
+                low |= is_low << place
         if lines:
             parts += [f"lines={lines}", f"low={low}", f"signal={self.signal}"]
             parts += ["edge=1"] if self.edge else []
@@ -137,6 +146,15 @@ class Card(Struct):
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""
         return sorted({*self.reads, *self.writes})
+
+
+def outputs_of(interrupt: str) -> list[tuple[str, bool]]:
+    """Return the outputs, ``"chip.pin"``, of a card's interrupt, and whether each is active low.
+
+    One is by its name (/ or ~), and the other way round with a ``!`` in front.
+    """
+    names = [(one.startswith("!"), one.removeprefix("!")) for one in interrupt.split()]
+    return [(name, turned != active_low(name.rpartition(".")[2])) for turned, name in names]
 
 
 def card_of_rows(
@@ -162,3 +180,34 @@ def card_of_rows(
             if row.write is not None:
                 writes[offset] = (chip, row.write)
     return Card(name, base, reads, writes, floating)
+
+
+# -- its interrupt ---------------------------------------------------------------------------------
+
+
+def active_low(pin: str) -> bool:
+    """Tell whether a pin of this name is active when it is low, as in the manuals."""
+    return pin[:1] in ("/", "~")
+
+
+def add_interrupt(board: Circuit, name: str, outputs: list[str], latched: bool, edge: bool) -> None:
+    """Put what stands between the outputs of a card that interrupt and its line on a board.
+
+    The outputs are one wire, active as long as one of them is. Without a flip-flop ``/INT`` follows
+    it. With one ``/INT`` is low until ``/ACK`` is low: edge sensing, from when the wire becomes
+    active; level sensing, from when it is active, and at least as long.
+
+    Args:
+        board: the board.
+        name: the card's name; its pins are ``"name./INT"`` and, latched, ``"name./ACK"``.
+        outputs: the outputs of chips that interrupt.
+        latched: whether there is a flip-flop.
+        edge: whether only an edge sets it.
+    """
+    pins = [board.find_pin(output) for output in outputs]
+    active = tuple([LOW if active_low(pin.name) else HIGH for pin in pins])
+    rows = (INT, ACK) if latched else (INT,)
+    names = (*outputs, ACK.name) if latched else tuple(outputs)
+    block = Block(names, (INT.name,), logic.card_interrupt(active, latched, edge), OPEN)
+    borrowed = {output: (pin, 0) for output, pin in zip(outputs, pins, strict=True)}
+    board.add_glue(name, rows, (block,), borrowed)

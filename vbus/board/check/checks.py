@@ -1,6 +1,6 @@
 """What cannot be seen in one key alone: owners there may be one of, and parts that must fit."""
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 
 from vbus import plugins
 from vbus.board.card import cards
@@ -69,8 +69,11 @@ class _Checks:
         yield from self._nets()
         for card in self._file.cards:
             yield from self._card(card, ("cards", card.name))
+        glue: Mapping[str, tuple[str, ...]] = {}
         if self._file.has_glue or self._file.pinmaps:
-            yield from self._wiring()
+            glue = yield from self._wiring()
+        for card in self._file.cards:
+            yield from self._interrupts(card, glue)
         yield from self._hosts()
         yield from check_nodes(self._file, self._known("nodes"))
         yield from check_network(self._file)
@@ -172,7 +175,7 @@ class _Checks:
         for net in self._file.nets:
             found: list[PinRow] = []
             output = ""
-            if not net.pins:
+            if not net.pins and not self._file.has_glue:  # glue may be wired to it
                 yield ("nets", net.name), "a net joins at least one pin"
             for place, name in enumerate(net.pins):
                 path: Path = ("nets", net.name, place)
@@ -213,7 +216,8 @@ class _Checks:
             if row.direction != but and row.width == 1 and not (row.strobe or row.wave)
         ]
 
-    def _wiring(self) -> Mistakes:
+    def _wiring(self) -> Generator[tuple[Path, str], None, Mapping[str, tuple[str, ...]]]:
+        """Check glue and pin maps; return the outputs of each part of glue."""
         from vbus.board.check.glue_checks import check_glue
         from vbus.board.check.pin_map_checks import PinMapChecks
 
@@ -223,6 +227,7 @@ class _Checks:
         )
         for section in self._file.pinmaps:
             yield from self._pin_maps.check(section)
+        return ends.outputs
 
     # -- cards --------------------------------------------------------------------------------
 
@@ -234,7 +239,9 @@ class _Checks:
             known = cards.decodes(self._parts[name]) if name in self._parts else {}
             if card.decode and known and card.decode not in known:
                 yield (*path, "decode"), unknown(card.decode, known)
-        yield from self._card_interrupt(card, path)
+        if card.bus and card.decoded:
+            yield from self._beside(card, path)
+        yield from self._card_circuit(card, path)
         if card.line:
             yield from self._card_line(card, path)
         offsets: dict[int, int] = {}
@@ -253,21 +260,49 @@ class _Checks:
                     f'found {port.address}; addresses of "{port.chip}" are 0 to {max(there)}',
                 )
 
-    def _card_interrupt(self, card: CardSection, path: Path) -> Mistakes:
+    def _beside(self, card: CardSection, path: Path) -> Mistakes:
+        """Check that no register of a card stands where a chip answers by its table."""
+        taken, start = {port.offset: port.chip for port in card.ports}, 0
+        for name in card.chips:
+            known = cards.decodes(self._parts[name]) if name in self._parts else {}
+            offsets = [row.offset for row in known.get(card.decode, ())] or [0]
+            taken |= {start + offset: name for offset in offsets}
+            start += card.block or max(offsets) + 1
+        for row in card.registers:
+            if row.at in taken:
+                chip = quoted(taken[row.at])
+                message = f"{chip} answers at {row.at} already; move the register, or the chip"
+                yield (*path, "registers", row.name, "at"), message
+
+    def _card_circuit(self, card: CardSection, path: Path) -> Mistakes:
         if card.fixed % 4096:
             yield (*path, "fixed"), f"found {card.fixed}; a page begins at 4096 times n"
-        for output in card.interrupt.split():
-            name = output.partition(".")[0]
-            if name not in (names := self._known("chips")):
-                yield (*path, "interrupt"), absent("chips", name, names)
-            elif name in self._parts and output not in (known := self._outputs([name])):
-                yield (*path, "interrupt"), f"found {quoted(output)}; outputs are {listed(known)}"
         if card.has_circuit and card.name in self._known("chips"):
             yield (
                 path,
                 f"a chip is called {quoted(card.name)} too; its interrupt has pins of its own"
                 f' ("{card.name}./INT"): give the card another name',
             )
+
+    def _interrupts(self, card: CardSection, glue: Mapping[str, tuple[str, ...]]) -> Mistakes:
+        """Check the outputs that interrupt; ``glue`` has those of each part."""
+        path: Path = ("cards", card.name, "interrupt")
+        chips = self._known("chips")
+        for output, name in zip(card.interrupt.split(), card.interrupting, strict=True):
+            if name not in chips and name not in glue:
+                yield path, absent("chips", name, chips)
+                continue
+            if name not in chips and card.has_circuit:
+                yield (
+                    path,
+                    f"{quoted(output)} is an output of glue: make the flip-flop or the shared line"
+                    ' of glue too, and leave out "acknowledge" and "line"',
+                )
+            known = glue[name] if name in glue else self._outputs([name])
+            if (name in self._parts or name in glue) and output.removeprefix("!") not in known:
+                yield path, f"found {quoted(output)}; outputs are {listed(known)}"
+            elif output.startswith("!") and card.has_circuit:
+                yield (path, f'{quoted(output)}: "acknowledge" and "line" turn no output round')
 
     def _card_line(self, card: CardSection, path: Path) -> Mistakes:
         if any(net.name == card.line for net in self._file.nets):
@@ -329,7 +364,7 @@ class _Checks:
                 ("decodes to", card.decoded), ("is interrupted by", card.interrupting),
             ):  # fmt: skip
                 for chip in chips:
-                    if card.name == name and chip and chip not in reached:
+                    if card.name == name and chip in self._known("chips") and chip not in reached:
                         yield (
                             path,
                             f'card "{name}" {verb} "{chip}", which is not among the chips of this'

@@ -5,8 +5,7 @@ from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, FaultSection
 from vbus.boardfile.source import Mistakes
 from vbus.core.values.settings import listed
-from vbus.faults.messages import misfit
-from vbus.faults.row import LINK, NET, PART, WIRE
+from vbus.faults.row import LINK, NET, PART, WIRE, misfit
 from vbus.faults.table import faults
 from vbus.faults.trigger import read_until, read_when
 

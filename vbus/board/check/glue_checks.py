@@ -5,8 +5,8 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board.card.card_interrupt import ACK, INT
 from vbus.board.card.card_parts import names_of
+from vbus.board.card.cards import ACK, INT
 from vbus.board.glue_plan import plan_glue
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
@@ -22,13 +22,15 @@ class GlueEnds(Struct, frozen=True):
     Attributes:
         pins: the pins of each part that a host can reach, by the part's name.
         driven: the pins of chips, ``"x./CS"``, that glue or a card's connector drives.
+        outputs: the outputs of each part, ``"u1.Y0"``, by the part's name.
     """
 
     pins: Mapping[str, tuple[str, ...]]
     driven: frozenset[str]
+    outputs: Mapping[str, tuple[str, ...]]
 
 
-NO_GLUE: Final = GlueEnds({}, frozenset())
+NO_GLUE: Final = GlueEnds({}, frozenset(), {})
 
 
 def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> GlueEnds:
@@ -81,6 +83,8 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
             pin for pin, net in plan.wires.items()
             if net in driven and pin.partition(".")[0] in chips
         ),
+        {name: tuple(f"{name}.{row.name}" for row in own.values() if row.direction in ("out", "od"))
+         for name, own in parts.items()},
     )  # fmt: skip
 
 
@@ -88,19 +92,17 @@ def check_card(card: CardSection, chips: list[str], glue: Iterable[GlueSection])
     """Check which keys a card has: glue decodes the addresses of one with a bus, or a table."""
     path: Path = ("cards", card.name)
     usual = CardSection(name="")
-    without_bus = "ports", "decode", "chips", "block"
     with_bus = "pins", "selects", "registers", "size", "setup", "strobe", "wait_states", "hold"
-    for key in without_bus if card.bus else with_bus:
-        if getattr(card, key) == getattr(usual, key):
-            continue
-        if card.bus:
-            why = "is for cards without a bus; here glue decodes the addresses"
-        else:
-            why = 'is for a card with a bus; write bus = "ISA"'
-        yield (*path, key), f'"{key}" {why}'
+    for key in () if card.bus else with_bus:
+        if getattr(card, key) != getattr(usual, key):
+            yield (*path, key), f'"{key}" is for a card with a bus; write bus = "ISA"'
+    if bool(card.ports) + bool(card.decode) != 1 and not (card.bus and not card.ports):
+        beside = ' beside its "bus"' if card.bus else ""
+        yield path, f'a card has either "decode" and "chips", or a list of "ports"{beside}'
+    for key in ("chips", "block"):
+        if card.bus and not card.decode and getattr(card, key):
+            yield (*path, key), f'"{key}" is for a card with "decode"; write one, or leave it out'
     if not card.bus:
-        if bool(card.ports) == bool(card.decode):
-            yield path, 'a card has either "decode" and "chips", or a list of "ports"'
         return
     bus = BUSES[card.bus]
     last = card.last

@@ -4,15 +4,25 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from vbus.board.card.card_interrupt import ACK, INT
+from vbus.board.card.cards import ACK, INT
 from vbus.board.check.glue_checks import GlueEnds
-from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, below, missing, roles, targets, wires
+from vbus.board.pin_maps import (
+    DATA_WIRES,
+    INTERRUPTS,
+    below,
+    missing,
+    port_bit,
+    roles,
+    targets,
+    wires,
+)
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
 from vbus.boardfile.source import Mistakes, absent
 from vbus.chips.base import Chip
 from vbus.core.values.settings import among, listed, quoted
+from vbus.glue.card_buses import BUSES
 
 
 class PinMapChecks:
@@ -37,6 +47,11 @@ class PinMapChecks:
             for card in file.cards
             if card.has_circuit
         } | dict(ends.pins)
+        for card in file.cards:
+            lines = [row.name for row in BUSES[card.bus].pins if row.width == 1] if card.bus else []
+            if lines:
+                own = self._others.get(card.name, ())
+                self._others[card.name] = (*own, *lines, *DATA_WIRES)
         self._by_card: dict[str, set[str]] = {}
         """The chips that hosts with a pin map reach by a card, by the name of the map."""
         for host in file.hosts:
@@ -61,15 +76,15 @@ class PinMapChecks:
         ends: list[tuple[Path, str]] = []
         for bit, names in section.pins.items():
             ends += below(bit, names)
-            match = PORT_BIT.fullmatch(bit)
-            if match is None:
+            source = port_bit(bit)
+            if not source:
                 yield (
                     (*path, "pins", bit),
-                    f"{quoted(bit)} is no port bit; write PB3 (AVR) or RB3 (PIC), with ports A to L"
-                    " and bits 0 to 7",
+                    f"{quoted(bit)} is no port bit; write PB3 (AVR, STM32) or RB3 (PIC), with ports"
+                    " A to L and bits 0 to 15, or IRQ5, an interrupt input of a processor",
                 )
-            elif bits.setdefault(match[1] + match[2], bit) != bit:
-                other = bits[match[1] + match[2]]
+            elif bits.setdefault(source, bit) != bit:
+                other = bits[source]
                 message = f"{bit} is the same port bit as {other}; write one of them"
                 yield (*path, "pins", bit), message
         for key, tied in (("low", section.low), ("high", section.high)):
@@ -121,17 +136,13 @@ class PinMapChecks:
                     message = f'"{chip}.{name}" is driven by glue; wire the port bit to the glue'
                     yield path, message
             lacking = missing(self._chips[chip], [*mine, *driven])
-            both = [name for name in own if name in mine]
-            if chip in by_card and both:
-                yield (
-                    path,
-                    f'"{chip}" is on the card of a host with this map: leave out {listed(both)}',
-                )
-            elif lacking and chip not in by_card:
+            both = chip in by_card and any(name in mine for name in own)
+            if lacking and (both or chip not in by_card):
+                also = ", or leave out all of its bus: a card reaches it, too" if both else ""
                 yield (
                     path,
                     f'"{chip}" cannot be reached: {listed(lacking)} not wired; wire each to a port'
-                    ' bit, or tie it with "low" or "high"',
+                    f' bit, or tie it with "low" or "high"{also}',
                 )
 
     def _by_glue(self, chip: str, pin: str) -> bool:
@@ -143,11 +154,13 @@ class PinMapChecks:
         self, path: Path, host: HostSection, section: PinMapSection, reached: list[str]
     ) -> Mistakes:
         """Check that a host reaches the chips its pin map is wired to."""
-        if host.card in self._cards and not self._cards[host.card].memory:
+        has_bits = any(port_bit(bit)[:1] != INTERRUPTS for bit in section.pins)
+        if has_bits and host.card in self._cards and not self._cards[host.card].memory:
             yield (
                 path,
                 'a host has either a "card" or a "pinmap": addresses or port bits; both only if the'
-                ' card is the memory bus of the microcontroller ("memory = true")',
+                ' card is the memory bus of the microcontroller ("memory = true"), or the map has'
+                " only interrupt inputs (IRQ5)",
             )
         found = wires(self._map(section), self._chips, self._others)
         for chip in dict.fromkeys(wire.chip for wire in found):
@@ -155,7 +168,7 @@ class PinMapChecks:
                 chip not in self._cards or set(self._cards[chip].interrupting) & set(reached)
             ):
                 continue
-            if chip not in reached:
+            if chip not in reached and chip != host.card:
                 yield (
                     path,
                     f'pin map "{section.name}" is wired to "{chip}", which is not among the chips'
@@ -166,4 +179,5 @@ class PinMapChecks:
 def _bit_name(source: str) -> str:
     if source.lstrip("!") in ("0", "1"):
         return "ground" if source.endswith("0") else "the supply"
-    return f"P{source.lstrip('!')}"
+    bit = source.lstrip("!")
+    return f"IRQ{bit[1:]}" if bit[0] == INTERRUPTS else f"P{bit}"

@@ -61,6 +61,7 @@ class ServoAxis:
         "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_settings", "stuck_part")
+    DERIVED: ClassVar[Names] = ("interrupts_wanted",)
 
     def __init__(self, settings: Settings) -> None:
         self._settings: Settings = settings
@@ -88,6 +89,8 @@ class ServoAxis:
         self.breakpoint_side: i64 = 0
         self.breakpoint_armed: bool = False
         self.stuck: bool = False
+        self.interrupts_wanted: bool = False
+        """MSKI has enabled a flag last; no part of the saved state."""
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -131,6 +134,7 @@ class ServoAxis:
         fresh = ServoAxis(self._settings)
         fresh.count = self.count
         state.load(self, state.save(fresh))
+        self.interrupts_wanted = False
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-2)."""
@@ -142,6 +146,7 @@ class ServoAxis:
     def mask_interrupts(self, enable: int) -> None:
         """MSKI: ones enable (LM-CMD-17)."""
         self.mask = enable & ds.INTERRUPTS
+        self.interrupts_wanted = self.mask != 0
 
     def kept_flags(self, keep: int) -> int:
         """Return what RSTI with ``keep`` leaves of the flags (LM-CMD-18, LM-RST-6)."""

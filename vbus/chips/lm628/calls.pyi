@@ -1,7 +1,7 @@
 # Made from the chip's tables by vbus.cli.generate; change that.
-"""Calls for the LM628 and LM629, one for each command, for asyncio."""
+"""The calls of the LM628 and LM629, for asyncio."""
 
-from vbus.chips.lm628.access import Lm628Packets
+from vbus.chips.lm628.host import Lm628Packets
 
 class Lm628Calls(Lm628Packets):
     """A call for each row of the chip's tables, under the manual's name in lower case.

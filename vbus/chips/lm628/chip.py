@@ -5,19 +5,18 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import EDGE, SAMPLE
+from vbus.chips.base import EDGE, SAMPLE, Chip
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
-from vbus.chips.lm628.clock_input import check_clock, judge_clock
 from vbus.chips.lm628.commands import UNKNOWN, AxisCommands, flag_names
 from vbus.chips.lm628.encoder import EncoderCounts
-from vbus.chips.lm628.encoder_pins import EncoderPins, FrontEndHost
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
-from vbus.chips.lm628.pins import BusPins
+from vbus.chips.lm628.pins import BusPins, EncoderPins, FrontEndHost
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import HELD, MS, NEVER, Clock, Kernel
+from vbus.core.kernel.clock import PS_PER_SECOND
 from vbus.core.options import Option, Settings
 from vbus.core.signals import HIGH, LOW, Pin, Plant, Policy, Rule, ValueTable, Violation, Watcher
 from vbus.core.state import Names
@@ -33,6 +32,38 @@ _INSIDE: Final = (
     "_course: tuple[i64 | bool, ...]", "_still: bool", "_outputs: part",
 )  # fmt: skip
 """Everything behind the front-end: what a cycle that is lost has changed."""
+
+
+def check_clock(part: str, hz: int) -> None:
+    """Refuse a clock that is a slip of the pen.
+
+    Raises:
+        ValueError: no such part could be meant to run at ``hz``.
+    """
+    slowest, fastest = ds.CLOCK_ABSURD
+    if not slowest <= hz <= fastest:
+        raise ValueError(f"a clock of {hz} Hz: a {part} runs at 1 MHz to {part[-1]} MHz")
+
+
+def judge_clock(chip: Chip, duty: float) -> None:
+    """File a violation for a clock outside the limits of the part's grade.
+
+    Args:
+        chip: whose clock it is.
+        duty: part of the period during which CLK is high.
+    """
+    hz = chip.clock.hz
+    period = PS_PER_SECOND // hz
+    pulse = int(PS_PER_SECOND * min(duty, 1 - duty)) // hz
+    shortest_pulse, shortest = ds.CLOCK_LIMITS[chip.part[-1]]
+    longest = ds.AC["T5"].max_ps
+    t4, t5 = ds.AC.rules["T4"], ds.AC.rules["T5"]
+    if pulse < shortest_pulse:
+        chip.report(t4, pulse, shortest_pulse, f"CLK high or low for {pulse} ps only")
+    if period < shortest:
+        chip.report(t5, period, shortest, f"{hz} Hz is above the grade of a {chip.part}")
+    elif longest * hz < PS_PER_SECOND:
+        chip.report(t5, period, longest, f"{hz} Hz is below 1 MHz")
 
 
 class LM628(FrontEndHost):
@@ -70,7 +101,7 @@ class LM628(FrontEndHost):
         *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_hi",)
-    DERIVED: ClassVar[Names] = ("_due_at",)
+    DERIVED: ClassVar[Names] = ("_due_at", "_unseen")
 
     def __init__(
         self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
@@ -99,6 +130,8 @@ class LM628(FrontEndHost):
         driven = tuple(self.pins[name] for name in drivers)
         self._outputs: ServoOutputPins = ServoOutputPins(self.output, clock, driven)
         self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
+        self._unseen: bool = False
+        """HI has risen, and no status byte was read since; no part of the saved state."""
         self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
@@ -111,12 +144,7 @@ class LM628(FrontEndHost):
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach the mechanics; the chip has one axis, number 0."""
-        if axis != 0:
-            raise ValueError(f"axis {axis}: a {self.part} has axis 0 only")
-        if "drive" not in plant.TAKES:
-            raise ValueError(
-                f"a {self.part} gives a servo command; {type(plant).__name__} takes {plant.TAKES}"
-            )
+        self.check_plant(axis, plant, "drive")
         self.encoder.connect(plant, ds.SAMPLE_CLK / self.clock.hz)
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
@@ -222,6 +250,7 @@ class LM628(FrontEndHost):
         self.advance()
         host = self.host
         if host.reading_status():
+            self._unseen = False
             return self.status()
         if host.unasked():
             self.axis.flags |= ds.COMMAND_ERROR
@@ -379,6 +408,7 @@ class LM628(FrontEndHost):
         """Bring the output pins up to now, and find when anything is due next."""
         hi = HIGH if self.axis.interrupt() else LOW
         if hi != self._hi.level:
+            self._unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
         if self._front.driving:
@@ -404,17 +434,35 @@ class LM628(FrontEndHost):
         """Return that no filter was in use at the last :meth:`advance`."""
         return self.axis.pid.lacking()
 
+    def hint(self, rule: str, when: int) -> str:
+        """Return that a write came into the reset at power-on, in which busy reads 0 (LM-RST-4)."""
+        if rule != ds.RESET_WRITE.name or when > int(self.settings["reset_time"]):
+            return ""
+        return (
+            f"hint: {self.name} is in the reset that follows power-on, and its busy bit is 0"
+            " meanwhile (LM-RST-4): wait until the status byte is 84H or C4H, or write power_on ="
+            ' "done" in [board], and the board starts after that reset'
+        )
+
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
         self.advance()
-        axis = self.axis
+        axis, host = self.axis, self.host
+        # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
+        code, step, word = host.next_step() if host.busy else (-1, 0, 0)
+        flags = axis.kept_flags(word) if code == ds.RSTI and step else int(axis.flags)
         found = []
-        if axis.interrupt() and self._hi.net.heard:
-            flags = flag_names(int(axis.flags & axis.mask))
-            found.append((ds.HI_STANDS, f"HI is high at the end: {flags}; RSTI lets it fall"))
-        if axis.pid.waits():
+        if flags & axis.mask and (self._hi.net.heard or axis.interrupts_wanted):
+            unseen = ", and no status byte was read since it rose" if self._unseen else ""
+            names = flag_names(int(flags & axis.mask))
+            text = f"HI is high at the end{unseen}: {names}; RSTI lets it fall"
+            found.append((ds.HI_STANDS, text))
+        errors = flag_names(flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
+        if errors:
+            found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
+        if code != ds.UDF and (axis.pid.waits() or (code == ds.LFIL and step > 1)):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
-        if axis.profile.waits():
+        if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
         return found
 

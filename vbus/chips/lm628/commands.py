@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
 from vbus.chips.lm628.host_port import NO_COMMAND, PortState
+from vbus.chips.lm628.profile import ACCELERATION, VELOCITY
 from vbus.chips.tables import Command
 from vbus.core.bits import sign_extend
 from vbus.core.signals import Rule
@@ -165,6 +166,13 @@ class AxisCommands:
                     what = ("acceleration", "velocity", "position")[number]
                     raw = profile.raw[number]
                     self._report(ds.RANGE, f"{what} {raw:08X}H: it is cut to the range")
+                if number == VELOCITY and profile.wraps():
+                    raw = profile.raw[number]
+                    self._report(
+                        ds.VELOCITY_WRAPS,
+                        f"velocity {raw:08X}H follows slower ones, all with a high word of 0: from"
+                        " 65536 on it needs that word",
+                    )
 
     def start(self) -> None:
         """Start motion control with the next sample."""
@@ -188,13 +196,19 @@ class AxisCommands:
         lacking = axis.pid.lacking()
         if lacking and axis.pid.waits() and not axis.udf:
             self._report(ds.FILTER_WAITS, f"STT: {lacking}")
+        if axis.pid.unlimited():
+            self._report(ds.NO_INTEGRAL, "STT with ki above 0 and il 0")
         if control & ds.STOPS:
             return
         here = axis.real if axis.motor_off else axis.profile.position >> 16
         if not loaded:
             self._report(ds.NO_TRAJECTORY, "STT before LTRJ has loaded anything: the axis is held")
-        elif axis.profile.stuck(here):
+            return
+        stuck = axis.profile.stuck(here)
+        if stuck == ACCELERATION:
             self._report(ds.NO_ACCELERATION, "STT of a move with acceleration 0: it never begins")
+        elif stuck == VELOCITY:
+            self._report(ds.NO_VELOCITY, "STT of a move with velocity 0: it waits for one")
 
     def reset_interrupts(self, keep: int) -> None:
         """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""

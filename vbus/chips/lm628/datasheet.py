@@ -73,6 +73,10 @@ RESET: Final = COMMANDS["RESET"].code
 
 MSKI: Final = COMMANDS["MSKI"].code
 RSTI: Final = COMMANDS["RSTI"].code
+LFIL: Final = COMMANDS["LFIL"].code
+UDF: Final = COMMANDS["UDF"].code
+LTRJ: Final = COMMANDS["LTRJ"].code
+STT: Final = COMMANDS["STT"].code
 
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",
@@ -300,6 +304,18 @@ NO_ACCELERATION: Final = Rule(
     "lm628.no-acceleration", "LM-TRJ-12",
     "A move from rest has an acceleration above 0: with 0 it never begins.", "warning",
 )  # fmt: skip
+NO_VELOCITY: Final = Rule(
+    "lm628.no-velocity", "LM-TRJ-12",
+    "A move has a velocity above 0 when it starts, or it waits for one.", "note",
+)  # fmt: skip
+VELOCITY_WRAPS: Final = Rule(
+    "lm628.velocity-wraps", "LM-TRJ-2",
+    "A velocity has 32 bits: cut to 16, it wraps at 1 count per sample.", "warning",
+)  # fmt: skip
+NO_INTEGRAL: Final = Rule(
+    "lm628.no-integral", "LM-PID-5",
+    "An integral coefficient has a limit il above 0: with 0 the integral term is 0.", "note",
+)  # fmt: skip
 NO_TRAJECTORY: Final = Rule(
     "lm628.no-trajectory", "LM-CMD-2", "STT starts what LTRJ has loaded before.", "note"
 )
@@ -319,6 +335,10 @@ HI_STANDS: Final = Rule(
     "lm628.hi-stands", "LM-STA-7",
     "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
 )  # fmt: skip
+ERRORS_STAND: Final = Rule(
+    "lm628.errors-stand", "LM-STA-1",
+    "When a run ends, a command error and a position error have been cleared.", "note",
+)  # fmt: skip
 LEFT_LOADED: Final = Rule(
     "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
@@ -327,8 +347,9 @@ LEFT_LOADED: Final = Rule(
 RULES: Final = (
     *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
     WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
-    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_TRAJECTORY,
-    OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS, HI_STANDS, LEFT_LOADED,
+    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_VELOCITY,
+    VELOCITY_WRAPS, NO_INTEGRAL, NO_TRAJECTORY, OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS,
+    HI_STANDS, ERRORS_STAND, LEFT_LOADED,
 )  # fmt: skip
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
@@ -379,7 +400,7 @@ OPTIONS: Final = (
            low=0.01, high=0.99, clause="LM-TIM-4"),
 )  # fmt: skip
 
-# -- Values: registers that commands load and read, and what is told of the chip ----------------
+# -- Values: registers that commands load and read, and telemetry --------------------------------
 
 _STATUS: Final = "status"
 _POSITION: Final = "position"

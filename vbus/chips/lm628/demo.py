@@ -43,7 +43,7 @@ def _host(bus: Bus) -> None:
     axis.wait_status(0x04)
     bus.delay("50ms")
     # How far the motor is by now is the computer's business, not the chip's.
-    step.found("counts short of the breakpoint when told of it", 0, max(0, at_breakpoint - 2500))
+    step.found("counts short of the reported breakpoint", 0, max(0, at_breakpoint - 2500))
     step.found("real position", -4000, axis.rdrp(), tolerance=2)
 
     step = Step(bus, "velocity mode: 2 turns/s, doubled on the fly, then a smooth stop")

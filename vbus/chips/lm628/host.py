@@ -1,27 +1,72 @@
-"""An LM628 or LM629 axis: filter, moves and waiting, for asyncio."""
+"""An LM628 or LM629 axis: packets, a call for each command, filter, moves, waiting, for asyncio."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from vbus.chips.lm628.calls import Lm628Calls
-from vbus.chips.lm628.datasheet import (
-    COEFFICIENT_MAX,
-    FORWARD,
-    LOADS,
-    POSITION_MAX,
-    POSITION_MIN,
-    RATE_MAX,
-    STOP_ABRUPTLY,
-    STOP_SMOOTHLY,
-    TRAJECTORY_COMPLETE,
-    TURN_OFF,
-    VELOCITY_MODE,
-)
-from vbus.client.aio.access import READY_POLLS, words_of
-from vbus.client.aio.bus import Bus, Chip
-from vbus.core.errors import NotReadyError
-from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.chips.lm628 import datasheet as lm
+from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
+from vbus.client.aio.bus import Bus, Chip, ChipCycles
+from vbus.client.aio.twice import twice
+from vbus.client.aio.waits import read_until
+from vbus.core.errors import NotReadyError, ReadBackError
 
-_STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
+_STOPS: Final = {
+    "smoothly": lm.STOP_SMOOTHLY,
+    "abruptly": lm.STOP_ABRUPTLY,
+    "off": lm.TURN_OFF,
+}
+
+
+_UNCHECKED: Final = (lm.COMMANDS["RESET"].code, lm.COMMANDS["RSTI"].code)
+"""After these the flag is that of an earlier command, or says nothing yet."""
+
+
+class Lm628Packets(Packets):
+    """One LM628 or LM629: status, and packets of a command and its words (LM-BUS-6, LM-BUS-7).
+
+    The status byte can be read at any time (LM-BUS-5); busy is its bit 0 (LM-BUS-14).
+
+    Args:
+        cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
+            with one chip.
+        ready: how busy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip is given up.
+        checked: look after every packet whether the chip has taken it for an error (LM-AMB-12).
+    """
+
+    COMMAND_PORT = lm.COMMAND_PORT
+    DATA_PORT = lm.DATA_PORT
+    READY_MASK = lm.BUSY
+    READY_LEVEL = 0
+
+    def __init__(
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None:  # fmt: skip
+        super().__init__(cycles, ready=ready, polls=polls)
+        self.checked: bool = checked
+
+    async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip stays busy; the rest of the packet is not sent.
+            ReadBackError: the chip has found a command error.
+            ValueError: a word that does not fit.
+        """
+        answers = await super().packet(code, words, count)
+        if self.checked and code not in _UNCHECKED:
+            await self.wait_ready()
+            if (status := await self.status()) & lm.COMMAND_ERROR:
+                raise ReadBackError(
+                    f"packet {code:02X}h: status {status:02X}h has a command error; RSTI clears it"
+                )
+        return answers
+
+
+if TYPE_CHECKING:
+    from vbus.chips.lm628.calls import Lm628Calls
+else:
+    Lm628Calls = calls_of("Lm628Calls", Lm628Packets, lm)
 
 
 class Lm628(Lm628Calls):
@@ -35,14 +80,18 @@ class Lm628(Lm628Calls):
         chip: the chip's name on the board; None if there is only one.
         ready: how busy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip is given up.
+        checked: look after every packet for a command error (LM-AMB-12), after a load of the
+            trajectory at the signals register, and after a move at the desired position: all that
+            the chip tells of what it has taken. It does not tell coefficients and rates.
     """
 
     def __init__(
-        self, bus: Bus, chip: str | None = None, *, ready: str = "poll", polls: int = READY_POLLS
-    ) -> None:
+        self, bus: Bus, chip: str | None = None, *, ready: str = "poll",
+        polls: int = READY_POLLS, checked: bool = False,
+    ) -> None:  # fmt: skip
         self.bus: Bus = bus
         self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
-        super().__init__(self.chip, ready=ready, polls=polls)
+        super().__init__(self.chip, ready=ready, polls=polls, checked=checked)
 
     async def check_reset(self, longest: str = "10ms") -> int:
         """Make the check of a fresh reset that most drivers make; return the last status byte.
@@ -53,13 +102,10 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: the chip has not been reset, or does not come out of it.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while (status := await self.status()) not in (0x84, 0xC4):
-            if await self.bus.now() > end:
-                raise NotReadyError(
-                    f"status {status:02X}h {longest} after reset; 84h or C4h is required"
-                )
-            await self.bus.delay("100us")
+        lacking = "status {0:02X}h {1} after reset; 84h or C4h is required"
+        await read_until(
+            self.bus, self.status, lambda status: status in (0x84, 0xC4), longest, "100us", lacking
+        )
         await self.rsti(0x0000)
         await self.wait_ready()
         if (status := await self.status()) not in (0x80, 0xC0):
@@ -97,8 +143,8 @@ class Lm628(Lm628Calls):
         for name, value, bit in gains:
             if value is None:
                 continue
-            if not 0 <= value <= COEFFICIENT_MAX:
-                raise ValueError(f"{name} = {value}: allowed are 0 to {COEFFICIENT_MAX}")
+            if not 0 <= value <= lm.COEFFICIENT_MAX:
+                raise ValueError(f"{name} = {value}: allowed are 0 to {lm.COEFFICIENT_MAX}")
             control |= bit
             words.append(value)
         await self.lfil(control, *words)
@@ -130,13 +176,13 @@ class Lm628(Lm628Calls):
         Raises:
             ValueError: a value out of range.
         """
-        control = (VELOCITY_MODE | (FORWARD if forward else 0)) if velocity_mode else 0
+        control = (lm.VELOCITY_MODE | (lm.FORWARD if forward else 0)) if velocity_mode else 0
         words: list[int] = []
-        least = -RATE_MAX if relative else 0
+        least = -lm.RATE_MAX if relative else 0
         values = (
-            ("acc", acc, LOADS[0], least, RATE_MAX),
-            ("vel", vel, LOADS[1], least, RATE_MAX),
-            ("pos", pos, LOADS[2], POSITION_MIN, POSITION_MAX),
+            ("acc", acc, lm.LOADS[0], least, lm.RATE_MAX),
+            ("vel", vel, lm.LOADS[1], least, lm.RATE_MAX),
+            ("pos", pos, lm.LOADS[2], lm.POSITION_MIN, lm.POSITION_MAX),
         )
         for name, value, bit, low, high in values:
             if value is None:
@@ -146,8 +192,21 @@ class Lm628(Lm628Calls):
             control |= bit | (bit >> 1 if relative else 0)
             words.extend(words_of(value))
         await self.ltrj(control, *words)
+        if self.checked:
+            await self._check_signals(lm.ACCELERATION_LOADED if acc is not None else 0, 0)
         if start:
             await self.stt()
+        if start and self.checked:
+            modes = lm.VELOCITY_MODE | lm.FORWARD
+            await self._check_signals(control & modes, modes)
+
+    async def _check_signals(self, wanted: int, mask: int) -> None:
+        signals = await self.rdsigs()
+        if signals & (mask | wanted) != wanted:
+            raise ReadBackError(
+                f"signals register {signals:04X}h after a load of the trajectory: of the bits"
+                f" {mask | wanted:04X}h, {wanted:04X}h must be set"
+            )
 
     async def stop(self, how: str = "smoothly") -> None:
         """Stop ``"smoothly"``, ``"abruptly"``, or by turning the motor ``"off"`` (LM-TRJ-5).
@@ -161,7 +220,7 @@ class Lm628(Lm628Calls):
         await self.stt()
 
     async def wait_status(
-        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = lm.TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the status until one of ``bits`` is set; return it.
 
@@ -171,17 +230,10 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: none is set after ``longest`` of chip time.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while True:
-            status = await self.status()
-            if status & bits:
-                return status
-            if await self.bus.now() >= end:
-                raise NotReadyError(
-                    f"status {status:02X}h after {format_instant(parse_duration(longest))};"
-                    f" none of the bits {bits:02X}h is set"
-                )
-            await self.bus.delay(every)
+        lacking = f"status {{0:02X}}h after {{1}}; none of the bits {bits:02X}h is set"
+        return await read_until(
+            self.bus, self.status, lambda status: status & bits != 0, longest, every, lacking
+        )
 
     async def move(
         self, pos: int, *, acc: int | None = None, vel: int | None = None, relative: bool = False,
@@ -191,10 +243,14 @@ class Lm628(Lm628Calls):
 
         Raises:
             NotReadyError: the trajectory has not ended after ``longest`` of chip time.
+            ReadBackError: it has ended elsewhere (``checked``).
         """
-        await self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
+        begun = await self.rddp() if self.checked and relative else 0
+        await self.rsti(0xFFFF & ~lm.TRAJECTORY_COMPLETE)
         if acc is not None or vel is not None:
             await self.load_trajectory(acc=acc, vel=vel)
         await self.load_trajectory(pos=pos, relative=relative, start=True)
-        await self.wait_status(TRAJECTORY_COMPLETE, longest)
-        return await self.rdrp()
+        await self.wait_status(lm.TRAJECTORY_COMPLETE, longest)
+        if self.checked and (desired := await self.rddp()) != begun + pos:
+            raise ReadBackError(f"the move has ended at {desired}; {begun + pos} was asked for")
+        return await twice(self.rdrp) if self.checked else await self.rdrp()

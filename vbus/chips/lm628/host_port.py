@@ -201,7 +201,7 @@ class PortState:
         return self._latched
 
     def unasked(self) -> bool:
-        """Whether the read under way takes data nobody offered: a command error (LM-BUS-12)."""
+        """Whether the read under way takes data not offered: a command error (LM-BUS-12)."""
         return self._kind == _UNASKED
 
     # -- when busy falls ----------------------------------------------------------------------

@@ -184,7 +184,7 @@ class ServoOutputPins:
         self.due = self._clock.ps(self.anchor + change) if change != STEADY else NEVER
 
     def edge(self) -> i64:
-        """Return when the next edge is that somebody listens to; NEVER where nobody does."""
+        """Return when the next observed edge is; NEVER without a listener."""
         return self.due if self.heard() else NEVER
 
     def heard(self) -> bool:

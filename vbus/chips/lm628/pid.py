@@ -86,11 +86,17 @@ class Pid:
 
     def lacking(self) -> str:
         """Return why all terms are 0: until UDF, LFIL changes nothing (LM-CMD-5). "" if none is."""
-        if self.kp or self.ki or self.kd:
+        if self.kp or self.kd or (self.ki and self.il):
             return ""
+        if self.ki and self.loaded == self.sent:
+            return "its integral term, the only one, is 0: il is 0"
         if self.loaded[1] or self.loaded[2] or self.loaded[3]:
             return "its filter has not taken effect: UDF has not followed LFIL"
         return "it has no filter: all coefficients are 0 until LFIL and UDF"
+
+    def unlimited(self) -> bool:
+        """Whether UDF has taken an integral coefficient, and an il that cuts its term to 0."""
+        return self.sent[2] != 0 and self.sent[4] == 0
 
     def clear(self) -> None:
         """Forget integral and derivative history (LM-TRJ-7, LM-TRJ-10)."""

@@ -5,8 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.motion.ramp import toward
-from vbus.chips.motion.trapezoid import arrived, stopping_distance
+from vbus.chips.motion.trapezoid import arrived, stopping_distance, toward
 from vbus.core.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.core.state import Names
 
@@ -95,6 +94,7 @@ class Trajectory:
         "relative: list[bool]", "accel_loaded: bool", "started", "_sent_raw: list[i64]",
         "_sent_relative: list[bool]", "_newer: list[bool]",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_low_words",)
 
     def __init__(self) -> None:
         self.position: i64 = 0
@@ -111,6 +111,8 @@ class Trajectory:
         self.raw: list[int] = [0, 0, 0]
         self.relative: list[bool] = [False, False, False]
         self.accel_loaded: bool = False
+        self._low_words: list[int] = []
+        """The last velocities, as long as every high word was 0; no part of the saved state."""
         self.start()
 
     # -- LTRJ ---------------------------------------------------------------------------------
@@ -146,14 +148,43 @@ class Trajectory:
         """Whether LTRJ has loaded what no STT has taken."""
         return any(self._newer)
 
-    def stuck(self, here: i64) -> bool:
-        """Whether what STT has taken never begins to move: it rests at ``here`` (counts)."""
-        if self.velocity or self._sent_raw[ACCELERATION] or self._sent_relative[ACCELERATION]:
+    def wraps(self) -> bool:
+        """Tell whether the velocity just loaded goes on where 16 bits have ended (LM-TRJ-2).
+
+        That is a third one that follows the two before it, by addition or by doubling, modulo
+        65536, while each high word has been 0.
+        """
+        value, low = self.raw[VELOCITY], self._low_words
+        if value >> 16 or self.relative[VELOCITY]:
+            self._low_words = [-1]
             return False
+        if low == [-1] or low[-1:] == [value]:
+            return False
+        first, second = low[-2:] if len(low) > 1 else (0, 0)
+        self._low_words = [second, value] if len(low) > 1 else [*low, value]
+        goes_on = (2 * second - first & 0xFFFF, 2 * second & 0xFFFF)
+        return 0 < first < second > value and value in goes_on
+
+    def stuck(self, here: i64) -> int:
+        """Return which rate of 0 keeps an axis where it is that rests at ``here`` (counts).
+
+        Returns:
+            :data:`ACCELERATION`, :data:`VELOCITY`, or -1 if what STT has taken moves the axis, or
+            need not.
+        """
+        if self.velocity:
+            return -1
+        velocity = self._sent_raw[VELOCITY] or int(self._sent_relative[VELOCITY])
         if self.started & ds.VELOCITY_MODE:
-            return self._sent_raw[VELOCITY] != 0
-        way = sign_extend(self._sent_raw[POSITION], 32)
-        return way != (0 if self._sent_relative[POSITION] else here)
+            moves = velocity != 0
+        else:
+            way = sign_extend(self._sent_raw[POSITION], 32)
+            moves = way != (0 if self._sent_relative[POSITION] else here)
+        if not moves:
+            return -1
+        if not self._sent_raw[ACCELERATION] and not self._sent_relative[ACCELERATION]:
+            return ACCELERATION
+        return -1 if velocity else VELOCITY
 
     def speed(self) -> str:
         """Return the desired velocity in words."""

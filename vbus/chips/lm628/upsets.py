@@ -2,11 +2,11 @@
 
 from vbus.chips.lm628.chip import LM628
 from vbus.core.options import Option, Value
-from vbus.faults.row import CHIP, LASTS, ONCE, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.row import CHIP, COUNTED, LASTS, ONCE, Fault
+from vbus.faults.upsets import ChipFaults
 
 
-class Lm628Upsets(Upsets):
+class Lm628Upsets(ChipFaults):
     """Its encoder's plant, its resets, its busy times and its clock."""
 
     FAULTS = (
@@ -14,7 +14,7 @@ class Lm628Upsets(Upsets):
               " stuck.", CHIP, LASTS),
         Fault("reset_fails", "chip", "So many resets fail: the status stays 00h.", CHIP, ONCE,
               (Option("times", "count", 1, "how many", low=1, high=1000),)),
-        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS),
+        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, COUNTED),
     )  # fmt: skip
 
     chip: LM628

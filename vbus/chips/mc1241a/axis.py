@@ -1,16 +1,19 @@
-"""One axis: registers, update, and the order of work in a cycle."""
+"""One axis: registers, update, limit switches, and the order of work in a cycle; and which axis
+interrupts."""
 
 from collections.abc import Callable
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.mc1241a.chipset import ProfileRegisters, SharedParameters
+from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParameters
 from vbus.chips.mc1241a.encoder import AxisInputs
-from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.profile import Profile
 from vbus.core.bits import sign_extend
-from vbus.core.signals import Rule
+from vbus.core.kernel import NEVER
+from vbus.core.signals import HIGH, LOW, Pin, Rule
 from vbus.core.state import Names
 
 ERROR_LIMIT: Final = 32_767
@@ -27,6 +30,64 @@ FOR_EVER: Final = (1 << 62) - 1
 
 Report = Callable[[Rule, str], None]
 """Takes a rule the host has broken on an axis, and what happened."""
+
+
+class LimitDetector:
+    """The over-travel detector of one axis (PMD-LIM-1, PMD-LIM-2)."""
+
+    STATE: ClassVar[Names] = ("armed: bool", "_hit", "_positive: bool", "_negative: bool")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Arm the detector with both switches taken as open."""
+        self.armed: bool = True
+        self._hit: int = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Take a switch that is active already as one that becomes active (PMD-LIM-4)."""
+        self._positive: bool = False
+        self._negative: bool = False
+
+    def look(self, positive: bool, negative: bool, events: int, sensing: bool) -> int:
+        """Look at the switches once a cycle; return the status bit of a hit, or 0.
+
+        Args:
+            positive: whether the positive switch is active, by its sense.
+            negative: whether the negative switch is.
+            events: status events, of which the host may have cleared the last hit.
+            sensing: LMTS_ON rules.
+        """
+        if not self.armed:
+            active = positive if self._hit == ds.POSITIVE_LIMIT else negative
+            if not active and not events & self._hit:
+                self.armed = True
+                self._hit = 0
+                # The other switch may have become active unseen (NOTES 9).
+                self.forget()
+        bit = 0
+        if self.armed and sensing:
+            if positive and not self._positive:
+                bit = ds.POSITIVE_LIMIT
+            elif negative and not self._negative:
+                bit = ds.NEGATIVE_LIMIT
+            if bit:
+                self.armed = False
+                self._hit = bit
+        self._positive = positive
+        self._negative = negative
+        return bit
+
+    def steady(self, positive: bool, negative: bool, events: int, sensing: bool) -> bool:
+        """Whether :meth:`look` with the same arguments would change nothing."""
+        if self._positive != positive or self._negative != negative:
+            return False
+        if self.armed:
+            return True
+        active = positive if self._hit == ds.POSITIVE_LIMIT else negative
+        return active or events & self._hit != 0
 
 
 class StepperAxis:
@@ -49,6 +110,7 @@ class StepperAxis:
         "active: part", "profile: part", "limits: part", "encoder: part", "stepper: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_report", "_shared", "number")
+    DERIVED: ClassVar[Names] = ("unread",)
 
     def __init__(
         self,
@@ -84,6 +146,8 @@ class StepperAxis:
         """SET_BUF_MTR_CMD was given since the last update (NOTES 6)."""
         self._motor_command_taken: bool = False
         self._motor_command_from: int = UPDATED
+        self.unread: int = 0
+        """Errors that no status word has shown the host; no part of the saved state."""
         self.interrupt_mask: int = 0
         self.breakpoint_mode: int = ds.BRK_OFF
         self.breakpoint_value: int = 0
@@ -197,6 +261,7 @@ class StepperAxis:
         error = self._expected() - self.encoder.counted - self._error_offset
         self.position_error = max(-32_768, min(32_767, error))
         if self._has_motion_error():
+            self.unread |= ds.MOTION_ERROR & ~self.events
             self.events |= ds.MOTION_ERROR
             if self.auto_stop and self.motor_on:
                 self.disable()
@@ -217,7 +282,7 @@ class StepperAxis:
 
     def loaded(self) -> bool:
         """Whether the buffer has what no update has taken."""
-        buffer, active = self.buffer, self.active
+        buffer, active = self.buffer, self._taken if self._update_pending else self.active
         return (
             buffer.differs(active)
             or (self.motor_command_given and buffer.motor_command != active.motor_command)
@@ -280,6 +345,12 @@ class StepperAxis:
                 return
         if profile.start(self.active, given):
             self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-12
+        elif given and profile.stuck(self.active):
+            self._report(
+                ds.NO_RATE,
+                f"axis {self.number + 1}: the update of a move with velocity {self.active.velocity}"
+                f" and acceleration {self.active.acceleration}: it does not begin",
+            )
 
     def _copy(self, buffer: ProfileRegisters) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
@@ -317,6 +388,7 @@ class StepperAxis:
             )
 
     def _refuse(self, why: str) -> None:
+        self.unread |= ds.COMMAND_ERROR & ~self.events
         self.events |= ds.COMMAND_ERROR
         self._report(ds.COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
 
@@ -384,7 +456,16 @@ class StepperAxis:
         """Clear the events whose bits in ``keep`` are 0, but no lasting error (PMD-STA-4)."""
         if self._has_motion_error():
             keep |= ds.MOTION_ERROR
+        if self.unread & ~keep:
+            text = f"{self.unread_errors()} is cleared, and no status word has shown it to the host"
+            self._report(ds.ERROR_UNREAD, text)
+            self.unread &= keep
         self.events &= keep & ds.EVENTS
+
+    def unread_errors(self) -> str:
+        """Return the axis and what of :attr:`unread` is set, in words."""
+        names = [bit.name for bit in ds.STATUS_BITS if self.unread & bit.mask]
+        return f"axis {self.number + 1}: {', '.join(names)}"
 
     # -- rest ---------------------------------------------------------------------------------
 
@@ -408,3 +489,54 @@ class StepperAxis:
         if self.breakpoint_mode != ds.BRK_TIME:
             return FOR_EVER
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF
+
+
+NO_AXIS: Final = -1
+
+
+class Interrupts:
+    """~HostIntrpt and the axis it is low for (PMD-INT-1 to PMD-INT-5).
+
+    Args:
+        chip: the chip set whose pin it is.
+        axes: its axes.
+    """
+
+    STATE: ClassVar[Names] = ("axis", "quiet_until")
+    WIRING: ClassVar[Names] = ("_axes", "_chip", "_pin")
+
+    def __init__(self, chip: ChipSet, axes: list[StepperAxis]) -> None:
+        self._chip: Final[ChipSet] = chip
+        self._axes: list[StepperAxis] = axes
+        self._pin: Pin = chip.pins["~HostIntrpt"]
+        self.axis: int = NO_AXIS
+        """Number (0-based) of the interrupting axis, or :data:`NO_AXIS`."""
+        self.quiet_until: i64 = NEVER
+        """End of the shortest time the line stays high after RST_INTRPT; NEVER outside it."""
+
+    def reset(self) -> None:
+        """Release the line."""
+        self.axis = NO_AXIS
+        self.quiet_until = NEVER
+        self._chip.put(self._pin, HIGH)
+
+    def look(self) -> None:
+        """Latch the first axis with an event its mask lets through (PMD-INT-1)."""
+        if self.axis != NO_AXIS or self.quiet_until != NEVER:
+            return
+        for axis in self._axes:
+            if axis.events & axis.interrupt_mask:
+                self.axis = axis.number
+                self._chip.put(self._pin, LOW)
+                return
+
+    def rested(self) -> None:
+        """The line has been high for long enough."""
+        self.quiet_until = NEVER
+        self.look()
+
+    def release(self) -> None:
+        """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
+        self.axis = NO_AXIS
+        self.quiet_until = self._chip.instant + self._chip.clock.span_up(1)
+        self._chip.put(self._pin, HIGH)

@@ -1,7 +1,7 @@
 # Made from the chip's tables by vbus.cli.generate; change that.
-"""Calls for the MC1241A and MC1141A, one for each command, for asyncio."""
+"""The calls of the MC1241A and MC1141A, for asyncio."""
 
-from vbus.chips.mc1241a.access import Mc1241aPackets
+from vbus.chips.mc1241a.host import Mc1241aPackets
 
 class Mc1241aCalls(Mc1241aPackets):
     """A call for each row of the chip's tables, under the manual's name in lower case.

@@ -7,39 +7,15 @@ from mypy_extensions import i64
 
 from vbus.chips.base import CHANGE, POLL, SAMPLE
 from vbus.chips.bus_watch import BusTable
-from vbus.chips.mc1241a.axis import StepperAxis
+from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet, SharedParameters
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import SampleCycles
-from vbus.chips.mc1241a.datasheet import (
-    AC,
-    BUS,
-    CARD_DECODES,
-    CHECKSUM_UNREAD,
-    COMMAND_ERROR,
-    COMMAND_PORT,
-    DATA_PORT,
-    ERRORS_STAND,
-    FAMILY,
-    INTERRUPT_STANDS,
-    LEFT_LOADED,
-    MOTION_ERROR,
-    OPTIONS,
-    PINS,
-    RESET_CLK,
-    RESET_PORT,
-    RULES,
-    SLOT_CLK,
-    STATUS_BITS,
-    STATUS_NO_INTERRUPT,
-    STATUS_READY,
-    VALUES,
-)
 from vbus.chips.mc1241a.encoder import AxisInputs
-from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
+from vbus.chips.mc1241a.host_port import PacketPort
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
-from vbus.chips.mc1241a.packet import PacketPort
 from vbus.chips.mc1241a.pins import AdapterPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.core.kernel import HELD, NEVER, Clock, Kernel
@@ -61,19 +37,19 @@ class MC1241A(ChipSet):
     of the reset table that belong to servo members of the family.
     """
 
-    FAMILY: ClassVar[str] = FAMILY
+    FAMILY: ClassVar[str] = ds.FAMILY
     ADDRESS_BITS: ClassVar[int] = 1
     AXES: ClassVar[int] = 2
     PARTS: ClassVar[tuple[str, ...]] = ("MC1241A", "MC1141A")
-    PINS: ClassVar[tuple[PinRow, ...]] = PINS
-    BUS: ClassVar[BusTable | None] = BUS
-    RULES: ClassVar[tuple[Rule, ...]] = RULES
-    VALUES: ClassVar[ValueTable] = VALUES
-    FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
+    PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
+    BUS: ClassVar[BusTable | None] = ds.BUS
+    RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    VALUES: ClassVar[ValueTable] = ds.VALUES
+    FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
-    PERIOD_CLK: ClassVar[int] = SLOT_CLK
-    OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
-    CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
+    PERIOD_CLK: ClassVar[int] = ds.SLOT_CLK
+    OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
+    CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = ds.CARD_DECODES
     STATE: ClassVar[Names] = (
         "_wake", "_hold_at", "held: bool", "_adapter_read: bool", "busy_stretch", "commands: part",
         "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
@@ -127,7 +103,7 @@ class MC1241A(ChipSet):
     def begin_read(self, address: int) -> None:
         """The read strobe falls; address 1 and 2 are the adapter's and have none."""
         self.advance()
-        if address == DATA_PORT:
+        if address == ds.DATA_PORT:
             self._adapter_read = False
             self.port.begin_read()
         else:
@@ -145,11 +121,11 @@ class MC1241A(ChipSet):
     def write(self, address: int, data: int) -> None:
         """A byte is latched."""
         self.advance()
-        if address == DATA_PORT:
+        if address == ds.DATA_PORT:
             self.port.write_data(data)
-        elif address == COMMAND_PORT:
+        elif address == ds.COMMAND_PORT:
             self.port.write_command(data)
-        elif address == RESET_PORT:
+        elif address == ds.RESET_PORT:
             self.release_reset(False)
         self.touched()
 
@@ -157,9 +133,9 @@ class MC1241A(ChipSet):
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
         status = 0xFF
         if self.kernel.now < self.port.busy_until:
-            status &= ~STATUS_READY
-        if self.interrupts.axis != NOBODY:
-            status &= ~STATUS_NO_INTERRUPT
+            status &= ~ds.STATUS_READY
+        if self.interrupts.axis != NO_AXIS:
+            status &= ~ds.STATUS_NO_INTERRUPT
         return status
 
     def ready_at(self) -> int:
@@ -173,12 +149,12 @@ class MC1241A(ChipSet):
         period = 10**12 // self.clock.hz
         # The longest period stands in whole nanoseconds: 149 for the lowest clock of 6.7 MHz.
         for symbol, measured in (("T4", period // 2), ("T5", period // 1000 * 1000)):
-            row = AC[symbol]
+            row = ds.AC[symbol]
             if not row.min_ps <= measured <= row.max_ps:
                 limit = row.min_ps if measured < row.min_ps else row.max_ps
-                self.report(AC.rules[symbol], measured, limit)
+                self.report(ds.AC.rules[symbol], measured, limit)
         self.instant = self.kernel.now
-        self.restart(self.kernel.now, 0 if done else RESET_CLK)
+        self.restart(self.kernel.now, 0 if done else ds.RESET_CLK)
         self._reckon()
         self.advance()
         self.touched()
@@ -204,7 +180,7 @@ class MC1241A(ChipSet):
         """Bring the position counters up to the present instant."""
         self.cycles.follow_encoders()
 
-    def restart(self, since: int, clocks: int = RESET_CLK) -> None:
+    def restart(self, since: int, clocks: int = ds.RESET_CLK) -> None:
         """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
         self.cycles.stop()
         self.interrupts.reset()
@@ -297,7 +273,7 @@ class MC1241A(ChipSet):
         due = self._next_due()
         if self.cycles.heard:
             due = min(due, self.cycles.boundary)
-        if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
+        if self.interrupts.axis == NO_AXIS and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
         if kind == POLL and self.port.busy_until > self.kernel.now:
             due = min(due, self.port.busy_until)  # PMD-BUS-12
@@ -311,7 +287,7 @@ class MC1241A(ChipSet):
     # -- neighbours ---------------------------------------------------------------------------
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen to an output."""
+        """An output has its first listener, or none any more."""
         self.advance()
         self.output.listen(self.cycles.clk_from(self.kernel.now))
         self.cycles.choose_slots()
@@ -339,12 +315,7 @@ class MC1241A(ChipSet):
         Raises:
             ValueError: no such axis, or a plant that does not take phase currents.
         """
-        if not 0 <= axis < self.axis_count:
-            raise ValueError(f"the {self.part} has no axis {axis + 1}")
-        if "phases" not in plant.TAKES:
-            raise ValueError(
-                f"the {self.part} gives phase currents; this plant takes {', '.join(plant.TAKES)}"
-            )
+        self.check_plant(axis, plant, "phases")
         self.cycles.connect(axis, plant)
         self._reckon()
 
@@ -367,19 +338,22 @@ class MC1241A(ChipSet):
         found = []
         if self.port.unchecked > 0:
             text = f"no checksum of {self.port.unchecked} packets was read"
-            found.append((CHECKSUM_UNREAD, text))
+            found.append((ds.CHECKSUM_UNREAD, text))
         number = self.interrupts.axis
-        if number != NOBODY and self.pins["~HostIntrpt"].net.heard:
+        if number != NO_AXIS and self.pins["~HostIntrpt"].net.heard:
             found.append(
-                (INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
+                (ds.INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
             )
         for axis in self.axes:
-            errors = axis.events & (COMMAND_ERROR | MOTION_ERROR)
-            names = [bit.name for bit in STATUS_BITS if errors & bit.mask]
+            errors = axis.events & (ds.COMMAND_ERROR | ds.MOTION_ERROR)
+            names = [bit.name for bit in ds.STATUS_BITS if errors & bit.mask]
             if names:
                 text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
-                found.append((ERRORS_STAND, text))
-            if axis.loaded():
+                found.append((ds.ERRORS_STAND, text))
+            if axis.unread:
+                text = f"{axis.unread_errors()}, and no status word has shown it to the host"
+                found.append((ds.ERROR_UNREAD, text))
+            if axis.loaded() and self.port.coming not in ds.UPDATES:
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
-                found.append((LEFT_LOADED, text))
+                found.append((ds.LEFT_LOADED, text))
         return found

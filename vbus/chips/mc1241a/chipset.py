@@ -5,7 +5,7 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.base import Chip
-from vbus.chips.mc1241a.datasheet import OUTPUT_PWM
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.core.signals import Pin, Rule
 from vbus.core.state import Names
 
@@ -103,6 +103,6 @@ class SharedParameters:
         """Take the values of the manual's reset table (PMD-RST-2)."""
         self.time: int = 0
         """Cycles since reset, 32 bits."""
-        self.output_mode: int = OUTPUT_PWM
+        self.output_mode: int = ds.OUTPUT_PWM
         self.limit_sense: int = 0
         self.sensing: bool = True

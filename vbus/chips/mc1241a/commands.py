@@ -2,20 +2,10 @@
 
 from typing import Any, ClassVar, Final
 
-from vbus.chips.mc1241a.axis import StepperAxis
+from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
-from vbus.chips.mc1241a.datasheet import (
-    COMMANDS,
-    IDLE_UPDATE,
-    KEEPS_INTERRUPT,
-    NO_STEP_RATIO,
-    NO_SUCH_AXIS,
-    RANGE,
-    UNUSED_BITS,
-    VERSIONS,
-)
-from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.tables import Command
 from vbus.core.bits import sign_extend, wrap
 from vbus.core.state import Names
@@ -44,7 +34,7 @@ class Commands:
         self._axes: list[StepperAxis] = axes
         self._cycles: SampleCycles = cycles
         self._interrupts: Interrupts = interrupts
-        self._version: int = int(chip.settings["version_word"]) or VERSIONS[chip.part]
+        self._version: int = int(chip.settings["version_word"]) or ds.VERSIONS[chip.part]
         self.current: int = 0
         """Current axis, 0-based."""
 
@@ -78,7 +68,7 @@ class Commands:
             number = sign_extend(value, 16 * row.write)
             fitted = wrap(value, row.bits)
             if fitted < row.least < 0:
-                self._chip.find(RANGE, f"{row.name}: {fitted} is taken as {row.least}")
+                self._chip.find(ds.RANGE, f"{row.name}: {fitted} is taken as {row.least}")
                 return row.least
         else:
             number = value
@@ -86,26 +76,26 @@ class Commands:
         if row.bits < 15:
             self._check_unused(row, value, row.bits)
         elif fitted != number:
-            self._chip.find(RANGE, f"{row.name}: {value:X}H is taken as {fitted}")
+            self._chip.find(ds.RANGE, f"{row.name}: {value:X}H is taken as {fitted}")
         return fitted
 
     def _check_unused(self, row: Command, value: int, used: int) -> None:
         if value >> used:
-            self._chip.find(UNUSED_BITS, f"{row.name} {value:04X}H: bits {used} to 15 must be 0")
+            self._chip.find(ds.UNUSED_BITS, f"{row.name} {value:04X}H: bits {used} to 15 must be 0")
 
     # -- axis control -------------------------------------------------------------------------
 
     def select(self, number: int) -> int:
         """Choose the current axis, 1 where there is no other; return its status (PMD-CMD-2)."""
         if number == len(self._axes):
-            self._chip.find(NO_SUCH_AXIS, f"SET_2: the {self._chip.part} has one axis")
+            self._chip.find(ds.NO_SUCH_AXIS, f"SET_2: the {self._chip.part} has one axis")
             number = 0
         self.current = number
         return self._axis.status
 
     def select_interrupting(self) -> int:
         """Current axis := the interrupting one, if any; its status (PMD-CMD-3)."""
-        if self._interrupts.axis != NOBODY:
+        if self._interrupts.axis != NO_AXIS:
             self.current = self._interrupts.axis
         return self._axis.status
 
@@ -115,7 +105,7 @@ class Commands:
 
     def update_several(self, which: int) -> None:
         """Update several axes in one cycle (PMD-CMD-37)."""
-        self._check_unused(COMMANDS["MULTI_UPDATE"], which, len(self._axes))
+        self._check_unused(ds.COMMANDS["MULTI_UPDATE"], which, len(self._axes))
         for axis in self._axes:
             if which >> axis.number & 1:
                 self._update(axis)
@@ -123,25 +113,29 @@ class Commands:
     def _update(self, axis: StepperAxis) -> None:
         if axis.up_to_date():
             text = f"axis {axis.number + 1}: nothing was loaded since the last update"
-            self._chip.find(IDLE_UPDATE, text)
+            self._chip.find(ds.IDLE_UPDATE, text)
         axis.request_update()
 
     # -- interrupts ---------------------------------------------------------------------------
 
+    def shown(self, word: int) -> None:
+        """The host reads a status word: it has seen the errors in it (PMD-STA-1)."""
+        self._axes[word >> ds.AXIS_SHIFT & 1].unread &= ~word
+
     def interrupting_status(self) -> int:
         """Return the status of the interrupting axis, else of the current one (PMD-CMD-42)."""
         number = self._interrupts.axis
-        return (self._axis if number == NOBODY else self._axes[number]).status
+        return (self._axis if number == NO_AXIS else self._axes[number]).status
 
     def reset_interrupt(self, keep: int) -> None:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
         number = self._interrupts.axis
-        if number != NOBODY:
+        if number != NO_AXIS:
             axis = self._axes[number]
             enabled = axis.events & axis.interrupt_mask
             if enabled & keep == enabled != 0:
                 text = f"RST_INTRPT {keep:04X}H leaves {enabled:04X}H of axis {number + 1}"
-                self._chip.find(KEEPS_INTERRUPT, f"{text}: it interrupts again at once")
+                self._chip.find(ds.KEEPS_INTERRUPT, f"{text}: it interrupts again at once")
             axis.clear_events(keep)
             self._interrupts.release()
 
@@ -151,7 +145,7 @@ class Commands:
         """Counts per ustep, times 256 (PMD-CMD-53)."""
         if not value:
             text = f"axis {self.current + 1}: with step ratio 0 no stall is found"
-            self._chip.find(NO_STEP_RATIO, text)
+            self._chip.find(ds.NO_STEP_RATIO, text)
         self._axis.set_step_ratio(value)
 
     # -- inputs, at this instant --------------------------------------------------------------
@@ -215,4 +209,4 @@ class Commands:
         return self._version
 
 
-HOOKS: Final = COMMANDS.find_hooks(Commands, StepperAxis)
+HOOKS: Final = ds.COMMANDS.find_hooks(Commands, StepperAxis)

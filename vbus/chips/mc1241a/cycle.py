@@ -4,9 +4,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.axis import FOR_EVER, StepperAxis
 from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParameters
-from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.core.kernel import NEVER
@@ -92,7 +92,7 @@ class SampleCycles:
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
         self.heard: bool = False
-        """Somebody looks at the output pins: every slot counts."""
+        """The output pins are observed: every slot counts."""
         self.skipping: bool = True
         """Whether cycles in which nothing happens are passed over; the results are the same."""
         self.run_count: int = 0
@@ -122,7 +122,7 @@ class SampleCycles:
     def _end_reset(self) -> None:
         """The axes are at 0, wherever the motors have gone without currents."""
         chip = self._chip
-        periods = (chip.instant - self._reset_since) // chip.clock.span(SLOT_CLK)
+        periods = (chip.instant - self._reset_since) // chip.clock.span(ds.SLOT_CLK)
         for motor in self.motors:
             for _ in range(periods if motor is not None else 0):
                 assert motor is not None
@@ -145,7 +145,7 @@ class SampleCycles:
 
     def slot_at(self, instant: i64) -> i64:
         """Return the number of the slot under way at ``instant``."""
-        slot = (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK
+        slot = (self._chip.clock.cycle_at(instant) - self._origin) // ds.SLOT_CLK
         return slot if slot > 0 else 0
 
     def overdue(self, instant: int) -> bool:
@@ -154,13 +154,13 @@ class SampleCycles:
         there: int = self._chip.clock.cycle_at(instant)
         origin: int = self._origin
         coming: int = self._slot
-        begun = origin + coming * SLOT_CLK
-        return self.boundary != NEVER and there - begun > 2 * SLOTS * SLOT_CLK
+        begun = origin + coming * ds.SLOT_CLK
+        return self.boundary != NEVER and there - begun > 2 * ds.SLOTS * ds.SLOT_CLK
 
     @property
     def slot_clk(self) -> i64:
         """Clock at which the last slot began, counted in the same way."""
-        return (self._slot - 1) * SLOT_CLK
+        return (self._slot - 1) * ds.SLOT_CLK
 
     # -- slots and cycles ---------------------------------------------------------------------
 
@@ -171,7 +171,7 @@ class SampleCycles:
             now: the instant up to which whole cycles may be passed over.
         """
         slot = self._slot
-        cycle = slot % SLOTS == 0 and slot != 0
+        cycle = slot % ds.SLOTS == 0 and slot != 0
         if cycle and self._skip_rest(now):
             return False
         instant = self._chip.instant
@@ -190,7 +190,7 @@ class SampleCycles:
 
     def run_on(self, until: i64) -> None:
         """Run the other slots of the cycle under way, as far as they begin by an instant."""
-        while self._slot & SLOTS - 1 and self.boundary <= until:
+        while self._slot & ds.SLOTS - 1 and self.boundary <= until:
             instant = self._chip.instant = self.boundary
             for encoder in self._encoders:
                 encoder.follow(instant, 1.0)
@@ -199,7 +199,7 @@ class SampleCycles:
     def _run_slot(self, instant: i64) -> None:
         """Drive the motors through the slot that begins at an instant."""
         slot = self._slot
-        end = self.ps_of((slot + 1) * SLOT_CLK)
+        end = self.ps_of((slot + 1) * ds.SLOT_CLK)
         self._slot = slot + 1
         self._slot_start = instant
         self._slot_end = self.boundary = end
@@ -209,8 +209,8 @@ class SampleCycles:
     def _plan(self) -> None:
         """Find the next boundary; slots between cycles count only if something takes them."""
         if not self._slotted:
-            self._slot = -(-self._slot // SLOTS) * SLOTS
-        self.boundary = self.ps_of(self._slot * SLOT_CLK)
+            self._slot = -(-self._slot // ds.SLOTS) * ds.SLOTS
+        self.boundary = self.ps_of(self._slot * ds.SLOT_CLK)
 
     def pause(self, stopped: bool) -> None:
         """The clock stands from now on, or runs again: how far the slot has come stays."""
@@ -243,7 +243,7 @@ class SampleCycles:
 
     def connect(self, axis: int, motor: Plant) -> None:
         """Attach the motor of an axis, with its encoder and switches."""
-        motor.prepare(SLOT_CLK / self._chip.clock.hz)
+        motor.prepare(ds.SLOT_CLK / self._chip.clock.hz)
         self._windings[axis].motor = motor
         for other in self._axes:
             other.encoder.attach(axis, motor)
@@ -328,32 +328,32 @@ class SampleCycles:
         """Pass over whole cycles in which nothing would happen; tell whether there were any."""
         # The cycle under way is run: a command may still change what its slots put out.
         clk = self._chip.clock.cycle_at(now) - self._origin
-        over = (clk - self._slot * SLOT_CLK) // CYCLE_CLK
+        over = (clk - self._slot * ds.SLOT_CLK) // ds.CYCLE_CLK
         if not over or not self.skipping or self.heard:
             return False
         cycles = min(self._idle(), over)
         if cycles == 0:
             return False
         self.shared.time = self.shared.time + cycles & 0xFFFFFFFF
-        self._slot += cycles * SLOTS
-        self.boundary = self.ps_of(self._slot * SLOT_CLK)
+        self._slot += cycles * ds.SLOTS
+        self.boundary = self.ps_of(self._slot * ds.SLOT_CLK)
         return True
 
     def next_event(self) -> int:
         """Return the beginning of the first coming cycle that may raise an event (ps)."""
         if self.boundary == NEVER:
             return NEVER
-        slot = -(-self._slot // SLOTS) * SLOTS
+        slot = -(-self._slot // ds.SLOTS) * ds.SLOTS
         idle = self._idle() if slot else 0
         if idle >= FOR_EVER:
             return NEVER
-        return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
+        return self.ps_of((slot + idle * ds.SLOTS) * ds.SLOT_CLK)
 
     def next_cycle(self) -> int:
         """When the next cycle begins (ps); NEVER while none will."""
         if self.boundary == NEVER:
             return NEVER
-        return self.ps_of(-(-self._slot // SLOTS) * SLOTS * SLOT_CLK)
+        return self.ps_of(-(-self._slot // ds.SLOTS) * ds.SLOTS * ds.SLOT_CLK)
 
     def resting(self) -> bool:
         """Whether all coming cycles would change nothing but the time."""

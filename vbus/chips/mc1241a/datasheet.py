@@ -328,6 +328,11 @@ ILLEGAL_CODES: Final = frozenset({0x00, 0x03, 0x04, 0x22, *range(0x80, 0x100)})
 RESERVED_CODE: Final = 0x49
 """Does nothing and has a valid checksum (PMD-PKT-5)."""
 
+UPDATES: Final = (COMMANDS["UPDATE"].code, COMMANDS["MULTI_UPDATE"].code)
+STATUS_READERS: Final = frozenset(
+    COMMANDS[name].code for name in ("GET_STATUS", "GET_INTRPT", "SET_1", "SET_2", "SET_I")
+)
+"""Codes of commands that give the host a status word."""
 FAMILY_CODES: Final[dict[int, tuple[str, int, int]]] = {
     0x06: ("SET_MTR_LMT", 1, 0),
     0x07: ("GET_MTR_LMT", 0, 1),
@@ -582,6 +587,15 @@ ERRORS_STAND: Final = Rule(
     "mc1241a.errors-stand", "PMD-STA-1",
     "When a run ends, errors in the status words have been cleared.", "note",
 )  # fmt: skip
+ERROR_UNREAD: Final = Rule(
+    "mc1241a.error-unread", "PMD-STA-2",
+    "A command error and a motion error are read in a status word before they are cleared.", "note",
+)  # fmt: skip
+NO_RATE: Final = Rule(
+    "mc1241a.no-rate", "PMD-TRJ-12",
+    "A move has its velocity and acceleration when an update starts it, or it does not begin.",
+    "note",
+)  # fmt: skip
 LEFT_LOADED: Final = Rule(
     "mc1241a.left-loaded", "PMD-UPD-1", "When a run ends, an update has taken what was loaded.",
     "note",
@@ -592,7 +606,8 @@ RULES: Final = (
     NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
     UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
     COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS, KEEPS_INTERRUPT,
-    NO_STEP_RATIO, IDLE_UPDATE, CHECKSUM_UNREAD, INTERRUPT_STANDS, ERRORS_STAND, LEFT_LOADED,
+    NO_STEP_RATIO, IDLE_UPDATE, CHECKSUM_UNREAD, INTERRUPT_STANDS, ERRORS_STAND, ERROR_UNREAD,
+    NO_RATE, LEFT_LOADED,
 )  # fmt: skip
 
 # -- settings ------------------------------------------------------------------------------------
@@ -620,7 +635,7 @@ OPTIONS: Final = (
 )  # fmt: skip
 """Keys a board file may give to the chip set."""
 
-# -- Values: registers that commands load and read, and what is told of the chip set ------------
+# -- Values: registers that commands load and read, and telemetry -------------------------------
 
 _STATUS: Final = "status"
 _POSITION: Final = "position"

@@ -6,7 +6,6 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.motion.input_limits import judge_inputs
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
@@ -14,6 +13,7 @@ from vbus.chips.motion.quadrature import (
     SKIPPED,
     InputFilter,
     Quadrature,
+    judge_inputs,
 )
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.kernel import NEVER
@@ -43,7 +43,7 @@ def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
 class AxisInputs:
     """Position counter, capture register, home and limit inputs of one axis.
 
-    Counts come from the plant, or from the A and B pins once somebody drives one of them
+    Counts come from the plant, or from the A and B pins once one of them is driven
     (PMD-ENC-1). Home and limit levels come from the pins while they are driven, else from the
     plant's switches ``home``, ``limit+`` and ``limit-``, else they rest.
 

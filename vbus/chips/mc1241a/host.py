@@ -1,16 +1,70 @@
-"""An MC1241A or MC1141A: axes, moves, updates and waiting, for asyncio."""
+"""An MC1241A or MC1141A: packets with checksums, a call for each command, axes, moves, updates and
+waiting, for asyncio."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from vbus.chips.mc1241a.access import READY_POLLS
-from vbus.chips.mc1241a.calls import Mc1241aCalls
-from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
-from vbus.client.aio.bus import Bus, Chip
-from vbus.core.errors import NotReadyError
-from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.chips.mc1241a import datasheet as ds
+from vbus.client.aio.access import Packets, calls_of
+from vbus.client.aio.bus import Bus, Chip, ChipCycles
+from vbus.client.aio.waits import read_until
+from vbus.core.errors import ChecksumError
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
 """Profile modes as their ``SET_PRFL_`` commands call them."""
+
+
+READY_POLLS: Final = 10_000
+"""Status reads after which a chip set is given up: a reset takes 2 ms."""
+_RESET: Final = ds.COMMANDS["RESET"].code
+"""After a reset there is no checksum (PMD-RST-1)."""
+
+
+class Mc1241aPackets(Packets):
+    """One chip set: the adapter's status byte, and packets with their checksums (PMD-PKT-1).
+
+    Args:
+        cycles: the chip set on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
+            with one chip.
+        ready: how HostRdy is waited for: ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip set is given up.
+        checked: read and compare the checksum of every packet (PMD-PKT-2).
+    """
+
+    COMMAND_PORT = ds.COMMAND_PORT
+    DATA_PORT = ds.DATA_PORT
+    READY_MASK = ds.STATUS_READY
+    READY_LEVEL = ds.STATUS_READY
+
+    def __init__(
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None:  # fmt: skip
+        super().__init__(cycles, ready=ready, polls=polls)
+        self.checked: bool = checked
+
+    async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip set stays busy; the rest of the packet is not sent.
+            ChecksumError: the checksum is another one.
+            ValueError: a word that does not fit.
+        """
+        if not self.checked or code == _RESET:
+            return await super().packet(code, words, count)
+        *answers, checksum = await super().packet(code, words, count + 1)
+        expected = (code + sum(words) + sum(answers)) & 0xFFFF
+        if checksum != expected:
+            raise ChecksumError(
+                f"packet {code:02X}h: checksum {checksum:04X}h, expected {expected:04X}h"
+            )
+        return answers
+
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.calls import Mc1241aCalls
+else:
+    Mc1241aCalls = calls_of("Mc1241aCalls", Mc1241aPackets, ds)
 
 
 class Mc1241a(Mc1241aCalls):
@@ -96,7 +150,7 @@ class Mc1241a(Mc1241aCalls):
                 await load(value)
 
     async def wait_event(
-        self, bits: int = MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"
+        self, bits: int = ds.MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"
     ) -> int:
         """Read the current axis's status until one of the event ``bits`` is set; return it.
 
@@ -106,17 +160,10 @@ class Mc1241a(Mc1241aCalls):
         Raises:
             NotReadyError: none is set after ``longest`` of chip time.
         """
-        end = await self.bus.now() + parse_duration(longest)
-        while True:
-            status = await self.get_status()
-            if status & bits:
-                return status
-            if await self.bus.now() >= end:
-                raise NotReadyError(
-                    f"status {status:04X}h after {format_instant(parse_duration(longest))};"
-                    f" none of the bits {bits:02X}h is set"
-                )
-            await self.bus.delay(every)
+        lacking = f"status {{0:04X}}h after {{1}}; none of the bits {bits:02X}h is set"
+        return await read_until(
+            self.bus, self.get_status, lambda status: status & bits != 0, longest, every, lacking
+        )
 
     async def move(
         self, pos: int, *, vel: int | None = None, acc: int | None = None, longest: str = "60s"
@@ -126,8 +173,8 @@ class Mc1241a(Mc1241aCalls):
         Raises:
             NotReadyError: motion is not complete after ``longest`` of chip time.
         """
-        await self.rst_status(EVENTS & ~MOTION_COMPLETE)
+        await self.rst_status(ds.EVENTS & ~ds.MOTION_COMPLETE)
         await self.load(pos=pos, vel=vel, acc=acc)
         await self.update()
-        await self.wait_event(MOTION_COMPLETE, longest)
+        await self.wait_event(ds.MOTION_COMPLETE, longest)
         return await self.get_actl_pos()

@@ -1,4 +1,4 @@
-"""Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
+"""Motor output pins: PWM frames and DAC words, made only while they are observed."""
 
 from collections.abc import Callable
 from heapq import heappop, heappush
@@ -6,9 +6,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.cycle import SampleCycles
-from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.core.kernel import NEVER
 from vbus.core.signals import HIGH, LOW, Pin
@@ -60,14 +60,14 @@ class Output:
         self._frame: int = 0
 
     def listen(self, next_clk: int) -> None:
-        """Somebody began or ceased to look at the pins.
+        """The pins have their first observer, or none any more.
 
         Args:
             next_clk: clocks since the count began, to find the next frame from.
         """
         heard = any(pin.net.heard for pin in self._pins)
         if heard and not self._cycles.heard:
-            self._frame = max(0, -(-next_clk // FRAME_CLK))
+            self._frame = max(0, -(-next_clk // ds.FRAME_CLK))
         if not heard:
             self._queue = []
         self._cycles.heard = heard
@@ -88,12 +88,12 @@ class Output:
         self._queue = [(shift(one[0], now), *one[1:]) for one in self._queue]
 
     def due(self) -> i64:
-        """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
+        """Return the instant of the next edge or frame (ps), NEVER without an observer."""
         if not self._cycles.heard or self._chip.held:
             return _NEVER
         due: i64 = self._queue[0][0] if self._queue else NEVER
-        if self._cycles.shared.output_mode == OUTPUT_PWM:
-            frame = self._cycles.ps_of(self._frame * FRAME_CLK)
+        if self._cycles.shared.output_mode == ds.OUTPUT_PWM:
+            frame = self._cycles.ps_of(self._frame * ds.FRAME_CLK)
             return frame if frame < due else due
         return due
 
@@ -103,14 +103,14 @@ class Output:
             _, _, number, level = heappop(self._queue)
             self._chip.put(self._pins[number], level)
         if (
-            self._cycles.shared.output_mode == OUTPUT_PWM
-            and self._cycles.ps_of(self._frame * FRAME_CLK) == when
+            self._cycles.shared.output_mode == ds.OUTPUT_PWM
+            and self._cycles.ps_of(self._frame * ds.FRAME_CLK) == when
         ):
             self._begin_frame()
 
     def _begin_frame(self) -> None:
         chip = self._chip
-        start = self._frame * FRAME_CLK
+        start = self._frame * ds.FRAME_CLK
         self._frame += 1
         for axis in range(self._axes):
             for phase, output in enumerate(self._cycles.phase_outputs(axis)):
@@ -120,12 +120,12 @@ class Output:
                 chip.put(self._pins[number + 1], sign)
                 high = pwm_magnitude(output)
                 chip.put(self._pins[number], HIGH if high else LOW)
-                if 0 < high < FRAME_CLK:
+                if 0 < high < ds.FRAME_CLK:
                     self._push(self._cycles.ps_of(start + high), number, LOW)
 
     def begin_slot(self) -> None:
         """A microstep look-up has begun: write the DAC words (PMD-USTP-5)."""
-        if self._cycles.shared.output_mode != OUTPUT_DAC16:
+        if self._cycles.shared.output_mode != ds.OUTPUT_DAC16:
             return
         clk = self._cycles.slot_clk
         address, select, data, low, write, strobe = range(8, 14)

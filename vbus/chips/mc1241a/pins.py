@@ -5,16 +5,9 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.front_end import BusFrontEnd
+from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.datasheet import (
-    AC,
-    BOTH_STROBES,
-    COMMAND_PORT,
-    DATA_PORT,
-    FLOATING_WRITE,
-    READ_COMMAND,
-)
-from vbus.chips.mc1241a.packet import PacketPort
+from vbus.chips.mc1241a.host_port import PacketPort
 from vbus.core.signals import LOW, Watcher
 from vbus.core.state import Names
 
@@ -116,11 +109,11 @@ class AdapterPins(BusFrontEnd):
         self._strobe_ended = self._write_ended = now
         self._last_was_write = True
         if not lost:
-            address = COMMAND_PORT if self._place.net.before else DATA_PORT
+            address = ds.COMMAND_PORT if self._place.net.before else ds.DATA_PORT
             data = chip.bus_net.before
             if chip.bus_net.floats:
                 taken = f"no pin drives D0-D7: {data:02X}H is taken"
-                chip.report(FLOATING_WRITE, detail=taken)
+                chip.report(ds.FLOATING_WRITE, detail=taken)
             chip.write(address, data)
         if chip.bus_net.before != chip.bus_net.value:
             self._data_judged = now
@@ -136,7 +129,7 @@ class AdapterPins(BusFrontEnd):
             if lost:
                 return
         self._driving = True
-        chip.begin_read(DATA_PORT)
+        chip.begin_read(ds.DATA_PORT)
         chip.data_pin.drive(self._port.last_driven)
 
     def _end_read(self, now: int) -> None:
@@ -151,13 +144,13 @@ class AdapterPins(BusFrontEnd):
             chip.end_read()
             chip.data_pin.release()
         elif self._place.net.before and not clashed:
-            chip.report(READ_COMMAND)  # PMD-BUS-4
+            chip.report(ds.READ_COMMAND)  # PMD-BUS-4
 
     def _clash(self) -> None:
         """Both strobes are low: the host's byte counts, nothing is read."""
         if not self._clashed:
             self._clashed = True
-            self._chip.report(BOTH_STROBES)
+            self._chip.report(ds.BOTH_STROBES)
         if self._driving:
             self._driving = False
             self._port.cancel_read()
@@ -168,10 +161,10 @@ class AdapterPins(BusFrontEnd):
         chip = self._chip
         held = now - self._strobe_ended
         self._after_strobe("T6", held)
-        limit = AC["T6"].max_ps
+        limit = ds.AC["T6"].max_ps
         busy = self._port.busy_since == self._strobe_ended
         if chip.judged and busy and held > limit:
-            chip.report(AC.rules["T6"], held, limit)
+            chip.report(ds.AC.rules["T6"], held, limit)
 
     def _data_moved(self) -> None:
         chip = self._chip
@@ -193,7 +186,7 @@ class AdapterPins(BusFrontEnd):
         chip.advance()
         if chip.pins["~Reset"].value == LOW:
             self._reset_fell = now
-            chip.hold_reset(now + AC["reset"].min_ps)
+            chip.hold_reset(now + ds.AC["reset"].min_ps)
             return
         lost = False
         if chip.judged:
@@ -212,10 +205,10 @@ class AdapterPins(BusFrontEnd):
 
     def _too_short(self, symbol: str, measured: int) -> bool:
         """Judge an interval; tell whether the cycle is to be lost."""
-        limit = AC[symbol].min_ps
+        limit = ds.AC[symbol].min_ps
         if measured >= limit:
             return False
-        return self._chip.report(AC.rules[symbol], measured, limit)
+        return self._chip.report(ds.AC.rules[symbol], measured, limit)
 
     def _seen_too_early(self, begun: int) -> bool:
         """Whether the host took HostRdy for high while it was still falling (T13)."""

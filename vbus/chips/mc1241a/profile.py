@@ -4,9 +4,8 @@ from typing import ClassVar, Final
 
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ProfileRegisters
-from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
-from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.chips.motion.trapezoid import arrived, next_velocity, toward
 from vbus.core.bits import wrap, wrap_word
 from vbus.core.state import Names
 
@@ -96,7 +95,7 @@ class Profile:
     def resting(self, active: ProfileRegisters) -> bool:
         """Whether further cycles with the same registers and a resting encoder change nothing.
 
-        What moves is told by the microstepper, which is not still.
+        Motion shows in the microstepper, which is not still.
         """
         if self._state != RUNNING or self.mode == ds.GEAR:
             return True
@@ -194,6 +193,12 @@ class Profile:
         self._state = RUNNING if moves else DONE
         # What cannot begin has not ended either (NOTES 21).
         return not moves and (way == 0 or running)
+
+    def stuck(self, active: ProfileRegisters) -> bool:
+        """Whether a trapezoid that has been started stands, away from its destination."""
+        if self.mode != ds.TRAPEZOIDAL or self._state == RUNNING:
+            return False
+        return self.position != active.position << 32 and not _can_begin(active)
 
     def settled(self, active: ProfileRegisters) -> bool:
         """Whether :meth:`start` would leave a point-to-point move as it is: under way, or over."""

@@ -6,18 +6,18 @@ from vbus.chips.mc1241a.chip import MC1241A
 from vbus.core.kernel import NEVER
 from vbus.core.options import Option, Value
 from vbus.core.signals import HIGH
-from vbus.faults.row import CHIP, LASTS, Fault
-from vbus.faults.upsets import Upsets
+from vbus.faults.row import CHIP, COUNTED, LASTS, Fault
+from vbus.faults.upsets import ChipFaults
 
 STUCK: Final = 10**15
 """Longer than any host waits (ps)."""
 
 
-class Mc1241aUpsets(Upsets):
+class Mc1241aUpsets(ChipFaults):
     """The plants of its axes, HostRdy and its clock."""
 
     FAULTS = (
-        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS,
+        Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, COUNTED,
               (Option("extra", "s", 500_000_000, "added to each busy time (MC1241A)", low=0,
                       high=10**15),)),
         Fault("ready_stuck", "chip", "HostRdy stays low.", CHIP, LASTS),

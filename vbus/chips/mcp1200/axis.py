@@ -1,31 +1,114 @@
 """What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
 
-from typing import ClassVar
+from collections.abc import Callable
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import (
+from vbus.chips.mcp1200.control_loop import (
     CONTROL,
     HELD,
+    IDLE,
     NO_REQUEST,
-    NOT_RELEASED,
+    RESETTING,
     STANDING,
-    Blocks,
-    Report,
+    ControlLoop,
+    SampleTimer,
 )
-from vbus.chips.mcp1200.command import widest
-from vbus.chips.mcp1200.control_loop import IDLE
-from vbus.chips.mcp1200.host_registers import HostRegisters
-from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
-from vbus.chips.mcp1200.timer import FAR
+from vbus.chips.mcp1200.encoder import (
+    HOME,
+    LIMIT,
+    STOP,
+    SYNC,
+    TRIGGER,
+    Breakpoint,
+    EncoderChannels,
+    EncoderCourse,
+    InputLevels,
+    PositionCounter,
+    index_edge,
+    trigger_edge,
+)
+from vbus.chips.mcp1200.host_port import HostRegisters, Writes
+from vbus.chips.mcp1200.output import NOT_RELEASED, PlantDrive, Pwm
+from vbus.chips.mcp1200.profile import widest
+from vbus.chips.mcp1200.registers import FAR, RegisterFile
+from vbus.chips.mcp1200.stepper import Stepper
 from vbus.core.kernel import Clock
 from vbus.core.options import Value
-from vbus.core.state import Names
+from vbus.core.signals import Pin, Rule
+from vbus.core.state import Names, save
+
+Report = Callable[[Rule, int, int, str, int], bool]
+"""Files a violation: rule, measured, limit, detail, instant (ps)."""
+
+_RESET_GAINS: Final = tuple(ds.REGISTERS[name].reset for name in ("KP", "KI", "KD"))
 
 
-class ClockedAxis(Blocks):
-    """Everything inside that has its instant, as a clock cycle, worked off in order.
+class SteadyState:
+    """Knows whether the next samples will be like the last one.
+
+    In control mode a sample is a function of registers, control loop, plant and inputs. If two
+    samples in a row have left all of that the same, so will every further one, until something
+    from outside disturbs it. Nothing is estimated: skipping and stepping give the same state.
+
+    Args:
+        loop: what a control sample computes.
+        drive: what the plant is driven with.
+        encoder: the plant's periods.
+    """
+
+    WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
+    DERIVED: ClassVar[Names] = ("_repeats", "_state")
+
+    def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: EncoderCourse) -> None:
+        self._loop: Final[ControlLoop] = loop
+        self._drive: Final[PlantDrive] = drive
+        self._encoder: Final[EncoderCourse] = encoder
+        self._state: tuple[object, ...] = ()
+        self._repeats: bool = False
+
+    def disturb(self) -> None:
+        """Something has happened that the last sample did not know of."""
+        self._state = ()
+        self._repeats = False
+
+    def note(self) -> None:
+        """A control sample with no change of command has shown its results: compare it."""
+        if not self._drive.at_rest():
+            self.disturb()
+            return
+        now = (self._loop.registers.image, save(self._loop))
+        self._repeats = now == self._state
+        self._state = now
+
+    def possible(self, cycle: i64, control: bool) -> bool:
+        """Tell whether the sample that starts at ``cycle`` would repeat the one before.
+
+        Args:
+            cycle: start of the sample that is due.
+            control: the loop is closed; in idle mode only the plant must rest.
+        """
+        if control and not self._repeats:
+            return False
+        return self._encoder.plant is None or (self._encoder.end == cycle and self._drive.at_rest())
+
+    def lasts(self, control: bool, sampling: bool) -> bool:
+        """Tell whether all further samples repeat the last one, and none need be computed.
+
+        Args:
+            control: the loop is closed.
+            sampling: the sample timer runs and goes on. The plant's periods are only passed over
+                from sample to sample.
+        """
+        if control:
+            return self._repeats and self._drive.at_rest()
+        return self._encoder.plant is None or (sampling and self._drive.at_rest())
+
+
+class ClockedAxis:
+    """The blocks of the manual's block diagram, and what happens in them at which clock cycle.
 
     At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
     becoming visible, end of a reset, results of a sample, start of a sample, breakpoint routine,
@@ -38,33 +121,72 @@ class ClockedAxis(Blocks):
     Args:
         clock: the CLK input.
         settings: the chip's board file keys.
+        trigger: the pin TRIG.
         report: files a violation.
+
+    Attributes:
+        writes: what the host has written, before it is visible.
+        inputs: the levels of the inputs beside the host bus; saved by the chip.
     """
 
     STATE: ClassVar[Names] = (
-        "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
-        "_at_results", "_at_routine", "counter: part", "registers: part", "loop: part",
-        "timer: part", "encoder: part", "drive: part", "stepper: part", "pwm: part",
-        "breakpoint: part", "host: part",
+        "state = loop.state", "released = pwm.released", "_request = loop.request", "writes: part",
+        "_aiming: bool", "_at_reset", "_at_sample", "_at_results", "_at_routine", "counter: part",
+        "registers: part", "loop: part", "timer: part", "encoder: part", "drive: part",
+        "stepper: part", "pwm: part", "breakpoint: part", "host: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_clock", "_report", "_stall_clk", "encoder_pins", "rest", "side",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_clock", "_report", "_stall_clk", "channels", "inputs", "rest")
     DERIVED: ClassVar[Names] = ("_target",)
 
-    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
-        super().__init__(clock, settings, report)
-        self.host: HostRegisters
-        self.side: SidePins
-        self.encoder_pins: ChannelPins
+    def __init__(
+        self, clock: Clock, settings: dict[str, Value], trigger: Pin, report: Report
+    ) -> None:
+        self._clock: Final[Clock] = clock
+        self._report: Report = report
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._target: i64 = 0
+        registers = RegisterFile()
+        self.registers: Final[RegisterFile] = registers
+        self.loop: Final[ControlLoop] = ControlLoop(registers, settings["unipolar"] == "clip")
+        self.timer: Final[SampleTimer] = SampleTimer(registers)
+        self.encoder: Final[EncoderCourse] = EncoderCourse(clock.hz)
+        self.stepper: Final[Stepper] = Stepper(registers)
+        self.breakpoint: Final[Breakpoint] = Breakpoint(registers)
+        self.counter: Final[PositionCounter] = PositionCounter(
+            registers,
+            self.encoder,
+            self.stepper,
+            self.breakpoint,
+            self.loop.faults,
+            settings["index"] == "high",
+        )
+        find = self.find  # one object for both
+        self.channels: Final[EncoderChannels] = EncoderChannels(
+            registers, self.encoder, self.counter, find
+        )
+        self.inputs: Final[InputLevels] = InputLevels(
+            self.encoder, trigger, str(settings["home_switch"])
+        )
+        self.pwm: Final[Pwm] = Pwm(registers)
+        self.drive: Final[PlantDrive] = PlantDrive(
+            registers, self.encoder, self.stepper, self.loop.following, settings
+        )
+        self.rest: Final[SteadyState] = SteadyState(self.loop, self.drive, self.encoder)
+        self.writes: Final[Writes] = Writes()
+        self.host: Final[HostRegisters] = HostRegisters(
+            registers, self.timer, self.counter, self.channels, self.loop, self.inputs, find,
+            self.request,
+        )  # fmt: skip
+        self._aiming: bool = False
+        """The loop has closed: followers may follow its aim."""
+        self._at_reset: i64 = FAR
+        self._at_sample: i64 = FAR
+        self._at_results: i64 = FAR
+        self._at_routine: i64 = FAR
 
-    def attach(self, side: SidePins, encoder_pins: ChannelPins) -> None:
-        """Take the inputs beside the host bus."""
-        self.side = side
-        self.encoder_pins = encoder_pins
-        self.host = HostRegisters(self, side, encoder_pins)
+    def find(self, rule: Rule, cycle: int, measured: int = 0, detail: str = "") -> bool:
+        """File a violation of clock cycle ``cycle``; tell whether the cycle is to be lost."""
+        return self._report(rule, measured, 0, detail, self._clock.ps(cycle))
 
     # -- order --------------------------------------------------------------------------------
 
@@ -80,13 +202,14 @@ class ClockedAxis(Blocks):
 
     def _next_count(self) -> i64:
         """When the position counter has something to do."""
-        return min(self.encoder.at, min(self.counter.at_pins, self.counter.at_match))
+        return min(self.encoder.at, min(self.channels.due, self.counter.at_match))
 
     def next_output(self) -> i64:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
         due = min(min(self._next_count(), self._at_reset), min(self._at_results, self._at_routine))
         due = min(due, self.writes.due)
-        awake = self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
+        loop = self.loop
+        awake = loop.state == CONTROL or loop.request != NO_REQUEST or self.breakpoint.armed
         if awake:
             due = min(due, self._at_sample)
         if self.encoder.plant is not None and (awake or not self.drive.at_rest()):
@@ -97,10 +220,6 @@ class ClockedAxis(Blocks):
         """Cycle of what comes next of the bus or a reset, whatever the samples do."""
         return min(self.writes.due, self._at_reset)
 
-    def asked(self) -> bool:
-        """Whether the next sample obeys a command for another mode of operation."""
-        return self._request != NO_REQUEST
-
     def next_sample(self) -> int:
         """Cycle at which a sample starts or its results show, whichever comes first."""
         return min(self._at_sample, self._at_results)
@@ -108,9 +227,10 @@ class ClockedAxis(Blocks):
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due."""
         due = min(min(self._next_count(), self.writes.due), min(self._at_reset, self._at_routine))
-        if due != FAR or self._request != NO_REQUEST or self.breakpoint.waiting:
+        if due != FAR or self.loop.request != NO_REQUEST or self.breakpoint.waiting:
             return False
-        return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
+        sampling = self.timer.running and self.inputs.sync == 1
+        return self.rest.lasts(self.loop.state == CONTROL, sampling)
 
     def shortest_period(self) -> int:
         """Return the period of this sample, or of the next if that may be shorter (clocks)."""
@@ -150,9 +270,9 @@ class ClockedAxis(Blocks):
         self.rest.disturb()
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
-            self.side.look(cycle)
-        elif self.counter.at_pins <= cycle:
-            self.encoder_pins.settle(cycle)
+            self.look(cycle, cycle)
+        elif self.channels.due <= cycle:
+            self.channels.settle(cycle)
         else:
             self.counter.match()
             self.counter.replan(cycle)
@@ -161,7 +281,7 @@ class ClockedAxis(Blocks):
 
     def write(self, cycle: int, address: int, data: int) -> None:
         """A byte has been written in ``cycle``; it is visible some clocks later (MCP-BUS-5)."""
-        if self.state != HELD:
+        if self.loop.state != HELD:
             self.writes.add(cycle, address, data)
 
     def stall(self) -> bool:
@@ -183,35 +303,118 @@ class ClockedAxis(Blocks):
         self.host.write(address, data, cycle)
         self.counter.look_equal(before, cycle)
 
+    # -- inputs beside the host bus ------------------------------------------------------------
+
+    def look(self, cycle: i64, coming: i64) -> None:
+        """Act on what has moved by ``cycle``: a net, or a switch of the axis.
+
+        Args:
+            cycle: the clock cycle.
+            coming: the first cycle that starts now or later.
+        """
+        inputs, registers = self.inputs, self.registers
+        moved = inputs.look()
+        if moved & LIMIT:
+            self._fault(inputs.limit, ds.LIMIT_OK, cycle)
+        if moved & STOP:
+            self._fault(inputs.stop, ds.STOP_OK, cycle)
+        if moved & SYNC and self.loop.state == STANDING:
+            # In idle mode /SYNC holds the sample timer (MCP-SMP-2).
+            if inputs.sync == 0:
+                self.hold_timer()
+            else:
+                self.start_timer(coming)
+        if moved & TRIGGER and inputs.trigger == 0:
+            trigger_edge(registers, self.counter.position(cycle))
+        if moved & HOME:
+            index_edge(registers, inputs.home == 1, self.counter.position(cycle))
+
+    def _fault(self, level: i64, flag: i64, cycle: i64) -> None:
+        """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-7)."""
+        self.rest.disturb()
+        if level == 0 and self.loop.state >= STANDING:
+            self.registers.fault(flag)  # MCP-EXC-4
+            if flag == ds.LIMIT_OK:
+                self.loop.faults.limit = True
+                self.pwm.roll(cycle - 1)
+                self.host.guard()
+            else:
+                self.loop.faults.stop = True
+
+    # -- modes and the sample timer -----------------------------------------------------------
+
+    def request(self, mode: int, cycle: int) -> None:
+        """R05 has been written (MCP-MOD-1)."""
+        loop = self.loop
+        waiting = loop.request
+        if waiting != NO_REQUEST and (
+            waiting < ds.HALT_CODE <= mode or (loop.state == STANDING and mode == ds.HALT_CODE)
+        ):
+            text = f"R05 = {mode:02X} comes before the sample that obeys R05 = {waiting:02X}"
+            self.find(ds.MODE_LOST, cycle, mode, text)
+        loop.request = mode
+        if loop.state == STANDING and mode != ds.CONTROL_CODE:
+            loop.request = NO_REQUEST
+            if mode == ds.SOFT_RESET_CODE:
+                self._begin_reset(cycle)
+            elif mode == ds.IDLE_CODE:
+                loop.enter_idle()
+        elif loop.state < STANDING:
+            loop.request = NO_REQUEST
+
+    def _begin_reset(self, cycle: int) -> None:
+        self.loop.state = RESETTING
+        self._stop()
+        self.registers.flag = 0
+        self.registers.mode = 0
+        self.registers.status &= ~ds.BUSY
+        self.stepper.stop(cycle)
+        self._at_reset = cycle + ds.RESET_CLK
+
+    def _stop(self) -> None:
+        self.loop.request = NO_REQUEST
+        self.hold_timer()
+        self._at_results = FAR
+        self._aiming = False
+
+    def hold_timer(self) -> None:
+        """The sample timer stands."""
+        self.timer.running = False
+        self._at_sample = FAR
+        self._at_routine = FAR
+
+    def start_timer(self, cycle: i64) -> None:
+        """The sample timer begins a period."""
+        self._at_sample = self.timer.reload(cycle)
+
     # -- reset --------------------------------------------------------------------------------
 
     def hold(self, cycle: int) -> None:
         """Hard reset: everything as after power-on, until it is released (MCP-RST-1, 3)."""
-        self.state = HELD
+        self.loop.state = HELD
         self.registers.reset()
         self.stepper.clear(cycle)
         self.loop.hard_reset()
-        self.encoder.swap(False, cycle)
+        self.channels.configure(cycle)
         self.counter.preset(0, cycle)
         self.breakpoint.clear()
         self.host.clear()
-        self.encoder_pins.configure(cycle)
         self.writes.clear()
         self._stop()
         self._at_reset = FAR
-        self.released = NOT_RELEASED
+        self.pwm.released = NOT_RELEASED
         self.counter.replan(cycle)
 
     def release(self, cycle: int) -> None:
         """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
-        if self.state == HELD:
-            self.released = cycle
+        if self.loop.state == HELD:
+            self.pwm.released = cycle
             self.pwm.restart(cycle)
             self._begin_reset(cycle)
 
     def finish_reset(self, cycle: int) -> None:
         """The reset is over at once: a board that starts after it."""
-        self.released = NOT_RELEASED
+        self.pwm.released = NOT_RELEASED
         self._end_reset(cycle)
 
     def _end_reset(self, cycle: int) -> None:
@@ -219,9 +422,9 @@ class ClockedAxis(Blocks):
         self.pwm.roll(cycle - 1)
         self.loop.soft_reset()
         self.counter.preset(0, cycle)
-        self.state = STANDING
+        self.loop.state = STANDING
         self.host.clear_errors()
-        if self.side.sync:
+        if self.inputs.sync:
             self.start_timer(cycle)
         self.counter.replan(cycle)
 
@@ -229,48 +432,49 @@ class ClockedAxis(Blocks):
 
     def _sample(self, cycle: i64) -> None:
         """The sample timer is at zero: a sample starts."""
+        loop = self.loop
         if self._at_results != FAR:
             # The one before is not finished (MCP-SMP-4).
             self.registers.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self.start_timer(cycle)
-        if self._request == NO_REQUEST and self.rest.possible(cycle, self.state == CONTROL):
+        if loop.request == NO_REQUEST and self.rest.possible(cycle, loop.state == CONTROL):
             cycle = self._skip(cycle)
         position = self.counter.position(cycle)
-        request, self._request = self._request, NO_REQUEST
-        if self.state == CONTROL:
+        request, loop.request = loop.request, NO_REQUEST
+        if loop.state == CONTROL:
             if request == ds.SOFT_RESET_CODE:
                 self._begin_reset(cycle)
                 return
             if request == ds.IDLE_CODE:
                 self._enter_idle(cycle)
             elif request == ds.CONTROL_CODE:
-                self.loop.halted = False
+                loop.halted = False
         elif request == ds.CONTROL_CODE:
             self._enter_control(cycle, position)
-        if self.state == CONTROL:
+        if loop.state == CONTROL:
             halt = request == ds.HALT_CODE
-            work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
+            work = loop.begin(position, self.inputs.limit == 0, self.inputs.stop == 0, halt)
             if work == IDLE:
                 self._enter_idle(cycle)
             else:
                 self._at_results = cycle + work
                 self._look_for_stall(cycle)
-                if self.loop.abrupt:
+                if loop.abrupt:
                     self.stepper.stop(cycle)
-        if self.state == STANDING:
-            self.loop.idle_sample(position)
+        if loop.state == STANDING:
+            loop.idle_sample(position)
         self._at_routine = FAR
         if self.breakpoint.sample():
             self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
-        if self.state == CONTROL:
+        if loop.state == CONTROL:
             self._go_on(cycle)
-        elif self.state == STANDING and self.side.sync == 0:
+        elif loop.state == STANDING and self.inputs.sync == 0:
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
         self._judge_control(cycle, position)
-        self.state = CONTROL
+        self.loop.state = CONTROL
         self.loop.enter_control(position)
         self._aiming = False
         self.rest.disturb()
@@ -282,10 +486,16 @@ class ClockedAxis(Blocks):
         way = int(registers.command_position) - position
         if abs(way) > ds.JUMP_COUNTS and not loop.command_written:
             text = f"control begins at {position} counts, and R0C to R0E have {position + way}"
-            self.report(ds.JUMP, cycle, way, text)
+            self.find(ds.JUMP, cycle, way, text)
         lacking = "" if registers.step_mode else loop.lacking()
         if lacking:
-            self.report(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
+            self.find(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
+        gains = (int(registers.kp), int(registers.ki), int(registers.kd))
+        if not registers.feature & ds.PID and gains != _RESET_GAINS:
+            text = "control begins with the lead filter, and gains of the PID filter are loaded"
+            self.find(ds.PID_UNUSED, cycle, 0, text)
+        elif registers.ki and not registers.integral_limit & 0x7FFF:
+            self.find(ds.NO_INTEGRAL, cycle, 0, "control begins with a Ki above 0 and R66:R65 at 0")
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
@@ -295,7 +505,7 @@ class ClockedAxis(Blocks):
     def _enter_idle(self, cycle: int) -> None:
         self._at_results = FAR
         self._aiming = False
-        self.state = STANDING
+        self.loop.state = STANDING
         self.pwm.roll(cycle - 1)
         self.stepper.stop(cycle)
         self.loop.enter_idle()
@@ -309,13 +519,8 @@ class ClockedAxis(Blocks):
         loop.finish()
         self._aiming = True
         if loop.goal_step:
-            self._report(
-                ds.GOAL_STEP,
-                loop.goal_step,
-                widest(self.registers.sampled),
-                "",
-                self._clock.ps(cycle),
-            )
+            most = int(widest(self.registers.sampled))
+            self._report(ds.GOAL_STEP, loop.goal_step, most, "", self._clock.ps(cycle))
         stepping = self.registers.step_mode
         if stepping:
             period = self.timer.period

@@ -1,7 +1,7 @@
 # Made from the chip's tables by vbus.cli.generate; change that.
-"""Calls for the MCP-1200, two for each register, for asyncio."""
+"""The calls of the MCP-1200, for asyncio."""
 
-from vbus.chips.mcp1200.access import Mcp1200Access
+from vbus.chips.mcp1200.host import Mcp1200Access
 
 class Mcp1200Calls(Mcp1200Access):
     """A call for each row of the chip's tables, under the manual's name in lower case.

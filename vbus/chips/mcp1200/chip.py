@@ -9,11 +9,11 @@ from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
-from vbus.chips.mcp1200.blocks import STANDING
-from vbus.chips.mcp1200.inputs import ChannelPins, SidePins
-from vbus.chips.mcp1200.outputs import OutputPins
-from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, StrobePins
-from vbus.chips.mcp1200.timer import FAR
+from vbus.chips.mcp1200.control_loop import STANDING
+from vbus.chips.mcp1200.encoder import LONG_AGO
+from vbus.chips.mcp1200.output import OutputPins
+from vbus.chips.mcp1200.pins import ChannelPins, HostInterface, SidePins, StrobePins
+from vbus.chips.mcp1200.registers import FAR
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import MS, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
@@ -51,10 +51,10 @@ class MCP1200(HostInterface):
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
     STATE: ClassVar[Names] = (
-        "_reading", "_latch", "_last_rise", "judged: bool", "axis: part", "side: part",
-        "encoder_pins: part", "bus: part",
+        "_reading", "_latch", "_last_rise", "judged: bool", "axis: part",
+        "side = axis.inputs: part", "encoder_pins: part", "bus: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("ac", "outputs", "_own")
+    WIRING: ClassVar[Names] = ("ac", "outputs", "_own", "_side")
     DERIVED: ClassVar[Names] = ("_due_ps", "_quiet_ps", "_pulse_heard")
 
     def __init__(
@@ -71,7 +71,9 @@ class MCP1200(HostInterface):
         self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps += self.ac.minimum("tCSAL", clock)
-        self.axis: Final[ClockedAxis] = ClockedAxis(clock, self.settings, self.report)
+        self.axis: Final[ClockedAxis] = ClockedAxis(
+            clock, self.settings, self.pins["TRIG"], self.report
+        )
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
@@ -79,12 +81,14 @@ class MCP1200(HostInterface):
         self._quiet_ps: i64 = 0  # Pulse and Sign stay before this instant
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
-        self.outputs: OutputPins = OutputPins(self, self.axis)
-        self.side: SidePins = SidePins(self, self.axis)
-        self.encoder_pins: ChannelPins = ChannelPins(self, self.axis)
-        self.axis.attach(self.side, self.encoder_pins)
+        axis = self.axis
+        self.outputs: OutputPins = OutputPins(
+            self, axis.registers, axis.loop, axis.stepper, axis.pwm
+        )
+        self._side: SidePins = SidePins(self, axis)
+        self.encoder_pins: ChannelPins = ChannelPins(self, axis)
         self.bus: StrobePins = StrobePins(self)
-        self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
+        self._own = {"TRIG": self._side.own, ds.DATA: self.bus.own}
         self._judge_clock()
         self.axis.hold(self.cycle_now())
         self.touched()
@@ -210,7 +214,7 @@ class MCP1200(HostInterface):
         return self._instant(due)
 
     def heard_changed(self) -> None:
-        """Somebody began or ceased to listen; the chip's own watchers do not count."""
+        """An output has its first listener, or none; the chip's own watchers do not count."""
         if not self._own:
             return
         heard = False
@@ -234,7 +238,7 @@ class MCP1200(HostInterface):
         cycle = self.next_cycle()
         self.axis.hold(cycle)
         self.clear_bus()
-        self.side.settle_levels()
+        self._side.settle_levels()
         self.encoder_pins.settle_levels()
         if self.pins["/RESET"].value == HIGH:
             self.axis.release(cycle)
@@ -263,21 +267,17 @@ class MCP1200(HostInterface):
     def disturb(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
         self.axis.rest.disturb()
-        self.side.look(self.cycle_now())
+        self.axis.look(self.cycle_now(), self.next_cycle())
         self.touched()
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
-        if axis != 0:
-            raise ValueError(f"{self.part} has one axis, number 0, not {axis}")
-        if "drive" not in plant.TAKES and "pulses" not in plant.TAKES:
-            kinds = ", ".join(plant.TAKES)
-            raise ValueError(f"{self.part} gives drive or pulses; this plant takes {kinds}")
+        self.check_plant(axis, plant, "drive", "pulses")
         home = self.settings["home_switch"] != "none"
         encoder = self.axis.encoder
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
         encoder.end = self.cycle_now()
-        self.side.settle_levels()
+        self._side.settle_levels()
         self.touched()
 
     # -- AC limits ----------------------------------------------------------------------------
@@ -305,9 +305,9 @@ class MCP1200(HostInterface):
     def mode(self) -> str:
         """Return what the chip does: reset, idle, halted, or the mode of its control loop."""
         axis = self.axis
-        if axis.state < STANDING:
+        if axis.loop.state < STANDING:
             return "reset"
-        if axis.state == STANDING:
+        if axis.loop.state == STANDING:
             return "idle"
         return "halted" if axis.loop.halted else MODES[axis.loop.mode]
 

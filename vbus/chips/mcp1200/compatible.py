@@ -57,7 +57,7 @@ class Hctl1100Uses(Uses):
 
     def __init__(self) -> None:
         self._latched: set[int] = set()
-        """Bytes of the position that the last read of R14 has latched and nobody has read."""
+        """Bytes of the position that the last read of R14 has latched and that are not read yet."""
         self._prescaler: bool = False
         """Whether the host has set the prescaler."""
 

@@ -1,29 +1,183 @@
-"""The chip's program: what it computes in a sample of control mode."""
+"""The chip's program: when a sample begins, how long its work takes, which exceptions it obeys, and
+what it computes in control mode."""
 
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import (
+from vbus.chips.mcp1200.generated.registers import Registers
+from vbus.chips.mcp1200.pid import Following, LeadFilter, PidFilter, dac_code, pwm_command
+from vbus.chips.mcp1200.profile import (
     CommandedMotion,
     IntegralVelocity,
     PositionInterpolation,
+    SCurveMove,
+    Trapezoid,
     VelocityInterpolation,
+    stop,
 )
-from vbus.chips.mcp1200.faults import ExceptionSources
-from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
-from vbus.chips.mcp1200.following import Following
-from vbus.chips.mcp1200.motor_command import dac_code, pwm_command
-from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.stepper import StallCheck
-from vbus.chips.mcp1200.timer import work_clocks
 from vbus.core.bits import wrap_word
 from vbus.core.state import Names
 
+HELD: Final = 0
+"""/RESET is low, or the supply has just come."""
+RESETTING: Final = 1
+STANDING: Final = 2
+"""Idle mode."""
+CONTROL: Final = 3
+
+NO_REQUEST: Final = -1
+"""The host has written nothing to R05 since the last sample."""
+
+
 IDLE: Final = -1
 """Answer of :meth:`ControlLoop.begin`: the sample ends in idle mode."""
+
+
+class SampleTimer:
+    """Counts clocks: each ``pre`` of them lower the counter by one, at zero it reloads.
+
+    A sample starts at each reload. The registers R0F, R10 and R11 are looked at only then
+    (MCP-SMP-1, MCP-REG-49).
+
+    Args:
+        registers: the registers.
+
+    Attributes:
+        start: cycle of the last reload.
+        pre: clocks per count, in force since then.
+        counts: counts per period.
+        running: False while reset or /SYNC holds the counter at zero.
+    """
+
+    STATE: ClassVar[Names] = ("start", "pre", "counts", "running: bool")
+    WIRING: ClassVar[Names] = ("_registers",)
+
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: Final[RegisterFile] = registers
+        self.start: i64 = 0
+        self.pre: i64 = 1
+        self.counts: i64 = 1
+        self.running: bool = False
+
+    @property
+    def period(self) -> i64:
+        """Clocks from one sample start to the next, as loaded."""
+        return self.pre * self.counts
+
+    @property
+    def coming(self) -> i64:
+        """Clocks of the next period, as the registers stand now."""
+        return (self._registers.prescaler + 1) * (self._registers.sample_timer + 1)
+
+    def reload(self, cycle: i64) -> i64:
+        """Begin a period at ``cycle`` with the values now in the registers; return its end."""
+        self.start = cycle
+        self.pre = self._registers.prescaler + 1
+        self.counts = self._registers.sample_timer + 1
+        self.running = True
+        return cycle + self.pre * self.counts
+
+    def count(self, cycle: int) -> int:
+        """What R0F reads at ``cycle``: the reload value down to 0."""
+        if not self.running:
+            return 0
+        return max(self.counts - 1 - (cycle - self.start) // self.pre, 0)
+
+
+def work_clocks(registers: RegisterFile, mode: i64) -> i64:
+    """Return how long the core is busy in a sample (MCP-SMP-3).
+
+    Args:
+        registers: the registers as they are at the sample's start.
+        mode: flag of the control mode that runs, 0 for position control.
+    """
+    work: i64 = ds.WORK_BASE
+    if registers.config & ds.STEP_MODE:
+        work += ds.WORK_STEP
+    elif registers.feature & ds.PID:
+        work += ds.WORK_PID
+    else:
+        work += ds.WORK_LEAD
+    if mode == ds.F0:
+        work += ds.WORK_PROFILE
+    elif mode == ds.F5:
+        work += ds.WORK_VELOCITY
+    elif mode == ds.F3 or mode == ds.F4:
+        work += ds.WORK_INTERPOLATION
+    if registers.backlash:
+        work += ds.WORK_BACKLASH
+    if registers.deadband:
+        work += ds.WORK_DEADBAND
+    return work
+
+
+class ExceptionSources:
+    """Exception sources noted since the last look; one action for all of them (MCP-EXC-1).
+
+    The flags in the status register are set by the block that sees the cause, at once; this is only
+    what the next control sample does about it.
+
+    Attributes:
+        limit: /LIMIT has gone low.
+        stop: /STOP has gone low.
+        breakpoint: the breakpoint has been reached.
+        error: the position error was too large, or the motor stalled.
+    """
+
+    STATE: ClassVar[Names] = ("limit: bool", "stop: bool", "breakpoint: bool", "error: bool")
+
+    def __init__(self) -> None:
+        self.limit: bool = False
+        self.stop: bool = False
+        self.breakpoint: bool = False
+        self.error: bool = False
+
+    def clear(self) -> None:
+        """Nothing has happened."""
+        self.limit = False
+        self.stop = False
+        self.breakpoint = False
+        self.error = False
+
+    def action(self, registers: Registers, limit_low: bool, stop_low: bool) -> i64:
+        """Return what to do in this sample and forget what was noted.
+
+        A pin that is still low, and R46, cause the action anew in every sample (MCP-EXC-5).
+        """
+        setting = registers.exception
+        one: i64 = 1
+        wanted = one << (registers.forced_exception & 3)
+        if self.limit or limit_low:
+            wanted |= one << (setting & 3)
+        if self.stop or stop_low:
+            wanted |= one << (setting >> 2 & 3)
+        if self.breakpoint:
+            wanted |= one << (setting >> 4 & 3)
+        if self.error:
+            wanted |= one << (setting >> 6)
+        self.clear()
+        if wanted >> ds.GO_IDLE & 1:
+            return ds.GO_IDLE
+        if wanted >> ds.ABRUPT & 1:
+            return ds.ABRUPT
+        if wanted >> ds.DECELERATE & 1:
+            return ds.DECELERATE
+        return ds.REPORT
+
+    def stands(self, registers: Registers) -> bool:
+        """Tell whether a pin's flag that asks for a deceleration has not been cleared yet.
+
+        Integral velocity mode stays at rest until then, though the pin is high (NOTES 27).
+        """
+        setting = registers.exception
+        status = registers.status
+        if not status & ds.STOP_OK and setting >> 2 & 3 == ds.DECELERATE:
+            return True
+        return not status & ds.LIMIT_OK and setting & 3 == ds.DECELERATE
 
 
 class ControlLoop:
@@ -38,6 +192,8 @@ class ControlLoop:
         clip: a unipolar DAC port gives zero of a negative motor command, not its magnitude.
 
     Attributes:
+        state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
+        request: what the host has written to R05 since the last sample, or :data:`NO_REQUEST`.
         mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
         mc: motor command before any limit, in 1/16 of an R08 step.
         halted: the host has halted motion; position control holds until R05 = 03.
@@ -60,6 +216,7 @@ class ControlLoop:
         "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_clip", "registers")
+    DERIVED: ClassVar[Names] = ("request", "state")  # saved by the axis
 
     def __init__(self, registers: RegisterFile, clip: bool) -> None:
         self.registers: Final[RegisterFile] = registers
@@ -75,6 +232,8 @@ class ControlLoop:
         self.pid: PidFilter = PidFilter()
         self.stall: Final[StallCheck] = StallCheck()
         self.faults: Final[ExceptionSources] = ExceptionSources()
+        self.state: i64 = HELD
+        self.request: i64 = NO_REQUEST
         self.mode: i64 = 0
         self.abrupt: bool = False
         self.steps: i64 = 0
@@ -151,7 +310,9 @@ class ControlLoop:
         registers = self.registers
         if not registers.feature & ds.PID:
             return "" if registers.lead_gain else "R22, the gain of the lead filter, 0"
-        gains = registers.kp | registers.ki | registers.kd
+        gains = registers.kp | registers.kd
+        if registers.integral_limit & 0x7FFF:
+            gains |= registers.ki
         forward = registers.kv | registers.ka | registers.feed_forward
         return "" if gains or forward else "all gains of the PID filter 0"
 

@@ -437,6 +437,33 @@ LISTED_RANGE: Final = Rule(
     "warning",
 )  # fmt: skip
 LISTED_MOST: Final = {0x18: 0x07, 0x27: 0x7F, 0x28: 0x7F}
+NO_FORCE: Final = Rule(
+    "mcp1200.no-force", "MCP-OUT-1",
+    "The saturation limit R4B differs from 80H and 7FH, with which a saturated DAC gives no force.",
+    "warning",
+)  # fmt: skip
+FORCELESS: Final = (0x7F, 0x80)
+SPLIT_POSITION: Final = Rule(
+    "mcp1200.split-position", "MCP-TRP-1",
+    "All bytes of a final position are written before F0 is set, or it is the old one's in part.",
+    "warning",
+)  # fmt: skip
+PART_POSITION: Final = Rule(
+    "mcp1200.part-position", "MCP-REG-27",
+    "Of a final position all three bytes are written, or the others stay as they were.", "note",
+)  # fmt: skip
+NO_WAY: Final = Rule(
+    "mcp1200.no-way", "MCP-TRP-5",
+    "A final position is written before F0 is set: a profile without a way to go is over.", "note",
+)  # fmt: skip
+PID_UNUSED: Final = Rule(
+    "mcp1200.pid-unused", "MCP-REG-2",
+    "Gains of the PID filter count with bit 3 of R01 set: without it the lead filter runs.", "note",
+)  # fmt: skip
+NO_INTEGRAL: Final = Rule(
+    "mcp1200.no-integral", "MCP-FLT-3",
+    "An integral gain has a limit above 0: with R66:R65 at 0 it does nothing.", "note",
+)  # fmt: skip
 """Largest bytes that the manual lists for some registers (MCP-REG-18, -25, -26)."""
 JUMP: Final = Rule(
     "mcp1200.jump", "MCP-MOD-6",
@@ -476,8 +503,9 @@ ERRORS_STAND: Final = Rule(
 RULES: Final = (
     *AC["5 V"].rules.values(),
     CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
-    EXTENDED_OFF, LISTED_RANGE, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY,
-    OTHER_VELOCITY, NO_RATE, ERRORS_STAND,
+    EXTENDED_OFF, LISTED_RANGE, NO_FORCE, SPLIT_POSITION, PART_POSITION, NO_WAY, PID_UNUSED,
+    NO_INTEGRAL, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY, OTHER_VELOCITY,
+    NO_RATE, ERRORS_STAND,
 )  # fmt: skip
 
 # -- board file keys ----------------------------------------------------------------------------
@@ -506,7 +534,7 @@ OPTIONS: Final = (
            clause="MCP-TIM-9"),
 )  # fmt: skip
 
-# -- Values: what is told of the chip; its other registers are found as the map names them ------
+# -- Values: telemetry; the other registers are found as the map names them ------
 
 VALUES: Final = ValueTable(
     Value("mode", "mode()", key="mode", text=True),

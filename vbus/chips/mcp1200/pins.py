@@ -1,4 +1,5 @@
-"""The host bus at the pins: /ALE, /CS, /OE, R/W and the multiplexed address/data bus."""
+"""The pins: the host bus (/ALE, /CS, /OE, R/W, the multiplexed address/data bus), and the inputs
+beside it (encoder, limits, trigger, reset, sync)."""
 
 from typing import ClassVar, Final
 
@@ -7,12 +8,19 @@ from mypy_extensions import i64
 from vbus.chips.base import Chip
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.axis import ClockedAxis
+from vbus.chips.mcp1200.encoder import LONG_AGO, EncoderChannels, InputLevels
+from vbus.chips.motion.quadrature import Quadrature
 from vbus.chips.strobes import AcTable
 from vbus.core.kernel import NEVER
-from vbus.core.signals import LOW, Net, Z
+from vbus.core.signals import LOW, Net, Pin, Watcher, Z
 from vbus.core.state import Names
 
-LONG_AGO: Final = 1 - (1 << 62)
+INDEX: Final = 2
+"""Place of INDEX after CHA and CHB."""
+
+PULSES: Final = (("/RESET", "tIRST"), ("/SYNC", "tIRST"), ("/LIMIT", "tIP"), ("/STOP", "tIP"))
+"""Inputs whose low pulses have a shortest length (MCP-TIM-4, 5)."""
 _OE: Final = 2
 """Place of /OE among the levels of the control lines."""
 AD6: Final = 0x40
@@ -345,3 +353,105 @@ class StrobePins(BusFrontEnd):
         self._address = 0
         self._open = False
         self._fresh = False
+
+
+class ChannelPins:
+    """CHA, CHB and INDEX while something drives them (MCP-ENC-1).
+
+    Args:
+        chip: whose pins.
+        axis: takes their edges.
+    """
+
+    STATE: ClassVar[Names] = ("_levels: list[i64]", "_since: list[i64]", "decoder: part")
+    WIRING: ClassVar[Names] = ("_channels", "_chip", "_pins")
+
+    def __init__(self, chip: HostInterface, axis: ClockedAxis) -> None:
+        self._chip: HostInterface = chip
+        self._channels: EncoderChannels = axis.channels
+        self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
+        self.decoder: Quadrature = axis.channels.decoder
+        self._since: list[int] = [LONG_AGO] * 3
+        self.settle_levels()
+        watcher = Watcher(chip.kernel, self._moved)
+        for pin in self._pins:
+            pin.net.watch(watcher)
+
+    def settle_levels(self) -> None:
+        """Take the levels as they stand as what has been there for ever: power-on."""
+        self._levels: list[int] = [pin.value for pin in self._pins]
+        a, b, index = self._levels
+        self._channels.preset(a, b, index)
+
+    def after_load(self) -> None:
+        """Find out when the next edge is believed."""
+        self._channels.expect()
+
+    def _moved(self) -> None:
+        chip = self._chip
+        chip.advance()
+        a, b, index = levels = [pin.value for pin in self._pins]
+        moved = [place for place in range(3) if levels[place] != self._levels[place]]
+        now = chip.kernel.now
+        if chip.judged:
+            self._judge(moved, now)
+        self._levels = levels
+        for place in moved:
+            self._since[place] = now
+        self._channels.edge(chip.cycle_now(), a, b, index)
+        chip.touched()
+
+    def _judge(self, moved: list[int], now: int) -> None:
+        clocks = self._channels.divider()
+        for place in reversed(moved):
+            symbol = "tIX" if place == INDEX else "tIAB"
+            self._chip.judge_filtered(symbol, now - self._since[place], clocks)
+        channels = [place for place in moved if place != INDEX]
+        if channels:
+            # The other channel moved before, or in this instant too.
+            since = now if len(channels) == 2 else self._since[1 - channels[0]]
+            self._chip.judge_filtered("tAB", now - since, clocks)
+
+
+class SidePins:
+    """/LIMIT, /STOP, /RESET, /SYNC, and TRIG as an input.
+
+    Args:
+        chip: whose pins.
+        axis: what they act on.
+    """
+
+    WIRING: ClassVar[Names] = ("_axis", "_chip", "_inputs", "own")
+
+    def __init__(self, chip: HostInterface, axis: ClockedAxis) -> None:
+        self._chip: HostInterface = chip
+        self._axis: ClockedAxis = axis
+        self._inputs: InputLevels = axis.inputs
+        self.own: Watcher = Watcher(chip.kernel, self._moved)
+        for name in ("/RESET", "/SYNC", "/LIMIT", "/STOP", "TRIG"):
+            chip.pins[name].net.watch(self.own)
+
+    def _moved(self) -> None:
+        chip, inputs = self._chip, self._inputs
+        chip.advance()
+        # No machine word: the end of time less an edge long ago does not fit one.
+        now: int = chip.kernel.now
+        for place, (name, limit) in enumerate(PULSES):
+            level = chip.pins[name].value
+            if level == inputs.nets[place]:
+                continue
+            inputs.nets[place] = level
+            if level == 0:
+                inputs.fell[place] = now
+            elif chip.judged:
+                chip.judge(limit, now - inputs.fell[place])
+            if name == "/RESET":
+                chip.reset_pin(level)
+        self._axis.look(chip.cycle_now(), chip.next_cycle())
+        chip.touched()
+
+    def settle_levels(self) -> None:
+        """Take the levels as they stand: power-on."""
+        for place, (name, _) in enumerate(PULSES):
+            self._inputs.nets[place] = self._chip.pins[name].value
+        self._inputs.look()

@@ -8,6 +8,9 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.generated.registers import Registers
 from vbus.core.state import Names
 
+FAR: Final = (1 << 62) - 1
+"""A clock cycle that does not come."""
+
 
 class SampledRegisters(Registers):
     """What a control sample computes from."""

@@ -5,8 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
-from vbus.chips.mcp1200.timer import FAR
+from vbus.chips.mcp1200.registers import FAR, RegisterFile, SampledRegisters
 from vbus.core.bits import wrap_word
 from vbus.core.state import Names
 

@@ -3,10 +3,10 @@
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.core.signals import Plant
-from vbus.faults.upsets import Upsets
+from vbus.faults.upsets import ChipFaults
 
 
-class Mcp1200Upsets(Upsets):
+class Mcp1200Upsets(ChipFaults):
     """Its encoder's plant and its clock."""
 
     def __init__(self, chip: Chip) -> None:

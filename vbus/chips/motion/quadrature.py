@@ -12,6 +12,8 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import Chip
+from vbus.chips.strobes import AcTable
 from vbus.core.kernel import NEVER
 from vbus.core.state import Names
 
@@ -99,7 +101,7 @@ class Quadrature:
         together: the dwell is that of the *state* of A and B, so that a state which is too short
             is lost (LM-POS-1); otherwise A and B are filtered each on its own (MCP-ENC-1,
             PMD-ENC-1).
-        dwell_limit: shortest legal state; what is shorter is told by :meth:`edge`.
+        dwell_limit: shortest legal state; :meth:`edge` returns one that is shorter.
         pulse_limit: shortest legal level of A or B.
 
     Attributes:
@@ -176,7 +178,7 @@ class Quadrature:
             the lengths in :attr:`dwell` and :attr:`pulse`.
 
         Raises:
-            ValueError: something was due by ``now`` that nobody has taken by :meth:`settle`.
+            ValueError: something was due by ``now`` that :meth:`settle` has not taken.
         """
         if self.due() <= now:
             raise ValueError(f"settle what was due at {self.due()} before telling an edge at {now}")
@@ -258,3 +260,23 @@ class Quadrature:
         self._a.set_dwell(now, dwell)
         self._b.set_dwell(now, dwell)
         self._index.set_dwell(now, index_dwell)
+
+
+def judge_inputs(chip: Chip, ac: AcTable, inputs: Quadrature, found: int) -> bool:
+    """File what an edge of A, B or index has broken (T1 to T3); tell whether the index is lost.
+
+    Args:
+        chip: whose inputs they are.
+        ac: its limits.
+        inputs: the decoder that took the edge.
+        found: what it found.
+    """
+    lost = False
+    for bit, symbol, measured in (
+        (SHORT_DWELL, "T2", inputs.dwell),
+        (SHORT_PULSE, "T1", inputs.pulse),
+        (INDEX_INSIDE, "T3", -1),
+    ):
+        if found & bit:
+            lost = chip.report(ac.rules[symbol], measured, ac.minimum(symbol, chip.clock))
+    return lost and bool(found & INDEX_INSIDE)

@@ -1,10 +1,11 @@
-"""One sample of a trapezoidal move that lands exactly on its target, in integers.
+"""One sample of a velocity ramp, or of a trapezoidal move that lands exactly on its target.
 
-The rule of MCP-TRP-2 and PMD-TRJ-2. Distances and velocities are integers in units of
-2^-f counts (f fraction bits of the chip), velocities per sample, accelerations per sample squared.
-Before each sample the generator knows how far it has to go and how fast it is; it takes the
-largest velocity that the acceleration, the top velocity and the stopping distance allow. Because
-that is decided anew in every sample, target and top velocity may change at any time.
+By a ramp LM-TRJ-13, MCP-VEL-1 and PMD-TRJ-6 run at a velocity, and every chip stops smoothly (goal
+0). A move follows the rule of MCP-TRP-2 and PMD-TRJ-2. Distances and velocities are integers in
+units of 2^-f counts (f fraction bits of the chip), velocities per sample, accelerations per sample
+squared. Before each sample of a move the generator knows how far it has to go and how fast it is;
+it takes the largest velocity that the acceleration, the top velocity and the stopping distance
+allow. Because that is decided anew in every sample, target and top velocity may change at any time.
 
 With a *start velocity* (PMD START_VEL) a move begins and ends at that velocity instead of at 0.
 
@@ -16,6 +17,37 @@ build keeps them in machine words.
 """
 
 from mypy_extensions import i64
+
+
+def toward(velocity: i64, goal: i64, accel: i64, start: i64 = 0) -> i64:
+    """Return the velocity of the coming sample.
+
+    Args:
+        velocity: velocity of the last sample, signed.
+        goal: velocity to reach, signed.
+        accel: largest change (0 or more); 0 leaves the velocity as it is.
+        start: start velocity (0 or more). From rest the first sample runs at it (or at the goal,
+            if that is slower); on the way to 0 or through 0, what would be slower than it becomes
+            0 and the axis rests for one sample.
+    """
+    if accel == 0:
+        return velocity
+    if start > 0:
+        if velocity == 0:
+            if goal > 0:
+                return start if start < goal else goal
+            return -start if -start > goal else goal
+        if velocity > 0 and goal <= 0:
+            slower = velocity - accel
+            return 0 if slower < start else slower
+        if velocity < 0 and goal >= 0:
+            slower = velocity + accel
+            return 0 if slower > -start else slower
+    if velocity < goal:
+        velocity += accel
+        return velocity if velocity < goal else goal
+    velocity -= accel
+    return velocity if velocity > goal else goal
 
 
 def next_velocity(remaining: i64, velocity: i64, top: i64, accel: i64, start: i64 = 0) -> i64:

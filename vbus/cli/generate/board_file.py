@@ -1,4 +1,4 @@
-"""Fills the tables of the board-file pages: every section, every registered chip and plant."""
+"""Fills the tables of the pages about board files and faults: sections, chips, plants, faults."""
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -10,14 +10,17 @@ from vbus.boardfile.key import NAMES, Below, Section, below, rows
 from vbus.boardfile.sections import BoardFile
 from vbus.cli.generate.layout import ROOT, filled, table
 from vbus.core.options import Option
+from vbus.core.signals.axis import DRIVES
 from vbus.core.values import units
 from vbus.core.values.settings import allowed, quoted
+from vbus.faults.row import AXIS, COUNTED, LINK, MESSAGES, NET, OF_BYTES, ONCE, WIRE, Fault
+from vbus.faults.table import faults as known_faults
 from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.table import PARTS
 
 _PAGES: Final = (
     "board", "chips", "plants", "nets", "hosts", "violations", "buses", "glue", "cards", "pinmaps",
-    "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
+    "cpu", "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
 )  # fmt: skip
 """Sections in the order of the overview; each has a page."""
 
@@ -148,12 +151,11 @@ def _parts() -> list[str]:
 
 
 def _models() -> list[str]:
-    takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
     lines: list[str] = []
     for name in plugins.names(plugins.PLANTS):
         plant = plugins.plant_class(name)
         summary = (plant.__doc__ or "").strip().partition("\n")[0]
-        kinds = ", ".join(takes[kind] for kind in plant.TAKES)
+        kinds = ", ".join(DRIVES[kind] for kind in plant.TAKES)
         lines += _part(name, f"{summary} Takes: {kinds}.", plant.OPTIONS)
     return lines[:-1]
 
@@ -165,3 +167,45 @@ _FURTHER: Final[dict[str, dict[str, Callable[[], list[str]]]]] = {
     "cards": {"card-buses": _card_buses},
 }
 """Tables of other things than keys of a section, by page."""
+
+
+_ENDS: Final = {ONCE: "over at once", COUNTED: "once, for a time, until cleared"}
+
+
+def faults() -> str:
+    """Return the page with its tables up to date."""
+    families: dict[str, list[Fault]] = {}
+    for fault in known_faults().values():
+        families.setdefault(fault.family, []).append(fault)
+    return filled("faults", {name: _rows(family) for name, family in families.items()})
+
+
+def _rows(family: list[Fault]) -> list[str]:
+    rows = table(
+        ("fault", "what happens", "for", "ends"),
+        (
+            (f"`{fault.name}`", fault.title, _for(fault),
+             _ENDS.get(fault.acts, "for a time, until cleared"))
+            for fault in family
+        ),
+    )  # fmt: skip
+    for fault in family:
+        if fault.parameters:
+            rows += ["", f"`{fault.name}`:", "", *option_table(fault.parameters)]
+    return rows
+
+
+def _for(fault: Fault) -> str:
+    if fault.target == LINK:
+        if fault.name == OF_BYTES:
+            return "links of bytes"
+        return "links over Zenoh" if fault.family == MESSAGES else "links"
+    if fault.target == WIRE:
+        return "wires between nodes"
+    if not fault.of_chip:
+        return "wires of a board" if fault.target == NET else "parts of glue"
+    if fault.families:
+        return ", ".join(fault.families)
+    if fault.shaft:
+        return "axes with a `dc_motor` or `stepper`"
+    return "every axis" if fault.target == AXIS else "every chip"

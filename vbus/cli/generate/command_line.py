@@ -20,7 +20,7 @@ _HEAD: Final = """\
 `-h` and `--help`.
 
 A shell completes commands, options, names of running boards, part numbers, faults, demonstrations,
-board files and journals, once it is told so, in `~/.bashrc`, `~/.zshrc` or
+board files and journals, with one line in `~/.bashrc`, `~/.zshrc` or
 `~/.config/fish/completions/vbus.fish`:
 
 ```bash
@@ -54,7 +54,7 @@ def _command(command: click.Command, path: str) -> Iterator[str]:
 
 
 def _paragraphs(text: str) -> Iterator[str]:
-    """Give the help text; what click is told to leave as it is stays as it is."""
+    """Give the help text; blocks that click does not wrap stay as they are."""
     for paragraph in text.split("\n\n"):
         if paragraph.startswith("\b\n"):
             yield from ("```text", paragraph.removeprefix("\b\n"), "```", "")

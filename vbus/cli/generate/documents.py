@@ -55,18 +55,18 @@ def architecture() -> str:
     rows = SESSION.rows + TERMINAL.rows
     parts = {"state": [one for row in rows for one in row[::2]], "event": [row[1] for row in rows]}
     for what, names in parts.items():
-        told = [(name, text) for name, text in constants(states) if name in names]
-        figure += [*table((what, "what it is"), told), ""]
+        rows_of = [(name, text) for name, text in constants(states) if name in names]
+        figure += [*table((what, "what it is"), rows_of), ""]
     return fill(page, "sessions", figure[:-1])
 
 
 def constants(module: ModuleType) -> Iterator[tuple[str, str]]:
     """Yield the text constants of a module, each with the docstring behind it."""
-    for line, told in pairwise(ast.parse(inspect.getsource(module)).body):
-        if isinstance(line, ast.AnnAssign) and isinstance(told, ast.Expr):
+    for line, doc in pairwise(ast.parse(inspect.getsource(module)).body):
+        if isinstance(line, ast.AnnAssign) and isinstance(doc, ast.Expr):
             value = getattr(module, ast.unparse(line.target))
             if isinstance(value, str):
-                yield value, " ".join(ast.literal_eval(told.value).split())
+                yield value, " ".join(ast.literal_eval(doc.value).split())
 
 
 def _drawn(machine: States) -> Iterator[str]:

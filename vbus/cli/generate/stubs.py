@@ -3,7 +3,6 @@
 import ast
 import inspect
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from types import FunctionType
 from typing import Final
@@ -13,24 +12,29 @@ from vbus.cli.generate.layout import ROOT, docstring, folder_of, formatted
 
 _HEAD: Final = "# Made from {} by vbus.cli.generate; change that.\n"
 _CLIENT: Final = ROOT / "vbus" / "client"
-_ROLES: Final = ("access", "calls", "host")
-"""Files of a chip's folder that its client is made of, in the order of their classes."""
+_ROLES: Final = ("calls", "host")
+"""Modules of a chip's folder that have its client: what is made of tables, and ``host.py``."""
 
 
 def calls(family: Family) -> str:
-    """Return the stub of a family's ``calls.py``: what ``calls_of`` makes of its tables."""
-    path = folder_of(family) / "calls.py"
+    """Return the stub of what ``calls_of`` makes of a family's tables."""
+    cls = calls_class(family)
+    assert cls is not None
+    base = cls.__bases__[0].__name__
+    lines = [f'"""The calls of the {family.title}, for asyncio."""']
+    lines += [f"from {family.home}.host import {base}", "", f"class {cls.__name__}({base}):"]
+    lines += docstring(*_paragraphs(cls), indent=4)
+    lines += [line for call in vars(cls).values() if inspect.isfunction(call)
+              for line in _call(call)]  # fmt: skip
     head = _HEAD.format("the chip's tables")
-    lines = [_about(path)]
-    lines += [ast.unparse(node) for node in ast.parse(path.read_text()).body
-              if isinstance(node, ast.ImportFrom)]  # fmt: skip
-    for cls in vars(import_module(f"{family.home}.calls")).values():
-        if isinstance(cls, type) and cls.__module__ == f"{family.home}.calls":
-            lines += ["", f"class {cls.__name__}({cls.__bases__[0].__name__}):"]
-            lines += docstring(*_paragraphs(cls), indent=4)
-            lines += [line for call in vars(cls).values() if inspect.isfunction(call)
-                      for line in _call(call)]  # fmt: skip
-    return _stub(head + "\n".join(lines), path)
+    return _stub(head + "\n".join(lines), folder_of(family) / "calls.pyi")
+
+
+def calls_class(family: Family) -> type | None:
+    """Return what ``calls_of`` has made of a family's tables for its client; None: nothing."""
+    host = family.object("host")
+    made = [cls for cls in host.__mro__ if cls.__name__.endswith("Calls")] if host else []
+    return made[0] if made else None
 
 
 def _about(path: Path) -> str:
@@ -57,7 +61,7 @@ def blocking(name: str) -> str:
 def client(family: Family) -> str:
     """Return the stub of the blocking client of a family of this source tree."""
     folder = folder_of(family)
-    files = [folder / f"{role}.{'pyi' if role == 'calls' else 'py'}" for role in _ROLES]
+    files = (folder / "calls.pyi", folder / "host.py")
     sources = [path.read_text() for path in files if path.exists()]
     named = f"{folder.relative_to(ROOT)} ({', '.join(_ROLES)})"
     return _blocking(sources, named, _CLIENT / f"{family.name}.py", own=f"{family.home}.")

@@ -13,7 +13,6 @@ from vbus.cli.generate import (
     chip_pages,
     command_line,
     documents,
-    faults,
     proofs,
     registers,
     sigrok,
@@ -69,7 +68,7 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/c-client.md", c_interface),
     ("docs/command-line.md", command_line.command_line),
-    ("docs/faults.md", faults.faults),
+    ("docs/faults.md", board_file.faults),
     ("docs/index.md", documents.landing),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
@@ -85,7 +84,7 @@ def client_targets(family: Family) -> list[Target]:
     place = f"{folder.relative_to(ROOT) if folder.is_relative_to(ROOT) else folder}"
     made = f"{place}/generated"
     found: list[Target] = []
-    if (folder / "calls.py").exists():
+    if stubs.calls_class(family) is not None:
         found.append((f"{place}/calls.pyi", partial(stubs.calls, family)))
     counted = any(row.counts for row in family.registers)
     if counted or family.bits:
@@ -111,10 +110,9 @@ def own_clients() -> list[Target]:
 
 
 _BLOCKING: Final = """\
-from {home} import access, host
+from {home} import host
 from vbus.client.blocking import export
 
-export(access, globals())
 export(host, globals())
 """
 _ASYNCIO: Final = "from {home}.host import *  # noqa: F403\n"

@@ -37,14 +37,14 @@ _OTHERS: Final = -1 << 33
 _TICKS: Final = os.sysconf("SC_CLK_TCK")
 _TURN: Final = 200_000
 """Nanoseconds: a thread that computes has the processor for longer at a time (3 ms), however many
-want it; one that calls sched_yield in a loop, for a few microseconds where somebody else does."""
+want it; one that calls sched_yield in a loop, for a few microseconds where another thread does."""
 
 
 class _Seen(NamedTuple):
     """A process at rest.
 
     Attributes:
-        told: what vbus exec's library has said of its waits; "" if it has said nothing.
+        told: the library's note about its waits; "" without one.
         switches: how often each thread has been scheduled.
     """
 
@@ -74,7 +74,7 @@ class AtRest:
     Args:
         roots: gives the processes to look at, with theirs.
         watch: ends the program.
-        note: the file that the library is told of; beside it, it says what threads wait for.
+        note: the file whose name the library gets; beside it, it says what threads wait for.
         limit: chip time the program may take (ps): it may compute as long without the bus, and
             for :data:`POLLING` seconds in any case.
     """
@@ -145,9 +145,9 @@ class AtRest:
 
     def _at_rest(self, pid: int, pids: list[int]) -> _Seen | None:
         """Return how a process is found if nothing can end its waits but these processes."""
-        told = read(f"{self._note}.{pid}")
-        known = _told(told)
-        ours = told.partition("\n")[0].endswith(" 1")
+        text = read(f"{self._note}.{pid}")
+        known = _told(text)
+        ours = text.partition("\n")[0].endswith(" 1")
         """Whether the library has the timers of the process in hand."""
         switches = []
         for task in tasks(pid):
@@ -166,7 +166,7 @@ class AtRest:
                 facts.get("nonvoluntary_ctxt_switches", "0"),
             )
             switches.append((task, sum(map(int, count))))
-        return _Seen(told, tuple(switches)) if switches else None
+        return _Seen(text, tuple(switches)) if switches else None
 
 
 def _told(text: str) -> dict[int, list[tuple[int, int]]]:

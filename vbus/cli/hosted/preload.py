@@ -1,4 +1,4 @@
-"""The library that ``vbus exec`` loads into programs: building it, and what it is told."""
+"""The library that ``vbus exec`` loads into programs: building it, and its settings."""
 
 import hashlib
 import os
@@ -103,7 +103,7 @@ def _build(folder: Path) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             copy = target.with_suffix(f".{os.getpid()}")
             shutil.copy(made, copy)
-            copy.replace(target)  # at once, whoever else builds it
+            copy.replace(target)  # in one step: another process may build it too
         made.unlink(missing_ok=True)
     (folder / "built").touch()
 
@@ -123,10 +123,10 @@ def environment(
     if not info.card:
         raise ConfigError(f"{where}: this link has no card; name one as card of its host")
     cycles = ",".join(str(chip.cycle_ps) for chip in info.chips)
-    told = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
-    told += f"note={note or ''};card={_sorted(info.card)}"
+    settings = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
+    settings += f"note={note or ''};card={_sorted(info.card)}"
     loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
-    variables = {"VBUS_LINK": where, "VBUS_EXEC": told, "LD_PRELOAD": ":".join(loaded)}
+    variables = {"VBUS_LINK": where, "VBUS_EXEC": settings, "LD_PRELOAD": ":".join(loaded)}
     if "memory=1" in info.program and "GLIBC_TUNABLES" not in os.environ:
         variables["GLIBC_TUNABLES"] = SSE_ONLY
     return variables

@@ -10,8 +10,7 @@ from vbus.chips.clauses import Clause, proofs_of
 from vbus.cli.output import Line
 from vbus.core.signals import Rule
 from vbus.core.values.settings import suggestion
-from vbus.views.clauses import all_clauses, carriers, headed
-from vbus.views.tables import ac_limits
+from vbus.views.clauses import ac_limits, all_clauses, carriers, headed
 
 WIDTH: Final = 80
 

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
-from vbus.core.errors import PluginError, TransportError
+from vbus.core.errors import PluginError, listen_errors
 from vbus.core.kernel import NS
-from vbus.views.names import plain
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
 from vbus.views.scope.recording import COMMAND, OTHER, READ, STATUS_READ, VIOLATED, WRITTEN
 from vbus.views.scope.rows import LaneTold, Row, Rows
+from vbus.views.wave.signals import plain
 
 try:
     import foxglove
@@ -110,7 +110,7 @@ class Channels:
         self._channels[lane].log(_message(when, lane, value), log_time=when // NS)
 
     def repeat(self, topic: str) -> None:
-        """Tell the latest row of a topic once more, for somebody who listens from now on."""
+        """Send the latest row of a topic once more, for a new listener."""
         row = self._latest.get(self._lanes[topic])
         if row is not None:
             self.log(row)
@@ -143,7 +143,7 @@ def mcap_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
     """Return a run as an MCAP file; the same run gives the same bytes.
 
     Args:
-        description: what a page is told before the first frame.
+        description: the description that comes before the first frame.
         frames: the recording.
     """
     rows = Rows(description)
@@ -162,17 +162,17 @@ def mcap_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
 
 
 class _Listener(ServerListener):  # type: ignore[misc]
-    """Is told by the SDK, in a thread of its own, of what clients do.
+    """Called by the SDK, in a thread of its own, when clients subscribe.
 
     Args:
-        subscribed: takes the topic that somebody listens to from now on.
+        subscribed: takes a topic that has a new listener.
     """
 
     def __init__(self, subscribed: Callable[[str], None]) -> None:
         self._subscribed: Callable[[str], None] = subscribed
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Somebody listens to a topic from now on."""
+        """A client listens to a topic from now on."""
         self._subscribed(channel.topic)
 
 
@@ -180,7 +180,7 @@ class FoxgloveServer:
     """Serves the lanes of a running board by the protocol of Foxglove's WebSocket.
 
     Args:
-        description: what a page is told before the first frame.
+        description: the description that comes before the first frame.
         host: address to listen on.
         port: 0 is any free one.
         report: takes the address, once it listens.
@@ -196,7 +196,7 @@ class FoxgloveServer:
         tls: tuple[bytes, bytes] | None = None,
     ) -> None:
         self.pages: int = 0
-        """Nobody is waited for when the board has ended."""
+        """Do not wait for clients when the board has ended."""
         self._name: str = description["board"]
         self._rows: Rows = Rows(description)
         self._context: Any = foxglove.Context()
@@ -219,23 +219,13 @@ class FoxgloveServer:
             loop.call_soon_threadsafe(self._channels.repeat, topic)
 
         certificate, key = self._tls or (None, None)
-        try:
+        with listen_errors(f"{self._host}:{self._port}", "with --foxglove", RuntimeError):
             self._server = foxglove.start_server(
-                name=self._name,
-                host=self._host,
-                port=self._port,
-                capabilities=[Capability.Time],
-                server_listener=_Listener(subscribed),
-                context=self._context,
-                message_backlog_size=MOST_MESSAGES,
-                tls_cert=certificate,
-                tls_key=key,
-            )
-        except RuntimeError as error:
-            raise TransportError(
-                f"{self._host}:{self._port}: cannot listen: {error}; free the address, or give"
-                " another with --foxglove (port 0 is any free one)"
-            ) from error
+                name=self._name, host=self._host, port=self._port,
+                capabilities=[Capability.Time], server_listener=_Listener(subscribed),
+                context=self._context, message_backlog_size=MOST_MESSAGES,
+                tls_cert=certificate, tls_key=key,
+            )  # fmt: skip
         shown = f"[{self._host}]" if ":" in self._host else self._host
         scheme = "ws" if self._tls is None else "wss"
         self._report(f"{scheme}://{shown}:{self._server.port}")

@@ -12,8 +12,8 @@ from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.cli import exit_codes
 from vbus.cli.journal_lines import instant
-from vbus.cli.look.feed import Feed, Together, boards_of
 from vbus.cli.output import Line, complain, json_line
+from vbus.cli.sources import Feed, Together, boards_of
 from vbus.cli.telemetry_text import LIT, UNLIT, TelemetryValue, Word, words_and_numbers
 from vbus.core.signals import Violation
 from vbus.core.wall_clock import monotonic
@@ -48,14 +48,14 @@ def command(
         console = Console()
         view = View(feed.hello, status)
         feed.watch(until)
-        told: Callable[[str], str] = json_line if as_json else str
+        text_of: Callable[[str], str] = json_line if as_json else str
         if plain or as_json or not console.is_terminal:
-            _print(feed, view, count, told)
+            _print(feed, view, count, text_of)
         else:
             _live(feed, console, view, count)
         if view.met is not None:
             met = f"{until}: at {instant(view.met)}"
-            click.echo(told(Line(met, until=until, when_ps=view.met)))
+            click.echo(text_of(Line(met, until=until, when_ps=view.met)))
             return exit_codes.OK
     if until:
         complain(f'the condition "{until}" has not come to hold')
@@ -91,7 +91,7 @@ class View(PacketReader):
         self._status: bool = status
 
     def told(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
-        """Return what a chip has told last."""
+        """Return the latest values of a chip."""
         family = plugins.family(self._families.get(chip, ""))
         return words_and_numbers(family, self._stream.decoders.get(chip), self.values[chip])
 
@@ -142,10 +142,10 @@ class View(PacketReader):
 
 
 def _print(
-    feed: Feed | Together, view: View, count: int | None, told: Callable[[str], str]
+    feed: Feed | Together, view: View, count: int | None, text_of: Callable[[str], str]
 ) -> None:
     board = feed.hello["board"]
-    click.echo(told(Line(f"watching {board}", board=board)))
+    click.echo(text_of(Line(f"watching {board}", board=board)))
     for item in feed:
         lost = view.lost
         view.take(item)
@@ -153,7 +153,7 @@ def _print(
             missed = view.lost - lost
             view.new.append(Line(f"({missed} cycles were too fast to be shown)", lost=missed))
         for line in view.new:
-            click.echo(told(line))
+            click.echo(text_of(line))
         view.new.clear()
         if view.over(count):
             return
@@ -183,7 +183,7 @@ def screen(hello: dict[str, Any], view: View, room: int = SHOWN) -> Any:
 
     Args:
         hello: what the board said of itself.
-        view: what it has told since.
+        view: its values and events since.
         room: lines for packets.
     """
     from rich.console import Group

@@ -1,7 +1,9 @@
 """``vbus plot``: the motion of a recorded run as a picture."""
 
+import io
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -10,20 +12,70 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.output import duration, no_progress
-from vbus.core.errors import VbusError
+from vbus.core.errors import PluginError, VbusError
+from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from vbus.views.scope.rows import LaneTold, Units
 
+_METADATA: Final[dict[str, dict[str, Any]]] = {
+    ".svg": {"Date": None}, ".png": {}, ".pdf": {"CreationDate": None},
+}  # fmt: skip
+"""By the end of a file's name: what is said in it of its making."""
+
+_STYLE: Final = {
+    "svg.hashsalt": "vbus", "svg.fonttype": "none", "font.size": 9.0, "axes.grid": True,
+    "axes.axisbelow": True, "grid.color": "#e4e4e4", "axes.edgecolor": "#444444",
+    "legend.frameon": False, "lines.linewidth": 1.2, "savefig.dpi": 120,
+    "axes.formatter.useoffset": False,
+}  # fmt: skip
+"""What all pictures have, whatever a user has set for his own."""
+
+
+@contextmanager
+def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
+    """Give a figure to draw in, and write it to a file at the end.
+
+    Args:
+        path: its name ends in ``.svg``, ``.png`` or ``.pdf``.
+        width: in inches.
+        height: in inches.
+
+    Raises:
+        VbusError: the name ends otherwise, or the file cannot be written.
+        PluginError: matplotlib is not installed.
+    """
+    kind = path.suffix.lower()
+    if kind not in _METADATA:
+        raise VbusError(f"{path}: a picture's name ends in {', '.join(_METADATA)}")
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise PluginError(
+            "pictures need matplotlib; install it with: pip install matplotlib"
+        ) from None
+    drawn = io.BytesIO()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(drawn, format=kind[1:], metadata=_METADATA[kind])
+    write_file(path, drawn.getvalue())
+
+
 LANES: Final = ("desired", "real", "error", "velocity", "output")
-"""What is drawn of an axis if nobody says so."""
+"""What is drawn of an axis by default."""
 TOGETHER: Final = (("desired", "real"), ("velocity", "profile"))
 """Lanes that are drawn over each other where they have one unit: the first wide and pale."""
 
 COLUMN_INCHES: Final = 6.0
 PANEL_INCHES: Final = 1.7
 SLOTS: Final = 2000
-"""How finely time is drawn where there is more than can be told apart."""
+"""How many slots of time are drawn where there are more rows than a reader can see."""
 MARGIN_INCHES: Final = 0.6
 
 _SPANS: Final = ((10**12, "s"), (10**9, "ms"), (10**6, "us"), (10**3, "ns"))
@@ -75,7 +127,7 @@ def draw(
     """Draw a run.
 
     Args:
-        description: what a page is told before the first frame.
+        description: the description that comes before the first frame.
         frames: the recording.
         output: file to write.
         axes: names of axes; none: all.
@@ -88,7 +140,6 @@ def draw(
         VbusError: there is no such axis or lane, or nothing between these instants.
         PluginError: matplotlib is not installed.
     """
-    from vbus.cli.look.picture import picture
     from vbus.views.scope.rows import Rows
 
     rows = Rows(description)
@@ -98,12 +149,12 @@ def draw(
     deep = max(map(len, columns.values()), default=0)
     if lanes != LANES or not deep:
         _chosen("lane", lanes, there)
-    told: dict[LaneTold, list[tuple[int, float]]] = {
+    courses: dict[LaneTold, list[tuple[int, float]]] = {
         lane: [] for panels in columns.values() for panel in panels for lane in panel
     }
     for when, lane, value in rows.take(b"".join(frames)):
-        if lane in told:
-            told[lane].append((when, value))
+        if lane in courses:
+            courses[lane].append((when, value))
     first = begin or 0
     last = rows.now if end is None else end
     if not first < last:
@@ -118,7 +169,7 @@ def draw(
             drawn[0][number].set_title(f"{description['board']}: {axis}", loc="right")
             for place, panel in enumerate(panels):
                 _draw_panel(drawn[place][number], panel, units, [
-                    _between(told[lane], first, last) for lane in panel
+                    _between(courses[lane], first, last) for lane in panel
                 ], per)  # fmt: skip
             for rest in drawn[len(panels) :, number]:
                 rest.set_visible(False)
@@ -164,7 +215,7 @@ def _between(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple
 
 
 def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple[int, float]]:
-    """Return what can be told apart: in each slot the first, the least, the greatest, the last."""
+    """Return what a reader can see: in each slot the first, the least, the greatest, the last."""
     if len(rows) <= 4 * SLOTS:
         return rows
     kept: list[tuple[int, float]] = []

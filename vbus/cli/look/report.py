@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.journal_lines import opened, progress
 from vbus.cli.output import no_progress
+from vbus.cli.sources import opened
 
 if TYPE_CHECKING:
     from vbus.circuit.stream import PacketReader
@@ -26,21 +26,14 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 @click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
-    "--fail-on",
-    type=click.Choice(_FAIL_ON),
-    default="error",
-    show_default=True,
+    "--fail-on", type=click.Choice(_FAIL_ON), default="error", show_default=True,
     help="Exit with 1 if a violation of this severity or above is not accepted.",
-)
+)  # fmt: skip
 @no_progress
 def command(
-    journal: Path,
-    style: str,
-    compatibility: str | None,
-    suppress: str | None,
-    fail_on: str,
+    journal: Path, style: str, compatibility: str | None, suppress: str | None, fail_on: str,
     no_progress: bool,
-) -> int:
+) -> int:  # fmt: skip
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.check.checks import all_rules
     from vbus.record.view import play
@@ -48,22 +41,41 @@ def command(
     from vbus.views.findings.report import Report
     from vbus.views.findings.suppress import suppressions_of
 
-    with opened(journal) as reader:
+    with opened(journal, "reading", no_progress) as reader:
         header = reader.header
         report = Report(
-            header.board,
-            header.families,
-            all_rules(),
-            suppressions_of(suppress or ""),
-            header.file,
+            header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
         )
         readers = [report, *_other_part(report, compatibility)]
-        with progress(journal, reader, "reading", no_progress):
-            play(header, reader, *readers)
+        play(header, reader, *readers)
     click.echo(FORMATS[style](report), nl=False)
+    if style == "text":
+        for line in _motion(journal, report.cycles):
+            click.echo(line)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def _motion(journal: Path, cycles: int) -> "Iterator[str]":
+    """Give what became of each axis, and what the run has left, if it is not too long a run."""
+    from vbus.cli.outcome import MOST_PLAYED, axes_played
+    from vbus.core.errors import VbusError
+
+    if cycles > MOST_PLAYED:
+        yield f"axes: not played again, after more than {MOST_PLAYED} bus cycles"
+        return
+    try:
+        with opened(journal) as reader:
+            axes, board = axes_played(reader, str(journal))
+    except VbusError as error:
+        yield f"axes: not known: {error}"
+        return
+    yield from (f"axis {line}" for line in axes)
+    yield from (
+        f"note: {one.chip}: {one.rule} ({one.clause}): {one.detail}" for one in board.left_over()
+    )
+    yield from board.hints(board.violations)
 
 
 def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":

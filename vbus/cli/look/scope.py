@@ -3,7 +3,7 @@
 import asyncio
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,8 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.look.scope_process import start_scope
-from vbus.cli.output import SCOPE_ADDRESS, complain, duration, no_progress
+from vbus.cli.output import SCOPE_ADDRESS, duration, no_progress
+from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core.errors import VbusError
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_control import Order
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.cli.look.scope_server import ScopeServer
-    from vbus.views.scope.replayed import Recorded
+    from vbus.cli.look.sigrok_server import SigrokServer
+    from vbus.views.scope.recording import Recorded
     from vbus.views.scope.stream import Stream
 
     Server = ScopeServer | FoxgloveServer
@@ -240,31 +242,25 @@ def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
 
 
 def _show(what: str, more: str, address: str) -> None:
-    # Whoever started this may have gone; the page goes on.
+    # The process that started this may have gone; the page goes on.
     with suppress(OSError):
         click.echo(f"{what}: {address}{more}")
 
 
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
     """Play a journal again for its lanes; say so if it is damaged or differs."""
-    from vbus.cli.journal_lines import opened, progress, recorded_board
-    from vbus.views.scope.replayed import replayed
+    from vbus.nodes.machine import board_of
+    from vbus.views.scope.recording import replayed
 
-    with opened(path) as reader:
-        board = recorded_board(path, reader.header)
-        with progress(path, reader, "replaying", quiet):
-            recorded = replayed(board, reader, reader.header.families, strobes)
-        damage = reader.damage
-    if damage:
-        complain(f"{path}: {damage}")
-    if recorded.outcome.divergence is not None:
-        complain(f"{path}: the run differs from its journal at entry"
-                  f' {recorded.outcome.divergence.entry}; "vbus replay" shows how')  # fmt: skip
+    with opened(path, "replaying", quiet) as reader:
+        board = board_of(reader.header, str(path))
+        recorded = replayed(board, reader, reader.header.families, strobes)
+        replay_code(path, recorded.outcome, reader.damage)
     return recorded
 
 
 def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
-    """Return what a page is told of one run, or of several on one time axis."""
+    """Return the description of one run, or of several on one time axis, for a page."""
     if len(parts) == 1:
         return parts[0].description, parts[0].frames
     from vbus.views.scope.merged import Merged
@@ -287,7 +283,6 @@ def recorded_code(recorded: "Recorded") -> int:
 
 def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
     from vbus.cli.look.scope_bookmarks import of_journal
-    from vbus.cli.look.scope_server import serve
     from vbus.serve.loop import run_until_signal
     from vbus.views.scope.stream import Stream
 
@@ -298,10 +293,7 @@ def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quie
     for part in frames:
         stream.add(part)
 
-    async def show(stop: asyncio.Event) -> None:
-        await serve(place.server(stream, bookmarks), stop.wait)
-
-    run_until_signal(show)
+    run_until_signal(lambda stop: _served(place.server(stream, bookmarks), stop.wait))
     return max(map(recorded_code, recorded))
 
 
@@ -313,14 +305,14 @@ def _page_of_boards(
     from vbus.cli.look.scope_bookmarks import journal_of, keep_with_journal, of_board
     from vbus.cli.look.scope_control import BoardOrders
     from vbus.cli.look.scope_fork import Forks
-    from vbus.views.scope.clauses import clause_frame
+    from vbus.views.clauses import clause_frame
     from vbus.views.scope.stream import Stream
 
     hellos = feeds.hellos
 
-    def begun(told: dict[str, Any]) -> Stream:
-        stream = Stream(told)
-        stream.add(clause_frame(chip["family"] for told in hellos for chip in told["chips"]))
+    def begun(description: dict[str, Any]) -> Stream:
+        stream = Stream(description)
+        stream.add(clause_frame(chip["family"] for one in hellos for chip in one["chips"]))
         return stream
 
     orders = None
@@ -329,8 +321,8 @@ def _page_of_boards(
         at_end.callback(forks.end)
         orders = BoardOrders(feeds, forks.open)
     bookmarks = of_board(hellos[0]["board"])
-    for told in hellos:
-        at_end.callback(keep_with_journal, bookmarks, journal_of(told), told)
+    for hello in hellos:
+        at_end.callback(keep_with_journal, bookmarks, journal_of(hello), hello)
     order = orders.order if orders else None
     server = place.server(begun(feeds.description), bookmarks, stay, order)
     server.on_registers = feeds.look_inside
@@ -368,7 +360,6 @@ def _serve_boards(
     samples: bool = True,
 ) -> None:
     """Serve running boards by what is made of what they tell."""
-    from vbus.cli.look.feed import boards_of
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.serve.loop import run_until_signal
 
@@ -377,13 +368,13 @@ def _serve_boards(
         async def show(stop: asyncio.Event) -> None:
             with ExitStack() as at_end:
                 server, take = made(feeds, at_end)
-                ended = asyncio.Event()
-                await server.start()
-                feeds.follow(asyncio.get_running_loop(), take, ended.set)
-                try:
+
+                async def over() -> None:
+                    ended = asyncio.Event()
+                    feeds.follow(asyncio.get_running_loop(), take, ended.set)
                     await _over(server, stop, ended, stay)
-                finally:
-                    await server.stop()
+
+                await _served(server, over)
 
         run_until_signal(show)
 
@@ -392,22 +383,24 @@ def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) ->
     from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.serve.loop import run_until_signal
 
-    async def show(stop: asyncio.Event) -> None:
-        report = partial(_show, "sigrok", "")
-        server = SigrokServer(board, chip, pins, place.host, place.port, report)
-        await server.start()
-        try:
-            await stop.wait()
-        finally:
-            await server.stop()
+    report = partial(_show, "sigrok", "")
+    server = SigrokServer(board, chip, pins, place.host, place.port, report)
+    run_until_signal(lambda stop: _served(server, stop.wait))
 
-    run_until_signal(show)
+
+async def _served(server: "Server | SigrokServer", over: "Callable[[], Awaitable[Any]]") -> None:
+    """Serve until ``over`` returns."""
+    await server.start()
+    try:
+        await over()
+    finally:
+        await server.stop()
 
 
 async def _over(
     server: "Server", stop: asyncio.Event, ended: asyncio.Event, stay: float | None
 ) -> None:
-    """Return when nobody needs the page any more."""
+    """Return when the page is needed no longer."""
     stopped = asyncio.ensure_future(stop.wait())
     over = asyncio.ensure_future(ended.wait())
     await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)

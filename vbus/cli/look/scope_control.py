@@ -31,7 +31,7 @@ LONGEST: Final = 100
 """Characters of an order that a message shows."""
 
 Order = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
-"""Is given what a page asks for; returns what it is told."""
+"""Takes an order of a page; returns the answer."""
 
 
 def answer_to(text: str, control: bool) -> dict[str, Any]:
@@ -89,7 +89,7 @@ class BoardOrders:
             return {"error": "the board does not answer: it has ended, or has no time"}
 
     async def order(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Do what a page wants; return what it is told."""
+        """Carry out an order of a page; return the answer."""
         do = request["do"]
         if do == REWIND:
             return await self._rewind(request.get("to", ""))

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import Any, Final
 
-from vbus.cli.look.feed import Feed
 from vbus.cli.output import complain
+from vbus.cli.sources import Feed
 from vbus.core.errors import TransportError, VbusError
 from vbus.views.scope.merged import Merged
 
@@ -23,7 +23,7 @@ GONE_SECONDS: Final = 0.5
 
 
 class Feeds:
-    """What running boards tell whoever shows them.
+    """The frames of running boards, joined for a page.
 
     A node that goes while others of them are there may come back, and is then shown as before.
 
@@ -33,7 +33,7 @@ class Feeds:
         samples: whether boards that run in real time record every sample from the start.
 
     Attributes:
-        description: what a page is told first.
+        description: what a page gets first.
 
     Raises:
         TransportError: a board is not there, or has stopped.
@@ -52,15 +52,15 @@ class Feeds:
         self._inside: bool = False
         with ExitStack() as opened:
             self._feeds: list[Feed] = [opened.enter_context(closing(Feed(b))) for b in boards]
-            told = [_begun(feed, control, samples) for feed in self._feeds]
-            if len(told) > 1:
+            begun = [_begun(feed, control, samples) for feed in self._feeds]
+            if len(begun) > 1:
                 try:
-                    self._merged = Merged(told)
+                    self._merged = Merged(begun)
                 except ValueError as error:
                     raise VbusError(str(error)) from None
             self._opened: ExitStack = opened.pop_all()
         self._opened.callback(self._end)
-        self.description: dict[str, Any] = told[0] if self._merged is None else (
+        self.description: dict[str, Any] = begun[0] if self._merged is None else (
             self._merged.description
         )  # fmt: skip
         self._left: int = len(boards)
@@ -117,10 +117,10 @@ class Feeds:
                 taker.call(self._over, part, taker)
                 if merged is None or "node" not in self._feeds[part].hello:
                     return
-                told = self._back(part, taker)
-                if told is None:
+                description = self._back(part, taker)
+                if description is None:
                     return
-                taker.call(self._begin_again, part, taker, told)
+                taker.call(self._begin_again, part, taker, description)
 
     def _take(self, part: int, taker: "_Taker", message: bytes) -> None:
         assert self._merged is not None
@@ -140,7 +140,7 @@ class Feeds:
         """Wait for a node as long as others are there; return what it tells first, if it is back.
 
         Raises:
-            RuntimeError: nobody looks any more.
+            RuntimeError: the page is closed.
         """
         assert self._merged is not None
         board = self._boards[part]
@@ -162,25 +162,25 @@ class Feeds:
             if "node" not in feed.hello:  # and gone again
                 continue
             try:
-                told = _begun(feed, False, self._samples, self._merged.came(part) - 1)
+                description = _begun(feed, False, self._samples, self._merged.came(part) - 1)
             except TransportError:  # and gone again
                 continue
             except VbusError as error:
                 complain(str(error))
                 return None
-            if not self._merged.fits(part, told):
+            if not self._merged.fits(part, description):
                 complain(f"{board} has come back with other axes or pins: it is shown no longer")
                 return None
             if self._inside:
                 feed.send(_registers(True))
-            return told
+            return description
 
-    def _begin_again(self, part: int, taker: "_Taker", told: dict[str, Any]) -> None:
+    def _begin_again(self, part: int, taker: "_Taker", description: dict[str, Any]) -> None:
         assert self._merged is not None
         if self._left <= 0:  # meanwhile the others have ended
             self._feeds[part].close()
             return
-        taker.take(self._merged.begin_again(part, told))
+        taker.take(self._merged.begin_again(part, description))
         self._left += 1
 
     def _event(self, part: int, taker: "_Taker", text: str) -> None:
@@ -200,7 +200,7 @@ class Feeds:
 
 @dataclass(frozen=True, slots=True)
 class _Taker:
-    """Who takes messages, on which loop, and is told when all boards have ended."""
+    """Takes messages on a loop, and the end of all boards."""
 
     loop: asyncio.AbstractEventLoop
     take: Take

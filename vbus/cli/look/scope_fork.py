@@ -4,7 +4,7 @@ import asyncio
 import os
 import sys
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -37,39 +37,36 @@ def fork(
         VbusError: the journal is none, or is of a board made in Python.
     """
     from vbus.boardfile.sections import RecordSection
-    from vbus.cli.journal_lines import opened, progress, recorded_board
     from vbus.cli.output import complain
+    from vbus.cli.sources import opened
+    from vbus.nodes.machine import board_of
     from vbus.record.player import Player
     from vbus.serve.recording import Recording
     from vbus.serve.registry import journal_path, own_board
     from vbus.serve.server import LinkSpec, Server, run
 
-    with opened(journal) as reader:
-        board = recorded_board(journal, reader.header)
-        origin, board.name = board.name, f"{board.name}-{os.getpid()}"
-        recording = Recording(board, reader.header.text, reader.header.file, complain)
-        with own_board(board.name), closing(recording):
+    with ExitStack() as held:
+        with opened(journal, "replaying", quiet) as reader:
+            board = board_of(reader.header, str(journal))
+            origin, board.name = board.name, f"{board.name}-{os.getpid()}"
+            recording = Recording(board, reader.header.text, reader.header.file, complain)
+            held.enter_context(own_board(board.name))
+            held.enter_context(closing(recording))
             recording.open(RecordSection(journal=str(journal_path(board.name, 0))))
-            player = Player(board)
-            with progress(journal, reader, "replaying", quiet):
-                for _ in player.up_to(reader, to):
-                    pass
-            for port in list(board.ports):
-                port.unclaim()
+            for _ in Player(board).up_to(reader, to):
+                pass
+        for port in list(board.ports):
+            port.unclaim()
 
-            def ready(server: Server) -> None:
-                server.keep(recording)
-                recording.start(asyncio.get_running_loop())
-                server.steps.pause(f"a copy of {origin}")
-                shown.append(show(board.name))
+        def ready(server: Server) -> None:
+            server.keep(recording)
+            recording.start(asyncio.get_running_loop())
+            server.steps.pause(f"a copy of {origin}")
+            scope = show(board.name)
+            held.callback(scope.wait)
+            held.callback(scope.terminate)
 
-            shown: list[subprocess.Popen[bytes]] = []
-            try:
-                run(board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board.name}")], on_ready=ready)
-            finally:
-                for scope in shown:
-                    scope.terminate()
-                    scope.wait()
+        run(board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board.name}")], on_ready=ready)
 
 
 class Forks:

@@ -9,21 +9,24 @@ import secrets
 import socket
 import ssl
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from contextvars import ContextVar
 from ipaddress import ip_address
 from typing import Any, Final
 
 import msgspec
-from aiohttp import ClientError, web
-from aiohttp.http_exceptions import HttpProcessingError
 
-from vbus.cli.look.scope_bookmarks import Bookmarks
+from vbus.cli.look.scope_bookmarks import Bookmark, Bookmarks
 from vbus.cli.look.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
-from vbus.core.errors import PluginError, TransportError, VbusError
-from vbus.views.scope.bookmarks import Bookmark
+from vbus.core.errors import PluginError, VbusError, listen_errors
 from vbus.views.scope.page_file import FIRST, page_file, policy
 from vbus.views.scope.stream import MESSAGE, Stream
+
+try:
+    from aiohttp import ClientError, WSMsgType, web
+    from aiohttp.http_exceptions import HttpProcessingError
+except ImportError as error:
+    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
 _HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
 
@@ -82,14 +85,6 @@ def _refused(sentence: str) -> web.HTTPBadRequest:
     return refused
 
 
-try:
-    from aiohttp import WSMsgType, web
-    from aiohttp.http_exceptions import HttpProcessingError
-
-    from vbus.cli.look.scope_server import Asked, decoded
-except ImportError as error:
-    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
-
 RATE_SECONDS: Final = 1 / 30
 """How often a page is sent something at most."""
 HEARTBEAT_SECONDS: Final = 20.0
@@ -139,8 +134,8 @@ class ScopeServer:
         order: carries out what pages order; None where they may only look.
 
     Attributes:
-        on_registers: is told whether any page looks at registers, whenever that changes.
-        on_pages: is told whether any page is open, whenever that changes.
+        on_registers: called with whether any page shows registers, whenever that changes.
+        on_pages: called with whether any page is open, whenever that changes.
     """
 
     def __init__(
@@ -164,7 +159,7 @@ class ScopeServer:
         self._report: Callable[[str], None] = report
         self._order: Order | None = order
         self._state: str = ""
-        """What pages are told of how the board is controlled."""
+        """How the board is controlled, for pages."""
         self._code: str = secrets.token_urlsafe(24)
         self._cookies: set[str] = set()
         self._news: asyncio.Event = asyncio.Event()
@@ -191,7 +186,7 @@ class ScopeServer:
 
     @property
     def link(self) -> str:
-        """The address with a code that nobody has used; the code never leaves the browser's page.
+        """The address with an unused code; the code never leaves the browser's page.
 
         A fragment is in no request, and so in no log.
         """
@@ -205,14 +200,11 @@ class ScopeServer:
         """
         await self._runner.setup()
         site = web.TCPSite(self._runner, self._host, self._port, ssl_context=self._tls)
-        try:
-            await site.start()
-        except OSError as error:
-            await self._runner.cleanup()
-            raise TransportError(
-                f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
-                " give another (port 0 is any free one)"
-            ) from error
+        async with AsyncExitStack() as undo:
+            undo.push_async_callback(self._runner.cleanup)
+            with listen_errors(f"{self._host}:{self._port}"):
+                await site.start()
+            undo.pop_all()
         self._port = self._runner.addresses[0][1]
         shown = f"[{self._host}]" if ":" in self._host else self._host
         self.url = f"{'http' if self._tls is None else 'https'}://{shown}:{self._port}/"
@@ -339,7 +331,7 @@ class ScopeServer:
         return page
 
     async def _answer(self, page: web.WebSocketResponse, text: str) -> dict[str, Any]:
-        """Do what a page wants; return what it is told, if anything."""
+        """Carry out an order of a page; return the answer, if there is one."""
         asked = answer_to(text, self._order is not None)
         request = asked.get("request", {})
         if request.get("do") == REGISTERS:
@@ -386,17 +378,17 @@ class ScopeServer:
             stream: Stream | None = None
             place = 0
             state = ""
-            told: list[Bookmark] | None = None
+            sent: list[Bookmark] | None = None
             while True:
                 news = self._news
                 kept = None if self._bookmarks is None else self._bookmarks.all
                 noted = {} if kept is None else {"bookmarks": kept}
                 if stream is not self._stream:
                     stream, place = self._stream, 0
-                    told = None if kept is None else [*kept]
+                    sent = None if kept is None else [*kept]
                     await page.send_str(json.dumps(stream.description | noted))
-                elif told != kept:
-                    told = None if kept is None else [*kept]
+                elif sent != kept:
+                    sent = None if kept is None else [*kept]
                     await page.send_str(json.dumps(noted))
                 if state != self._state:
                     state = self._state
@@ -408,12 +400,3 @@ class ScopeServer:
                     await news.wait()
                 if len(message) < MESSAGE:  # else it is still catching up
                     await asyncio.sleep(RATE_SECONDS)
-
-
-async def serve(server: ScopeServer, over: Callable[[], Awaitable[Any]]) -> None:
-    """Serve until ``over`` returns."""
-    await server.start()
-    try:
-        await over()
-    finally:
-        await server.stop()

@@ -7,13 +7,13 @@ a number, and ``get``, after which samples flow until ``close`` or the end of th
 import asyncio
 import socket
 from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from typing import Any, Final
 
-from vbus.cli.look.feed import Feed
-from vbus.core.errors import TransportError, VbusError
+from vbus.cli.sources import Feed
+from vbus.core.errors import VbusError, listen_errors
 from vbus.core.kernel import SECOND
-from vbus.views.scope.sampling import Sampler
+from vbus.views.scope.pin_recording import Sampler
 
 CHANNELS: Final = (
     "P8_45", "P8_46", "P8_43", "P8_44", "P8_41", "P8_42", "P8_39", "P8_40", "P8_27", "P8_29",
@@ -109,17 +109,12 @@ class SigrokServer:
         with closing(PinFeed(*self._asked)) as feed:
             description = feed.description
         family = socket.AF_INET6 if ":" in self._host else socket.AF_INET
-        listening = socket.socket(family, socket.SOCK_STREAM)
-        try:
+        with listen_errors(f"{self._host}:{self._port}", "with --sigrok"), ExitStack() as undo:
+            listening = undo.enter_context(socket.socket(family, socket.SOCK_STREAM))
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT)
             listening.bind((self._host, self._port))
-        except OSError as error:
-            listening.close()
-            raise TransportError(
-                f"{self._host}:{self._port}: cannot listen: {error.strerror}; free the address, or"
-                " give another with --sigrok (port 0 is any free one)"
-            ) from error
+            undo.pop_all()
         self._server = await asyncio.start_server(self._serve, sock=listening, limit=LONGEST_LINE)
         port = listening.getsockname()[1]
         self._report(f"beaglelogic:conn=tcp/{self._host}/{port}")

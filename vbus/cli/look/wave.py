@@ -12,7 +12,8 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, duration, no_progress, show
-from vbus.core.errors import VbusError
+from vbus.cli.sources import Feed, opened, replay_code
+from vbus.core.errors import VbusError, write_errors
 
 
 @click.command("wave")
@@ -79,7 +80,6 @@ def _output(name: str, whole: bool) -> Iterator[TextIO]:
 
 def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
     """Write one file of the journals of several nodes, in the order of the nodes."""
-    from vbus.cli.journal_lines import opened
     from vbus.nodes.machine import board_of
     from vbus.nodes.node import Node
     from vbus.views.wave.merge import merge_waves
@@ -114,58 +114,45 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
                 return code
             part.seek(0)
             waves.append((name, part))
-        try:
-            with _output(section.file, whole=True) as file:
-                merge_waves(waves, file)
-        except OSError as error:
-            raise VbusError(f"{section.file}: cannot be written: {error.strerror}") from error
+        with write_errors(section.file), _output(section.file, whole=True) as file:
+            merge_waves(waves, file)
     return exit_codes.OK
 
 
 def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
     """Play a journal and write its waveform into an open file, or into that of the section."""
-    from vbus.cli.journal_lines import opened, progress, recorded_board
+    from vbus.nodes.machine import board_of
     from vbus.record.replay import Replay
     from vbus.serve.recording import wave_of
 
-    with opened(path) as reader:
-        board = recorded_board(path, reader.header)
+    quiet = quiet or (section.file == "-" and sys.stdout.isatty())
+    with opened(path, "replaying", quiet) as reader:
+        board = board_of(reader.header, str(path))
         wave_of(board, section, io.StringIO(), complain)  # complains before a file is overwritten
         with _output(section.file, True) if into is None else nullcontext(into) as file:
             wave = wave_of(board, section, file, lambda _: None)
             wave.start()
-            with progress(path, reader, "replaying", quiet or file.isatty()):
-                outcome = Replay(board, reader, reader.header.families).run()
+            outcome = Replay(board, reader, reader.header.families).run()
             wave.stop()
             if wave.error:
                 raise VbusError(f"{_shown(section.file)}: {wave.error}")
-    if outcome.divergence is not None:
-        complain(f"{path}: the run differs from its journal at entry {outcome.divergence.entry};"
-                  ' "vbus replay" shows how')  # fmt: skip
-        return exit_codes.FAILURE
-    return _code(bool(wave.changes), section)
+        code = replay_code(path, outcome, reader.damage)
+    return code or _code(bool(wave.changes), section)
 
 
 def _of_board(name: str, section: Any) -> int:
     from msgspec import structs
 
-    from vbus.cli.look.feed import Feed
-
     written = 0
     with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
         keys = {k: v for k, v in structs.asdict(section).items() if k not in ("name", "file")}
-        try:
-            feed.ask("wave", **keys)
-            with _output(section.file, whole=False) as file:
-                for data in feed.messages():
-                    file.write(data.decode("ascii"))
-                    file.flush()
-                    written += len(data)
-        except OSError as error:
-            if isinstance(error, VbusError):
-                raise
-            where = _shown(section.file)
-            raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
+        feed.ask("wave", **keys)
+        where = _shown(section.file)
+        with write_errors(where), _output(section.file, whole=False) as file:
+            for data in feed.messages():
+                file.write(data.decode("ascii"))
+                file.flush()
+                written += len(data)
     return _code(bool(written), section)
 
 

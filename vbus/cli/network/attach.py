@@ -21,11 +21,9 @@ if TYPE_CHECKING:
     "--unix", "sockets", multiple=True, metavar="NAME", help="A Unix socket here; repeatable."
 )
 @click.option(
-    "--protocol",
-    default="byte",
-    metavar="NAME",
+    "--protocol", default="byte", metavar="NAME",
     help="What the links here speak; byte if not given.",
-)
+)  # fmt: skip
 @click.option(
     "--patience", type=click.FloatRange(0, 86_400), metavar="SECONDS",
     help="How long the board may be gone before this ends; for ever if not given.",
@@ -37,15 +35,9 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON when ready and at the end.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 def command(
-    url: str,
-    ptys: tuple[str, ...],
-    sockets: tuple[str, ...],
-    protocol: str,
-    patience: float | None,
-    every: float | None,
-    as_json: bool,
-    detach: bool,
-) -> int:
+    url: str, ptys: tuple[str, ...], sockets: tuple[str, ...], protocol: str,
+    patience: float | None, every: float | None, as_json: bool, detach: bool,
+) -> int:  # fmt: skip
     """Make a board on another computer appear as a PTY or a Unix socket here, until Ctrl-C.
 
     URL is a link of the board as clients take it: zenoh:BOARD/CHIP?connect=ENDPOINT,
@@ -97,7 +89,7 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
     """Ask the board what it is.
 
     Raises:
-        TransportError: nobody answers.
+        TransportError: no board answers.
         click.BadParameter: this is no link.
     """
     from vbus.serve.attach.far_board import look_at
@@ -110,17 +102,15 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
 
 def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: float | None) -> None:
     """Serve until a signal; say what became of it."""
-    from vbus.cli.network.attached_lines import distance, lines_of, losses, round_trips
-    from vbus.cli.ready_lines import READY
+    from vbus.cli.status_lines import READY, attached_lines, distance, losses, round_trips
     from vbus.serve.attach.attachment import Attachment
-    from vbus.serve.loop import run_until_signal
-    from vbus.serve.readiness import tell_ready
+    from vbus.serve.loop import run_until_signal, tell_ready
 
     attachment = Attachment(wanted, board, complain)
 
     def ready() -> None:
         status = attachment.statistics()
-        show(as_json, status, [*lines_of(status, counts=False), READY])
+        show(as_json, status, [*attached_lines(status, counts=False), READY])
         tell_ready()
 
     async def tell(seconds: float) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli import exit_codes
-from vbus.cli.ready_lines import READY
+from vbus.cli.status_lines import READY
 
 if TYPE_CHECKING:
     import asyncio
@@ -31,12 +31,8 @@ NAME: Final = "router"
     "--detach", is_flag=True, help="Return when ready; vbus ls, stop and logs call it router."
 )
 def command(
-    file: str | None,
-    listen: tuple[str, ...],
-    connect: tuple[str, ...],
-    remote: bool,
-    detach: bool,
-) -> int:
+    file: str | None, listen: tuple[str, ...], connect: tuple[str, ...], remote: bool, detach: bool,
+) -> int:  # fmt: skip
     """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
 
     FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
@@ -58,10 +54,7 @@ def command(
         for endpoint in endpoints
     )
     network = Network(
-        endpoints,
-        connect or network.connect,
-        network.security,
-        remote=remote or network.remote,
+        endpoints, connect or network.connect, network.security, remote=remote or network.remote
     )
     if detach:
         from vbus.cli.run.detach import detach as go_on
@@ -122,8 +115,7 @@ def _tell_until_signal(network: "Network", listed: bool) -> None:
     from asyncio import get_running_loop
 
     from vbus.serve.local_socket import LocalSocket, Telling
-    from vbus.serve.loop import run_until_signal
-    from vbus.serve.readiness import tell_ready
+    from vbus.serve.loop import run_until_signal, tell_ready
     from vbus.serve.registry import status_path
 
     def status() -> bytes:

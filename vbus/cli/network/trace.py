@@ -16,5 +16,5 @@ def command(files: tuple[str, ...], as_json: bool) -> None:
     """
     from vbus.serve.nodes.nodes import read_traces
 
-    digest, lines = read_traces(files)
-    show(as_json, {"hash": digest, "events": lines}, [f"{digest}  {lines} events"])
+    lines, digest = read_traces(files)
+    show(as_json, {"hash": digest, "events": len(lines)}, [f"{digest}  {len(lines)} events"])

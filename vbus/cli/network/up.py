@@ -41,41 +41,24 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @from_option
 @scope_option
 @click.option(
-    "--patience",
-    type=_SECONDS,
-    default=0,
-    metavar="SECONDS",
+    "--patience", type=_SECONDS, default=0, metavar="SECONDS",
     help="How long the others wait for a node whose link is cut; else it is an error at once.",
-)
+)  # fmt: skip
 @click.option(
-    "--router",
-    metavar="ENDPOINT",
+    "--router", metavar="ENDPOINT",
     help="Start a router there, in place of what the file says; port 0 is a free one.",
-)
+)  # fmt: skip
 @click.option(
-    "--timeout",
-    type=_SECONDS,
-    default=10.0,
-    metavar="SECONDS",
+    "--timeout", type=_SECONDS, default=10.0, metavar="SECONDS",
     help="How long a process may take to end before it is killed; 10 s if not given.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 def command(
-    machine: str,
-    scenario: str | None,
-    trace: str | None,
-    patience: float,
-    router: str | None,
-    timeout: float,
-    as_json: bool,
-    detach: bool,
-    rate: float | None,
-    start: str | None,
-    scope: str | None,
-    metrics: str | None,
-    **record: str | None,
-) -> int:
+    machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
+    timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
+    scope: str | None, metrics: str | None, **record: str | None,
+) -> int:  # fmt: skip
     """Start a machine of nodes on this computer, and end it as one.
 
     MACHINE is a board file with nodes. Each node has a process of its own, or shares one with the
@@ -153,8 +136,8 @@ class _MachineRun:
             timeout: seconds that each may take to end.
         """
         from vbus.cli.processes import ProcessDiedError, Processes
-        from vbus.cli.ready_lines import READY
-        from vbus.serve.readiness import tell_ready
+        from vbus.cli.status_lines import READY
+        from vbus.serve.loop import tell_ready
 
         ends = "--scenario" in given
         given = ["--json", *given]
@@ -195,7 +178,7 @@ class _MachineRun:
         trace: bool,
         may_end: Callable[["Child"], bool],
     ) -> bool:
-        """Start the processes; return whether all are ready before somebody asks for the end."""
+        """Start the processes; return whether all are ready before the user asks for the end."""
         from vbus.cli.run.run_nodes import is_first
 
         if not self._json and self._meeting.said:
@@ -221,7 +204,7 @@ class _MachineRun:
         return children.until(lambda: all(child.ready for child in children.children), may_end)
 
     def _router_says(self, child: "Child", line: str) -> bool:
-        from vbus.cli.ready_lines import READY
+        from vbus.cli.status_lines import READY
 
         if child.ready or line != READY:
             return not child.ready  # its endpoints are said already
@@ -230,7 +213,7 @@ class _MachineRun:
 
     def _node_says(self, child: "Child", line: str) -> bool:
         """Take the line in which a process tells that its nodes are ready."""
-        from vbus.cli.ready_lines import lines_of
+        from vbus.cli.status_lines import ready_lines
 
         if child.ready or not line.startswith('{"nodes":'):
             return False
@@ -239,7 +222,7 @@ class _MachineRun:
             self._told.append(status)
             if not self._json:
                 click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
-                for line in lines_of(status)[1:]:
+                for line in ready_lines(status)[1:]:
                     click.echo(line)
         return True
 
@@ -250,15 +233,9 @@ class _MachineRun:
         """Write the traces of all processes as one, and say its hash."""
         from vbus.serve.nodes.nodes import read_traces
 
-        parts = [self._trace(process) for process in self._processes]
-        lines = [
-            (int(line.split(" ", 2)[0]), int(line.split(" ", 2)[1]), number, line)
-            for part in parts
-            for number, line in enumerate(part.read_text().splitlines(keepends=True))
-        ]
-        file.write("".join(line for *_, line in sorted(lines)).encode())
-        digest, count = read_traces([file.path])
-        click.echo(f"trace hash {digest} of {count} lines")
+        lines, digest = read_traces([self._trace(process) for process in self._processes])
+        file.write("".join(lines).encode())
+        click.echo(f"trace hash {digest} of {len(lines)} lines")
 
 
 def _label(process: "Process") -> str:

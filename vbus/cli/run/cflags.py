@@ -1,6 +1,7 @@
-"""``vbus cflags``: what a C compiler must be told to build a host against the C client."""
+"""``vbus cflags``: the options with which a C compiler builds a host against the C client."""
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,7 +36,7 @@ class Shim:
         return [str(Path(include_dir()) / source) for source in self.sources]
 
     def flags(self) -> list[str]:
-        """Return all that the compiler is told."""
+        """Return all options of the compiler."""
         return [*(f"-I{folder}" for folder in self.includes()), *self.options, *self.files()]
 
 
@@ -51,14 +52,43 @@ _PINS: Final = (
 )  # fmt: skip
 _AVR: Final = (*_PINS, "shims/avr/avr_shim.cpp")
 
+_PIC: Final = Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",))
+
+
+def _dialect(name: str) -> Shim:
+    """Return the shim of another compiler for PICs: its sources are translated on the way."""
+    wrapper = f"{sys.executable},{Path(include_dir()) / 'pic_dialect.py'},{name}"
+    return replace(_PIC, options=(*_PIC.options, "-wrapper", wrapper))
+
+
 SHIMS: Final = {
-    "arduino": Shim(("arduino", "avr"), (*_AVR, "shims/arduino/arduino_shim.cpp")),
+    "arduino": Shim(
+        ("arduino", "avr"),
+        (*_AVR, "shims/arduino/arduino_shim.cpp", "shims/arduino/wire_shim.cpp"),
+    ),
     "avr": Shim(("avr",), _AVR),
-    "pic": Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",)),
+    "pic": _PIC,
+    "c18": _dialect("c18"),
+    "ccs": _dialect("ccs"),
+    "stm32": Shim(
+        ("stm32",),
+        (*_PINS, "shims/stm32/stm32_shim.cpp"),
+        (
+            "-DVBUS_PORT_BITS=16",
+            "-DVBUS_INT_IS_32_BITS",
+            "-fsanitize-coverage=trace-pc",
+            "-Wno-missing-field-initializers",
+        ),
+    ),
     "linux-io": Shim(("linux-io",), _CARD, _CLOCKS),
     "mmio": Shim(("mmio",), _CARD, ("-D_DEFAULT_SOURCE", "-include", "vbus_mmio.h", *_CLOCKS)),
 }
-"""The shims by name. The ports of microcontrollers are C++ objects: those want g++."""
+"""The shims by name."""
+
+MICROCONTROLLERS: Final = frozenset(
+    name for name, shim in SHIMS.items() if _PINS[-1] in shim.sources
+)
+"""The shims with ports. Those are C++ objects, for which sources are compiled with g++."""
 
 PLAIN: Final = Shim((), ("vbus.c",))
 """For sources that call the C client themselves."""
@@ -66,10 +96,9 @@ PLAIN: Final = Shim((), ("vbus.c",))
 
 @click.command("cflags")
 @click.option(
-    "--shim",
-    type=click.Choice(list(SHIMS)),
+    "--shim", type=click.Choice(list(SHIMS)),
     help="Headers with which sources written for other machines compile as they are.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(shim: str | None, as_json: bool) -> None:
     """Print the compiler options of the C client: include path and source file.

@@ -1,14 +1,21 @@
 """``vbus check``: every mistake of a board file at once, and the rules hosts are held to."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
 import click
 from msgspec import structs
 
+from vbus.board.board import Board
+from vbus.boardfile.sections import BoardFile
+from vbus.boardfile.source import Source
 from vbus.cli import exit_codes
 from vbus.cli.output import show
+from vbus.core.errors import VbusError
+from vbus.serve.recording import ALONE
+from vbus.views.findings.suppress import suppressions_of
 
 
 @click.command("check")
@@ -45,7 +52,6 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     from vbus.board.card.card_map import CardAnswer, address_map, remarks
     from vbus.board.config import read_board_file
     from vbus.boardfile.source import BoardFileError
-    from vbus.cli.run.check_records import check_records
     from vbus.network.security import told
 
     try:
@@ -97,7 +103,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
 
 def _rules() -> list[dict[str, Any]]:
     from vbus.board.check.checks import all_rules
-    from vbus.views.tables import ac_limits
+    from vbus.views.clauses import ac_limits
 
     return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
@@ -132,3 +138,45 @@ def _lines(report: dict[str, Any]) -> Iterator[str]:
             f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}"
             f"  {rule['title']}{row}"
         )
+
+
+def check_records(file: BoardFile, board: Board, source: Source) -> None:
+    """Find recordings that could not begin when the board is run.
+
+    Raises:
+        BoardFileError: there is at least one.
+    """
+    record = file.record
+
+    @contextmanager
+    def checked(*place: str) -> Iterator[None]:
+        try:
+            yield
+        except (ValueError, VbusError) as error:
+            source.fail(place, str(error))
+
+    if record.durable != "no" and not record.journal:
+        source.fail(("record", "durable"), ALONE)
+    if record.report:
+        from vbus.views.findings.formats import format_of
+
+        with checked("record", "report"):
+            format_of(record.report)
+    if record.coverage:
+        from vbus.views.coverage.formats import coverage_format
+
+        with checked("record", "coverage"):
+            coverage_format(record.coverage)
+    if record.suppress:
+        with checked("record", "suppress"):
+            suppressions_of(record.suppress)
+    for wave in file.waves:
+        from vbus.events.condition import Condition
+        from vbus.views.wave.signals import nets_of
+
+        with checked("waves", wave.name, "signals"):
+            nets_of(board, wave.signals)
+        if wave.trigger:
+            with checked("waves", wave.name, "trigger"):
+                Condition(wave.trigger, board, "trigger")
+    source.finish()

@@ -39,11 +39,9 @@ def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 
 @click.command("doctor")
 @click.option(
-    "--latency",
-    callback=_duration,
-    metavar="DURATION",
+    "--latency", callback=_duration, metavar="DURATION",
     help='Measure for so long, such as "10s", how late this machine wakes a server.',
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(as_json: bool, latency: float) -> int:
     """Look for what is missing or broken on this machine, and say what to do.
@@ -250,12 +248,12 @@ def inotify() -> Iterator[Diagnosis]:
     except (OSError, ValueError) as error:
         yield Diagnosis(WARN, "inotify instances", str(error), "nothing, if boards start")
         return
-    told = f"{most}: as many boards with links over PTYs may run at a time"
+    text = f"{most}: as many boards with links over PTYs may run at a time"
     if most < ENOUGH_INSTANCES:
         advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
-        yield Diagnosis(WARN, "inotify instances", told, advice)
+        yield Diagnosis(WARN, "inotify instances", text, advice)
     else:
-        yield Diagnosis(OK, "inotify instances", told)
+        yield Diagnosis(OK, "inotify instances", text)
 
 
 def _module(name: str) -> Callable[[], str]:
@@ -306,7 +304,6 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ("foxglove-sdk", _module("foxglove"), "MCAP files, and live views in Foxglove",
      "pip install foxglove-sdk protobuf"),
     ("pytest", _module("pytest"), "fixtures for tests", "pip install pytest"),
-    ("hypothesis", _module("hypothesis"), "hostile chips", "pip install hypothesis"),
     ("robotframework", _module("robot"), "keywords for Robot Framework",
      "pip install robotframework"),
     ("simavr", _avr_simulator, "AVR firmware as it is (vbus exec --avr)",

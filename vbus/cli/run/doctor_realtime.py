@@ -1,4 +1,4 @@
-"""What a machine can promise in real time, as far as it can be told, and measured."""
+"""What a machine can promise in real time: its settings, and a measurement."""
 
 import os
 import select
@@ -85,12 +85,12 @@ def _load() -> Diagnosis:
     load, count = os.getloadavg()[0], len(os.sched_getaffinity(0))
     spent = [int(word) for word in Path("/proc/stat").read_text().split("\n")[0].split()[1:9]]
     stolen = spent[7] / max(sum(spent), 1)
-    told = f"{load:.1f} on {count} processors; {stolen:.1%} of their time went to other machines"
+    text = f"{load:.1f} on {count} processors; {stolen:.1%} of their time went to other machines"
     if stolen > MUCH:
-        return Diagnosis(WARN, "load", told, "instants are met as the host of this machine likes")
+        return Diagnosis(WARN, "load", text, "instants are met as the host of this machine likes")
     if load > count:
-        return Diagnosis(WARN, "load", told, "end other work, or take --priority and --cpu")
-    return Diagnosis(OK, "load", told)
+        return Diagnosis(WARN, "load", text, "end other work, or take --priority and --cpu")
+    return Diagnosis(OK, "load", text)
 
 
 def latency(seconds: float) -> Iterator[Diagnosis]:
@@ -104,7 +104,7 @@ def latency(seconds: float) -> Iterator[Diagnosis]:
         with _fifo():
             late = _late(seconds)
     except VbusError:
-        return  # told above
+        return  # a line above says so
     yield Diagnosis(OK, "latency with --priority fifo", late)
 
 

@@ -84,15 +84,11 @@ _WITHOUT: Final = {
     "--join", metavar="NAME", help="In place of --board: a running board, as vbus ls has it."
 )
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
+@click.option("--cpu", metavar="SPEC", help="PROGRAM is a firmware image; cortex-m3.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
 @record_options
 @scope_options
-@click.option(
-    "--sweep",
-    metavar="N[:CYCLE]",
-    help="Run N times, the chips' cycle 1/N further each time; tell where outcomes differ.",
-)
 @click.option(
     "--limit",
     metavar="TIME",
@@ -110,6 +106,7 @@ def command(
     link: str | None,
     join: str | None,
     avr: str | None,
+    cpu: str | None,
     pinmap: str | None,
     transcript: str | None,
     summary: bool,
@@ -118,7 +115,6 @@ def command(
     scope: str | None,
     scope_control: bool,
     open_page: bool,
-    sweep: str | None,
     limit: int | None,
     **records: str | None,
 ) -> int:
@@ -128,12 +124,13 @@ def command(
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
     vbus exec --join bench -- ./host                on the board that vbus ls calls bench
     vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+    vbus exec --board board.toml --cpu cortex-m3 firmware.elf
     vbus exec --board board.toml --limit "10 s" -- ./host   of chip time; or polls in vain
-    vbus exec --board board.toml --sweep 16 -- ./host       a table of what hangs on the phase
 
     SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
     firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
-    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats.
+    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats. With --cpu
+    it is a processor, and of these cycles=, until= and stats.
     """
     if sum(way is not None for way in (board, link, join)) != 1:
         raise click.UsageError(
@@ -149,27 +146,37 @@ def command(
         "open": open_page or None,
         **wanted,
     }
-    if sweep is not None and any(value is not None for value in given.values()):
-        raise click.UsageError("--sweep goes without records: a run of its own writes them")
-    given |= {"sweep": sweep, "limit": limit}
+    given["limit"] = limit
     for option, value in given.items():
         if board is None and value is not None:
             raise click.UsageError(
                 f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
-    runner: Runner
-    if sweep is not None:
-        runner = _sweep(sweep, limit)
-    else:
-        from vbus.cli.hosted.beside import run_on_board
+    from vbus.cli.hosted.program import run_on_board
 
-        runner = partial(
-            run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
-        )
+    runner: Runner = partial(
+        run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
+    )
     if join is not None:
         from vbus.cli.run.exec import link_of
 
         link = link_of(join, firmware=avr is not None)
+    if cpu is not None:
+        from vbus.cli.run.exec_cpu import run_cpu
+
+        if board is None or avr is not None:
+            raise click.UsageError(
+                "--cpu goes with --board, whose [cpu] section says what the image runs on, and"
+                " without --avr"
+            )
+        if len(program) != 1:
+            raise click.UsageError("--cpu takes one firmware image and no arguments")
+        try:
+            return run_cpu(
+                cpu, program[0], board, pinmap, transcript, summary, wanted, metrics or "", runner
+            )
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--cpu") from None
     if avr is not None:
         from vbus.cli.run.exec_avr import run_avr
 
@@ -193,24 +200,7 @@ def command(
     if board is None:
         assert link is not None
         return _join(link, list(program))
-    return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
-
-
-def _sweep(text: str, limit: int | None) -> Runner:
-    """Return what runs a program as ``--sweep`` says, in the place of ``run_on_board``."""
-    from vbus.cli.hosted.sweep import sweep
-    from vbus.protocols.quantities import parse_duration
-
-    number, _, cycle = text.partition(":")
-    try:
-        count, length = int(number), parse_duration(cycle) if cycle else 0
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--sweep") from None
-    if count < 2:
-        raise click.BadParameter("it takes two runs at least", param_hint="--sweep")
-    return lambda file, source, host, command, *_: sweep(
-        count, length, file, source, host, command, limit
-    )
+    return run_own(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
 
 
 def _join(link: str, program: list[str]) -> int:
@@ -219,8 +209,8 @@ def _join(link: str, program: list[str]) -> int:
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
-    from vbus.cli.hosted.beside import run_program
     from vbus.cli.hosted.preload import environment, warn_of
+    from vbus.cli.hosted.program import run_program
     from vbus.client import connect
 
     with connect(link) as bus:
@@ -233,7 +223,7 @@ def _join(link: str, program: list[str]) -> int:
         return asyncio.run(run_program(program, variables, note))
 
 
-def _run(
+def run_own(
     board: str,
     pinmap: str | None,
     transcript: str | None,
@@ -243,8 +233,9 @@ def _run(
     metrics: str,
     runner: Runner,
 ) -> int:
+    """Run a program on the board of a file, by what takes the arguments of ``run_on_board``."""
     from vbus.board.config import read_board_file
-    from vbus.cli.hosted.beside import host_of
+    from vbus.cli.hosted.program import host_of
     from vbus.core.errors import ConfigError
     from vbus.serve.serving import recorded
 

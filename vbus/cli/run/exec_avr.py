@@ -12,7 +12,7 @@ from typing import Final
 from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import absent
-from vbus.cli.hosted.beside import run_on_board, run_program
+from vbus.cli.hosted.program import run_on_board, run_program
 from vbus.core.errors import ConfigError, ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 from vbus.core.values.settings import among, listed
@@ -40,10 +40,15 @@ _SOURCES: Final = ("pin_link.c", "pin_decoder.c", "card_table.c", "link_text.c",
 _HEADERS: Final = ("pin_link.h", "pin_decoder.h", "card_table.h", "link_text.h", "vbus.h")
 
 
-def parse(spec: str) -> list[str]:
+def parse(spec: str, keys: Mapping[str, str] = KEYS, flags: Mapping[str, str] = FLAGS) -> list[str]:
     r"""Return the options of vbus-avr that ``mmcu=atmega328p,f=16000000,until=done`` asks for.
 
     A comma inside a value is written as ``\,``.
+
+    Args:
+        spec: the specification.
+        keys: its keys that have a value, and the options they become.
+        flags: its keys that have none.
 
     Raises:
         ValueError: a key is unknown, or has or lacks a value.
@@ -51,16 +56,16 @@ def parse(spec: str) -> list[str]:
     options = []
     for part in filter(None, spec.replace("\\,", "\0").split(",")):
         key, equals, value = part.replace("\0", ",").partition("=")
-        if key in FLAGS and not equals:
-            options.append(FLAGS[key])
-        elif key in KEYS and value:
-            options += [KEYS[key], value]
-        elif key in KEYS:
+        if key in flags and not equals:
+            options.append(flags[key])
+        elif key in keys and value:
+            options += [keys[key], value]
+        elif key in keys:
             raise ValueError(f'"{key}" needs a value: {key}=...')
-        elif key in FLAGS:
+        elif key in flags:
             raise ValueError(f'"{key}" has no value')
         else:
-            known = among(key, [*KEYS, *FLAGS], "allowed are")
+            known = among(key, [*keys, *flags], "allowed are")
             raise ValueError(f'unknown key "{key}"; {known}')
     return options
 
@@ -81,33 +86,45 @@ def simulator() -> str:
             f" tree: install {PACKAGES}, run make there, and put vbus-avr on the PATH or in"
             " $VBUS_AVR"
         )
-    return _built(source)
+    hint = f"install {PACKAGES}"
+    return str(built("vbus-avr", source, ["-std=gnu99", "-lsimavr", "-lelf"], hint))
 
 
-def _built(source: Path) -> str:
+def built(name: str, source: Path, options: list[str], hint: str) -> Path:
+    """Return a program or library of ``source`` and the pin link; built on first use.
+
+    Args:
+        name: of the file.
+        source: its C file.
+        options: of the compiler, libraries included.
+        hint: what to do where the compiler fails.
+
+    Raises:
+        VbusError: there is no compiler, or it cannot build this.
+    """
     native = Path(include_dir())
-    files = [source, *(native / name for name in (*_SOURCES, *_HEADERS))]
+    files = [source, *(native / part for part in (*_SOURCES, *_HEADERS))]
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    program = base / "vbus" / f"vbus-avr-{digest}"
+    program = base / "vbus" / f"{name}-{digest}"
     if program.exists():
-        return str(program)
+        return program
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
-        raise VbusError("vbus-avr must be built first, and there is no C compiler; install gcc")
+        raise VbusError(f"{name} must be built first, and there is no C compiler; install gcc")
     program.parent.mkdir(parents=True, exist_ok=True)
     made = program.with_suffix(f".{os.getpid()}")
     done = subprocess.run(
-        [compiler, "-std=gnu99", "-O2", f"-I{native}", "-o", str(made), str(source),
-         *(str(native / name) for name in _SOURCES), "-lsimavr", "-lelf"],
+        [compiler, "-O2", f"-I{native}", "-o", str(made), str(source),
+         *(str(native / part) for part in _SOURCES), *options],
         capture_output=True,
         text=True,
     )  # fmt: skip
     if done.returncode:
         first = next(iter(done.stderr.strip().splitlines()), "")
-        raise VbusError(f"vbus-avr cannot be built; install {PACKAGES} ({first})")
-    made.replace(program)  # at once, whoever else builds it
-    return str(program)
+        raise VbusError(f"{name} cannot be built; {hint} ({first})")
+    made.replace(program)  # in one step: another process may build it too
+    return program
 
 
 def run_avr(
@@ -125,13 +142,13 @@ def run_avr(
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
     Args:
-        spec: what the simulator is told; see :func:`parse`.
+        spec: settings of the simulator; see :func:`parse`.
         elf: the firmware.
         board: board file; it is served as long as the firmware runs.
         link: in place of ``board``: address of a link that has a pin map.
         pinmap: which pin map of the board file; else its only one.
         transcript: file that takes the bus cycles (with ``board`` only).
-        summary: whether the rules that were broken are told (with ``board`` only).
+        summary: whether the rules that were broken are listed (with ``board`` only).
         record: replaces keys of the file's ``[record]`` (with ``board`` only).
         metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
         runner: takes the arguments of ``run_on_board``, and runs the program.
@@ -151,7 +168,7 @@ def run_avr(
     assert board is not None
     file, source = read_board_file(board)
     file = recorded(file, record or {}, metrics)
-    host = _host(file, pinmap)
+    host = host_of_firmware(file, pinmap, "the AVR")
     _check_firmware(elf)
     program = simulator()
     return runner(
@@ -180,16 +197,25 @@ def _check_firmware(elf: str) -> None:
         raise ProgramError(f"{elf}: an ELF file of another machine; link it by avr-gcc", False)
 
 
-def _host(file: BoardFile, name: str | None) -> HostSection:
-    """Return the host that the firmware is: the file's own with the pin map, or one made up."""
+def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSection:
+    """Return the host that firmware is: the file's own with the pin map, or one made up.
+
+    Args:
+        file: the board file.
+        name: the pin map; None: its only one.
+        what: the processor, for messages.
+
+    Raises:
+        ConfigError: the board is not slaved, or has no such pin map.
+    """
     if file.board.time != "slaved":
         raise ConfigError(
-            f"{file.path}: chip time must follow the AVR, and this board is {file.board.time};"
+            f"{file.path}: chip time must follow {what}, and this board is {file.board.time};"
             ' write time = "slaved" in [board]'
         )
     names = [section.name for section in file.pinmaps]
     if not names:
-        raise ConfigError(f"{file.path}: there is no [pinmaps.NAME]: what is wired to the AVR?")
+        raise ConfigError(f"{file.path}: there is no [pinmaps.NAME]: what is wired to {what}?")
     if name is None and len(names) > 1:
         raise ConfigError(f"{file.path}: choose one of its pin maps: {listed(names)}")
     if name is not None and name not in names:

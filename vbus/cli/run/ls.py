@@ -50,7 +50,7 @@ def _elsewhere(
     wanted = wanted or places.endpoints_at(places.router_place())
     if not wanted:
         return []
-    from vbus.network.discovery import boards_on
+    from vbus.network.session import boards_on
 
     try:
         boards = boards_on(wanted, places.security_of({}, "vbus ls"))
@@ -67,9 +67,9 @@ def _lines(board: dict[str, Any]) -> list[str]:
     if "router" in board:
         return [f"{board['board']}: process {board['pid']}, {', '.join(board['router']['listen'])}"]
     if "attached" in board:
-        from vbus.cli.network.attached_lines import lines_of
+        from vbus.cli.status_lines import attached_lines
 
-        return lines_of(board)
+        return attached_lines(board)
     from vbus.core.values.units import show
 
     time = board["policy"]
@@ -102,7 +102,7 @@ def _lines(board: dict[str, Any]) -> list[str]:
 
 
 def _node_lines(node: dict[str, Any]) -> list[str]:
-    """Return what is told of a node of a larger board."""
+    """Return what ``vbus ls`` shows of a node of a larger board."""
     others = ", ".join(f"{name} ({state})" for name, state in node["others"].items()) or "none"
     if "skew" not in node:
         waits = f", waits for {', '.join(node['waits_for'])}" if node["waits_for"] else ""

@@ -31,10 +31,9 @@ if TYPE_CHECKING:
 @scope_options
 @from_option
 @click.option(
-    "--priority",
-    metavar="CLASS",
+    "--priority", metavar="CLASS",
     help="fifo, or fifo:1 to fifo:99: ahead of all usual processes, in locked memory.",
-)
+)  # fmt: skip
 @click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
@@ -43,42 +42,25 @@ if TYPE_CHECKING:
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
 @click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
 @click.option(
-    "--patience",
-    type=click.FloatRange(0, 86_400),
-    default=0,
-    metavar="SECONDS",
+    "--patience", type=click.FloatRange(0, 86_400), default=0, metavar="SECONDS",
     help="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
-)
+)  # fmt: skip
 @click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
 @collection_held()
 def command(
-    board: str,
-    rate: float | None,
-    journal: str | None,
-    durable: str | None,
-    report: str | None,
-    suppress: str | None,
-    coverage: str | None,
-    wave: str | None,
-    metrics: str | None,
-    scope: str | None,
-    scope_control: bool,
-    open_page: bool,
-    start: str | None,
-    priority: str | None,
-    cpu: int | None,
-    as_json: bool,
-    detach: bool,
-    **of_nodes: Any,
-) -> int:
+    board: str, rate: float | None, journal: str | None, durable: str | None, report: str | None,
+    suppress: str | None, coverage: str | None, wave: str | None, metrics: str | None,
+    scope: str | None, scope_control: bool, open_page: bool, start: str | None,
+    priority: str | None, cpu: int | None, as_json: bool, detach: bool, **of_nodes: Any,
+) -> int:  # fmt: skip
     """Run a board and serve its links until Ctrl-C.
 
     BOARD is a board file. Prints what is attached where, once every link is open. A board with
     nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
     from vbus.board.config import read_board_file
-    from vbus.cli.ready_lines import READY, lines_of
+    from vbus.cli.status_lines import READY, ready_lines
     from vbus.serve.serving import paced, recorded, serve_read
     from vbus.serve.time.priority import Priority
 
@@ -130,7 +112,7 @@ def command(
 
     def ready(server: "Server") -> None:
         status = server.statistics() | {"priority": str(wanted)}
-        show(as_json, status, [*lines_of(status), READY])
+        show(as_json, status, [*ready_lines(status), READY])
         wanted.pin()
 
     async def show_first(server: "Server") -> None:

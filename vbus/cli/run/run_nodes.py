@@ -39,13 +39,13 @@ def run(
     Raises:
         VbusError: what stops it; see :func:`~vbus.serve.nodes.nodes.serve_nodes`.
     """
-    from vbus.cli.ready_lines import READY, lines_of
+    from vbus.cli.status_lines import READY, ready_lines
     from vbus.nodes.machine import trace_hash
     from vbus.serve.nodes.nodes import serve_nodes
 
     def ready(servers: "list[Server]") -> None:
         states = [server.statistics() | {"priority": str(priority)} for server in servers]
-        lines = [line for state in states for line in lines_of(state)]
+        lines = [line for state in states for line in ready_lines(state)]
         show(as_json, {"nodes": states}, [*lines, READY])
         priority.pin()
 

@@ -7,8 +7,10 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import reading, seconds, show
+from vbus.cli.sources import opened
 from vbus.core.errors import VbusError
 from vbus.serve.output_file import write_file
+from vbus.serve.registry import nodes_of, order
 
 
 @click.group("snap")
@@ -29,8 +31,6 @@ def save(board: str, file: Path, as_json: bool) -> None:
 
     A machine's nodes may run on several computers, at least one of them on this one.
     """
-    from vbus.serve.registry import nodes_of, order
-
     nodes = nodes_of(board)
     if nodes:
         from vbus.cli.run.snap_machine import save_machine
@@ -53,10 +53,9 @@ def load(board: str, file: Path, as_json: bool) -> None:
     """Bring a running BOARD to the snapshot in FILE; hosts stay attached."""
     from vbus.board.snapshot import read
     from vbus.nodes.machine_snapshot import is_machine
-    from vbus.serve.registry import order
 
-    with reading(file) as opened:
-        data = opened.read()
+    with reading(file) as taken:
+        data = taken.read()
     if is_machine(data):
         raise VbusError(
             f"{file}: a machine that runs is not brought back to a snapshot; stop it, and start it"
@@ -77,8 +76,8 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
     from vbus.board.snapshot import read
     from vbus.nodes.machine_snapshot import is_machine
 
-    with reading(file) as opened:
-        data = opened.read()
+    with reading(file) as taken:
+        data = taken.read()
     if is_machine(data):
         from vbus.cli.run.snap_machine import info_of_machine
 
@@ -127,16 +126,17 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
     Exits with 1 if it never holds.
     """
     from vbus.board.snapshot import take, write
-    from vbus.cli.journal_lines import line, opened, recorded_board
-    from vbus.events.watch import Holds
+    from vbus.cli.journal_lines import line
+    from vbus.events.watch import ConditionTracker
+    from vbus.nodes.machine import board_of
     from vbus.record.history import History
     from vbus.record.view import Sessions
 
     with opened(journal) as reader:
         header = reader.header
         entries = list(reader)
-    history = History(lambda: recorded_board(journal, header), entries)
-    holds = Holds(condition, history.board)
+    history = History(lambda: board_of(header, str(journal)), entries)
+    holds = ConditionTracker(condition, history.board)
     found = history.first(holds, holds.stays)
     if found is None:
         never = f"{condition}: never in {len(entries)} entries"

@@ -65,9 +65,8 @@ def command(
     from vbus.board.card.card_bus import CardBus
     from vbus.views.silicon.card_watch import tie_others
     from vbus.views.silicon.channel_map import wiring_of
-    from vbus.views.silicon.conform import Conform
+    from vbus.views.silicon.conform import CaptureTolerance, Conform
     from vbus.views.silicon.start import find_start, watch_of
-    from vbus.views.silicon.verdict import CaptureTolerance
 
     made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)
@@ -161,7 +160,7 @@ def _chip_of(board: Any, name: str) -> Any:
 
 def _by_nets(chip: Any, data: str, channels: Sequence[str]) -> dict[str, str]:
     """Return channels by pin where they have the name of its wire, as in waves of a board."""
-    from vbus.views.names import bit_names, plain
+    from vbus.views.wave.signals import bit_names, plain
 
     by_name = {plain(channel): channel for channel in channels}
     found = {}
@@ -235,7 +234,7 @@ def _hertz(text: str | None) -> int:
 
 @contextmanager
 def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
-    """Open a capture; its format is told by how its name ends."""
+    """Open a capture; the end of its name says its format."""
     from vbus.core.errors import CaptureError
     from vbus.core.file_kinds import HEAD, is_none
     from vbus.views.silicon.capture_csv import read_csv
@@ -304,9 +303,9 @@ def _lines(path: Path, verdict: Any, found: Any, violations: bool) -> Iterator[s
             yield from _indented("      " if number else "  >   ", text)
     if violations:
         rules = Counter(violation.rule for violation in verdict.violations)
-        told = ", ".join(f"{rule} x{times}" for rule, times in rules.most_common())
+        counts = ", ".join(f"{rule} x{times}" for rule, times in rules.most_common())
         plural = "" if verdict.broken == 1 else "s"
-        yield f"{verdict.broken} violation{plural} by the host{': ' * bool(rules)}{told}"
+        yield f"{verdict.broken} violation{plural} by the host{': ' * bool(rules)}{counts}"
         for v in verdict.violations:
             yield f"  {format_instant(v.when)} {v.rule}  [{v.clause}]: {v.detail}" + (
                 f" ({v.measured} ps, limit {v.limit} ps)" if v.limit else ""

@@ -7,6 +7,7 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, reading
+from vbus.cli.sources import opened
 from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:
@@ -25,26 +26,16 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 @click.option("--all", "every", is_flag=True, help="As text: list also what was exercised.")
 @click.option("--diff", is_flag=True, help="Show what only the first or only the second has.")
 @click.option(
-    "--fail-under",
-    type=click.FloatRange(0, 100),
-    default=0.0,
-    metavar="PERCENT",
+    "--fail-under", type=click.FloatRange(0, 100), default=0.0, metavar="PERCENT",
     help="Exit with 1 if less than this was exercised.",
-)
+)  # fmt: skip
 @click.option("--covers", metavar="NAME", help="Which tests use a command, register, flag.")
 @click.option("--test", metavar="TEST", help="What a test uses, and which rules it breaks.")
 @click.option("--no-progress", is_flag=True, help="Show no bar while journals are read.")
 def command(
-    files: tuple[Path, ...],
-    style: str,
-    output: Path | None,
-    every: bool,
-    diff: bool,
-    fail_under: float,
-    covers: str | None,
-    test: str | None,
-    no_progress: bool,
-) -> int:
+    files: tuple[Path, ...], style: str, output: Path | None, every: bool, diff: bool,
+    fail_under: float, covers: str | None, test: str | None, no_progress: bool,
+) -> int:  # fmt: skip
     """Show which commands, registers, flags and modes a driver has used, and which never.
 
     FILES are journals (vbus run --journal) or coverage files (--format json, pytest
@@ -102,10 +93,7 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
         text = start + file.read() if start == b"{" else b""
     if text:
         return from_json(text, str(path))
-    from vbus.cli.journal_lines import opened, progress
-
-    with opened(path) as reader:
+    with opened(path, "reading", quiet) as reader:
         observer = CoverageObserver(reader.header.families, str(path))
-        with progress(path, reader, "reading", quiet):
-            play(reader.header, reader, observer)
-        return observer.coverage
+        play(reader.header, reader, observer)
+    return observer.coverage

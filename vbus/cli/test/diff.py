@@ -9,6 +9,7 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, no_progress, show
+from vbus.cli.sources import opened
 
 if TYPE_CHECKING:
     from vbus.record.format import Header
@@ -63,7 +64,6 @@ def _runs(paths: list[Path], quiet: bool) -> "list[Run]":
     Raises:
         VbusError: they cannot be compared.
     """
-    from vbus.cli.journal_lines import opened, progress
     from vbus.core.errors import VbusError
     from vbus.views.runs.run import other_board, recorded_run
 
@@ -76,7 +76,7 @@ def _runs(paths: list[Path], quiet: bool) -> "list[Run]":
         raise VbusError(f"{paths[0]} and {paths[1]} were recorded on different boards: {other}")
     runs = []
     for path in paths:
-        with opened(path) as reader, progress(path, reader, "replaying", quiet):
+        with opened(path, "replaying", quiet) as reader:
             try:
                 runs.append(recorded_run(reader))
             except VbusError as error:

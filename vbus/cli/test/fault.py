@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vbus.cli.output import show
+from vbus.serve.registry import order
 
 if TYPE_CHECKING:
     from vbus.faults.row import Fault
@@ -29,8 +30,6 @@ def listing(board: str | None, as_json: bool) -> None:
 
         show(as_json, [_row(fault) for fault in faults().values()], _table(faults().values()))
         return
-    from vbus.serve.registry import order
-
     armed = order(board, "fault.list")
     show(as_json, armed, [one["text"] for one in armed] or ["no fault was armed"])
 
@@ -65,17 +64,10 @@ def _table(faults: "Iterable[Fault]") -> Iterator[str]:
 @click.option("--until", help='"once", "for 5 ms" or "cleared".')
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
 def arm(
-    board: str,
-    fault: str,
-    parameters: tuple[str, ...],
-    target: str,
-    when: str | None,
-    until: str | None,
-    as_json: bool,
-) -> None:
+    board: str, fault: str, parameters: tuple[str, ...], target: str, when: str | None,
+    until: str | None, as_json: bool,
+) -> None:  # fmt: skip
     """Arm a FAULT on a running BOARD; "vbus fault list" shows which there are."""
-    from vbus.serve.registry import order
-
     given: dict[str, str] = {}
     for parameter in parameters:
         key, equals, value = parameter.partition("=")
@@ -94,11 +86,8 @@ def arm(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
 def clear(board: str, which: str, as_json: bool) -> None:
     """End faults of a running BOARD, or call them off: a number, a name, or all."""
-    from vbus.serve.registry import order
-
     cleared = order(board, "fault.clear", which=which)
-    lines = [one["text"] for one in cleared]
-    show(as_json, cleared, lines or ["nothing waited or acted"])
+    show(as_json, cleared, [one["text"] for one in cleared] or ["nothing waited or acted"])
 
 
 @command.command("log")
@@ -106,8 +95,6 @@ def clear(board: str, which: str, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 def log(board: str, as_json: bool) -> None:
     """Show when faults of a running BOARD began and ended, and what they changed."""
-    from vbus.serve.registry import order
-
     evidence = order(board, "fault.log")
     lines = [
         f"{one['when_ps'] / 1e9:.6f} ms #{one['number']} {one['name']} {one['target']}:"

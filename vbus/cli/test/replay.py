@@ -8,8 +8,9 @@ import click
 
 from vbus.board.board import Board
 from vbus.cli import exit_codes
-from vbus.cli.journal_lines import instant, opened, progress
+from vbus.cli.journal_lines import instant
 from vbus.cli.output import no_progress, show
+from vbus.cli.sources import opened
 from vbus.nodes.machine import board_of, trace_hash
 from vbus.nodes.node import Node
 from vbus.record.replay import Outcome, Replay
@@ -36,19 +37,18 @@ def command(
     lines: list[str] = []
     played: list[Board] = []
     for journal in journals:
-        with opened(journal) as reader:
+        with opened(journal, "replaying", no_progress) as reader:
             header = reader.header
             board = board_of(header, str(journal), board_file or "")
             # A trace looks at nets: only where the machine's hash comes of it.
             if isinstance(board.beyond, Node) and len(journals) > 1:
                 board.beyond.start_trace()
-            with progress(journal, reader, "replaying", no_progress):
-                outcome = Replay(board, reader, header.families).run()
+            outcome = Replay(board, reader, header.families).run()
             damage = reader.damage
         played.append(board)
         values.append({**asdict(outcome), "damage": damage, "recorded_with": header.vbus})
-        told = _lines(outcome, damage, header.vbus)
-        lines += told if len(journals) == 1 else [f"{journal}: {line}" for line in told]
+        text = _lines(outcome, damage, header.vbus)
+        lines += text if len(journals) == 1 else [f"{journal}: {line}" for line in text]
     value: dict[str, Any] = values[0] if len(journals) == 1 else {"journals": values}
     found = machine_hash(played)
     if found:

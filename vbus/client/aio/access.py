@@ -11,7 +11,7 @@ from vbus.core.bits import sign_extend
 from vbus.core.errors import NotReadyError
 
 READY_POLLS: Final = 1000
-"""Status reads after which a chip that is still busy is given up."""
+"""Status reads after which a chip that is still busy is given up, where polls take wall time."""
 READY_TIME: Final = "10ms"
 """The same where the board waits for us: far above every busy time, and a reset."""
 
@@ -193,7 +193,7 @@ def calls_of(name: str, base: type, tables: ModuleType) -> Any:
         base: what it derives from: how the chip is reached.
         tables: the module that has ``COMMANDS``, with ``NOTES`` on them, or ``REGISTERS``.
     """
-    body: dict[str, Any] = {"__doc__": _ABOUT, "__module__": f"{tables.__package__}.calls"}
+    body: dict[str, Any] = {"__doc__": _ABOUT, "__module__": f"{tables.__package__}.host"}
     notes: Mapping[str, str] = getattr(tables, "NOTES", {})
     for command in getattr(tables, "COMMANDS", ()):
         _add(body, name, command.name.lower(), _command(command), _meaning(command, notes))

@@ -23,10 +23,12 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 TIMEOUT: Final = 5.0
-"""Seconds a reply may take, on top of the time its requests let pass."""
+"""Seconds a reply may take, on top of the time its requests let pass. It trades machines that stall
+for the time until a dead board is reported."""
 
 MOST_KEPT: Final = 4096
-"""Bytes that are kept back at most while posting."""
+"""Bytes that are held back at most while posting. 64 requests in a message take 0.92 us each
+(docs/performance.md): more gain little and come later."""
 
 _LONGEST_WAIT: Final = 86400.0
 
@@ -43,10 +45,7 @@ class ChipCycles(Core):
         raise NotImplementedError
 
     async def _ask(
-        self,
-        make: Callable[Concatenate[Message, P], Later[T]],
-        *args: P.args,
-        **kwargs: P.kwargs,
+        self, make: Callable[Concatenate[Message, P], Later[T]], *args: P.args, **kwargs: P.kwargs
     ) -> T:
         message = Message(self._names())
         later = make(message, *args, **kwargs)
@@ -179,7 +178,7 @@ class Bus(ChipCycles):
 
     @property
     def info(self) -> PortInfo:
-        """What HELLO told: board, chips, lines, outputs, pins."""
+        """What HELLO said: board, chips, lines, outputs, pins."""
         if self._info is None:
             raise ValueError("nothing is known of the session yet; call hello first")
         return self._info
@@ -284,7 +283,7 @@ class Bus(ChipCycles):
         """Answer polls from leases, or ask the board each time (as at the start).
 
         On lockstep and slaved boards a read without side effects tells how long its byte will
-        stay; until then it is given again without asking. The board is told how often that was,
+        stay; until then it is given again without asking. The board gets the number of such polls,
         so that time, counts and traces are those of a host that asks.
         """
         self._wire.stamped_polls = "polled_at" in self.info.features
@@ -375,9 +374,9 @@ class Bus(ChipCycles):
                         if not (paused or before):  # who goes on has time to answer, too
                             raise self._late(message)
                         deadline = monotonic() + self._patience()
-                    told = self._wire.paused
+                    was = self._wire.paused
                     self._receive()
-                    if self._wire.paused != told:
+                    if self._wire.paused != was:
                         deadline = monotonic() + self._patience()
                     rest = self._send(rest)
             finally:
@@ -458,8 +457,8 @@ async def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None)
             for that has begun to start.
 
     Raises:
-        TransportError: the link cannot be opened, or nobody answers; says what to do.
-        ProtocolError: whoever answers speaks no byte protocol, or another version.
+        TransportError: the link cannot be opened, or no board answers; says what to do.
+        ProtocolError: the other side speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
     return await Bus._connect(where, timeout, wait)

@@ -1,9 +1,11 @@
-"""How a session waits in an asyncio event loop; asyncio is imported by the first to wait there."""
+"""How a session waits in an event loop, whose first wait imports asyncio, and for a chip."""
 
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
+from vbus.core.errors import NotReadyError
 from vbus.core.wall_clock import monotonic
+from vbus.protocols.quantities import parse_duration
 
 T = TypeVar("T")
 
@@ -12,6 +14,33 @@ class Core:
     """What has a blocking counterpart: that stands before it, in a session that blocks."""
 
     front: Callable[[], Any] | None = None
+
+
+async def read_until(
+    bus: Any, read: Callable[[], Awaitable[int]], good: Callable[[int], bool], longest: str,
+    every: str, lacking: str,
+) -> int:  # fmt: skip
+    """Read a number until it is as wanted; return it.
+
+    Between the reads ``every`` of chip time passes, so this works in real time and in lockstep.
+
+    Args:
+        bus: the session.
+        read: reads the number.
+        good: tells whether it is as wanted.
+        longest: chip time after which the wait is given up.
+        every: chip time between two reads.
+        lacking: the error, in which ``{0}`` is the number and ``{1}`` the time.
+
+    Raises:
+        NotReadyError: it is not, after ``longest``.
+    """
+    end = await bus.now() + parse_duration(longest)
+    while not good(number := await read()):
+        if await bus.now() >= end:
+            raise NotReadyError(lacking.format(number, longest))
+        await bus.delay(every)
+    return number
 
 
 class Waits:

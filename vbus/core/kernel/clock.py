@@ -16,7 +16,7 @@ HELD: Final = END
 does not come there."""
 _NEVER: Final[i64] = int(NEVER)
 MOST_FAST: Final = 2
-"""How often as fast as its frequency says a clock may run that was kept."""
+"""Largest speed of a saved clock, as a multiple of its frequency."""
 _STANDING: Final = 1 << 62
 """Period of a clock that stands (ps)."""
 
@@ -150,7 +150,7 @@ class Clock:
         courses = self._courses[:]
         while len(courses) > 1 and courses[-1][0] >= course[0]:
             courses.pop()
-        # Nobody asks for what is long past.
+        # No caller converts instants that long past.
         self._take([*courses[-15:], course])
 
     @property
@@ -160,7 +160,7 @@ class Clock:
 
     @courses.setter
     def courses(self, courses: list[Course]) -> None:
-        """Take them as they were kept.
+        """Set the courses of a saved clock.
 
         Raises:
             ValueError: one runs too fast, or does not begin where the one before has led.

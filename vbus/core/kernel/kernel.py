@@ -77,7 +77,7 @@ class Kernel:
         self.batch: i64 = 0
         """Number of the batch of changes under way: what moves in one batch moves together."""
         self.observed: int = 0
-        """How many observers sit on nets: while none does, nobody looks at bus strobes."""
+        """Number of observers on nets; while it is 0, bus strobes are not played."""
         self.observations: int = 0
         """How many have ever sat on nets. Who looks on leaves traces in saved states (when the
         last strobe was seen), never in replies, instants or findings."""
@@ -91,17 +91,17 @@ class Kernel:
     def timer(self, callback: Callable[[], None], saved: bool = True) -> Timer:
         """Make a timer. Its place among timers of one instant is its place of making.
 
-        One that is not ``saved`` is no part of the board: it belongs to somebody who looks on.
+        One that is not ``saved`` is no part of the board: it belongs to an observer.
         """
         timer = Timer(self, len(self._timers), callback, saved, False)
         self._timers.append(timer)
         return timer
 
     def onlooker(self, callback: Callable[[], None]) -> Timer:
-        """Make a timer of somebody who changes nothing.
+        """Make a timer of an observer, which changes nothing.
 
-        It runs after all that the board does at its instant. Nobody else is told of it: what hosts
-        are promised is the same, whoever looks.
+        It runs after all that the board does at its instant, and no lease of a host ends by it:
+        hosts are promised the same with observers and without.
         """
         timer = Timer(self, len(self._timers), callback, False, True)
         self._timers.append(timer)

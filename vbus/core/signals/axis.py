@@ -8,6 +8,8 @@ from vbus.core.options import Option, Settings, Value, with_defaults
 from vbus.core.signals.values import Reading, ValueTable
 from vbus.core.state import UNDECLARED, Names
 
+DRIVES: Final = {"drive": "servo commands", "pulses": "step pulses", "phases": "phase commands"}
+"""What a chip may give a plant, with its name for people."""
 SWITCHES: Final = ("home", "limit+", "limit-")
 """The switches an axis may have; each chip says which of its inputs they are wired to."""
 

@@ -1,4 +1,4 @@
-"""How exactly a number that a part tells of itself is told."""
+"""The step of a lane: how exactly it shows a number of a part."""
 
 
 def nearest(steps: float) -> int:

@@ -24,7 +24,7 @@ def _without(listed: tuple[Listed, ...], one: Listed) -> tuple[Listed, ...]:
 
 
 class Watcher(Task):
-    """Somebody who wants to know that one of some nets has changed.
+    """Calls back when one of several nets has changed.
 
     The callback runs once per batch of changes, at the same instant, after their cause has
     returned: several lines moved by one request are seen as one event.
@@ -53,12 +53,12 @@ class Watcher(Task):
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Guard:
-    """Somebody who works out what happens on some nets, and owes them their levels meanwhile."""
+    """Computes what happens on several nets, whose levels it sets only when they are needed."""
 
     WIRING: ClassVar[Names] = ("*",)
 
     def touched(self) -> None:
-        """A pin on one of the nets has moved, or somebody begins to listen: levels are true."""
+        """A pin on one of the nets has moved, or a listener comes: the levels must be set now."""
         raise NotImplementedError
 
     def come_true(self) -> None:
@@ -133,14 +133,14 @@ class Net:
     Attributes:
         name: as the board file or the manual calls it.
         width: number of wires, 1 or 8.
-        rest: what is read while nobody drives: 0 or 1 (a pull), or :data:`Z` to keep the last.
+        rest: what is read while no pin drives: 0 or 1 (a pull), or :data:`Z` to keep the last.
         value: electrical level now.
         previous: level before the last batch of changes.
         changed_at: instant of the last change (ps).
         let_go_at: instant at which the last driver let go (ps); -1 if that never happened.
         clash: called with the net when two push-pull pins disagree.
         bends: faults that make another level of the one that is driven, in order.
-        guard: who may owe the net its level; None: nobody does.
+        guard: computes the net's level, and sets it only when it is needed; or None.
     """
 
     STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
@@ -219,7 +219,7 @@ class Net:
     def floats(self) -> bool:
         """Whether no pin drives the net, nor did before the batch of changes under way.
 
-        A latch whose strobe ends in this batch takes what the wires have kept.
+        A latch whose strobe ends in this batch takes the last level of the wires.
         """
         return not self.driven and self._let_go != self._kernel.batch
 
@@ -240,9 +240,9 @@ class Net:
         self.first_heard(heard)
 
     def first_heard(self, before: bool) -> None:
-        """Somebody listens now, or no longer: a wire begins to have a history.
+        """First or last listener: start or stop recording edges.
 
-        Outputs that nobody listened to moved when somebody looked at their chip.
+        The outputs of a chip without listeners have moved only when the chip was asked.
         """
         self.tell_drivers()
         if not before and self.width != 8:
@@ -263,7 +263,7 @@ class Net:
         self.bends = _without(self.bends, bend)
 
     def tell_drivers(self) -> None:
-        """Let the driving chips know that somebody began or ceased to listen."""
+        """Let the driving chips know that a listener has come or gone."""
         for pin in self.pins:
             if pin.on_heard is not None:
                 pin.on_heard()
@@ -304,7 +304,7 @@ class Net:
                 watcher.notify()
 
     def put(self, level: int) -> None:
-        """Set the level of a wire that has moved while nobody listened: it has no history."""
+        """Set the level of a wire that has moved without listeners: it has no history."""
         self.value = self.previous = level
         self.changed_at, self.let_go_at, self._batch = 0, -1, -1
 
@@ -312,8 +312,8 @@ class Net:
     def history(self) -> tuple[int, ...]:
         """Level before the last change, its instant, and when the last driver let go.
 
-        A wire to which nobody listens has no history: chips drive it when somebody looks at them,
-        and being looked at changes nothing. Of D0-D7 the AC limits look at every change.
+        A wire without listeners has no history: its chips drive it only when they are asked, and
+        a question must change nothing. Of D0-D7 the AC limits need every change.
         """
         if not self.heard and self.width != 8:
             return (self.value, 0, -1)
@@ -324,7 +324,7 @@ class Net:
         self.previous, self.changed_at, self.let_go_at = history
 
     def after_load(self) -> None:
-        """Find out whether pins disagree and tell nobody: their levels have been loaded."""
+        """Find out whether pins disagree, without a report: their levels have been loaded."""
         if self.guard is not None:
             self.guard.touched()
         level = Z

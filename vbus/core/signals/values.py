@@ -193,8 +193,8 @@ class ValueTable:
 
     def telemetry(self, axes: int) -> Callable[[Any], dict[str, Reading]]:
         """Return the function of a chip that gives every value of telemetry by its key."""
-        told = self.told(axes).items()
-        return reader(f"{{{', '.join(f'{k!r}: {row.number(n)}' for k, (row, n) in told)}}}")
+        rows = self.told(axes).items()
+        return reader(f"{{{', '.join(f'{k!r}: {row.number(n)}' for k, (row, n) in rows)}}}")
 
     def steps(self, axes: int) -> Callable[[Any], list[int | float]]:
         """Return the function of a chip that gives its lanes in steps, in order of :meth:`lanes`.

@@ -34,7 +34,7 @@ class Wrong:
 class WireEnd(Net):
     """The part of a wire that lies on one node.
 
-    What this node's own pins drive is told to the other ends, where it arrives after the wire's
+    What this node's own pins drive is sent to the other ends, where it arrives after the wire's
     delay; what the other ends drive arrives here at pins of its own, one for each node. So an
     open-drain wire works as it does in copper, only later.
 
@@ -43,7 +43,7 @@ class WireEnd(Net):
         name: the wire's name.
         rank: the wire's place among those of the board.
         outbox: takes each change of what this end drives.
-        rest: level read while nobody drives it.
+        rest: level read while no pin drives it.
         width: number of wires.
 
     Attributes:
@@ -92,7 +92,7 @@ class WireEnd(Net):
         self.latest[node] = (Z, False)
 
     def resolve(self) -> None:
-        """Work out the level here, and what the other ends must be told."""
+        """Compute the level here, and what must be sent to the other ends."""
         super().resolve()
         far = self.far.values()
         level = Z

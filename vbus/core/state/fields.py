@@ -41,7 +41,7 @@ class Part(Kind):
     PART: ClassVar[bool] = True
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return layout_of(type(value)).save(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -63,7 +63,7 @@ class Parts(Kind):
         self.each: Kind = each
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return self.each.save_all(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -90,7 +90,7 @@ class Kept(Kind):
         return self.of
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         if saved != {}:
             kept_layout(type(now)).check(now, saved, Load())
         return saved
@@ -153,16 +153,18 @@ class Layout:
     Attributes:
         names: its fields.
         kinds: what they hold, by name.
+        places: the attribute that has each field, by its name.
         version: of the declaration.
-        save: returns the fields of a part, as they are kept.
-        check: checks fields that were kept, and adds what sets them to a :class:`Load`.
+        save: returns the fields of a part, as they are saved.
+        check: checks fields that were saved, and adds what sets them to a :class:`Load`.
     """
 
-    __slots__ = ("check", "kinds", "names", "save", "version")
+    __slots__ = ("check", "kinds", "names", "places", "save", "version")
 
     def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
         self.kinds: dict[str, Kind] = {}
+        self.places: dict[str, str] = {}
         self.version: int = getattr(cls, "STATE_VERSION", 1)
         self.save: Callable[[Any], Any] = _save_none
         self.check: Callable[[Any, Any, Load], None] = _check_none
@@ -175,12 +177,14 @@ class Layout:
                 f' follows, as in {declaration} = ("place", "speed: float")'
             )
         for field in declared:
-            name, colon, text = field.partition(":")
+            place, colon, text = field.partition(":")
+            name, _, elsewhere = place.partition(" = ")
+            self.places[name] = elsewhere or name
             self.kinds[name] = kind_of(text if colon else "i64")
         self.names = list(self.kinds)
         whole = declaration == "STATE"
         self.save, self.check = written(
-            self.kinds, self.version, whole and hasattr(cls, "before_save"),
+            self.kinds, self.places, self.version, whole and hasattr(cls, "before_save"),
             hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
         )  # fmt: skip
 
@@ -265,7 +269,8 @@ def undeclared(part: Any) -> set[str]:
     for base in cls.__mro__:
         inside = vars(base)
         for declaration in ("STATE", "WIRING", "DERIVED"):
-            declared.update(name.partition(":")[0] for name in inside.get(declaration, ()))
+            for field in inside.get(declaration, ()):
+                declared.add(field.partition(":")[0].rpartition(" = ")[2].partition(".")[0])
     if "*" in declared and not hasattr(cls, "STATE"):
         return set()
     return attributes(part) - declared
@@ -315,8 +320,8 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
 
 def keep(part: Any) -> Saved:
     """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
-    kept: Saved = kept_layout(type(part)).save(part)
-    return kept
+    fields: Saved = kept_layout(type(part)).save(part)
+    return fields
 
 
 def take_back(part: Any, saved: Saved) -> None:

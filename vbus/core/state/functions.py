@@ -44,6 +44,7 @@ def put(part, values):
 
 def written(
     kinds: dict[str, Kind],
+    places: dict[str, str],
     version: int,
     prepares: bool,
     refreshes: bool,
@@ -55,12 +56,13 @@ def written(
 
     Args:
         kinds: what the fields hold, by name.
+        places: the attribute that has each field, by its name.
         version: of the declaration.
         prepares: the class has a before_save().
         refreshes: it has an after_load().
         present: returns the fields as this version declares them.
         save: what saves a part inside, by its class.
-        check: what checks what was kept of one, by its class.
+        check: what checks a saved one, by its class.
     """
     usual = {name: kind for name, kind in kinds.items() if kind.usual is not None}
     parts = [name for name, kind in kinds.items() if kind.STAYS]
@@ -72,8 +74,9 @@ def written(
     state = []
     for name, kind in kinds.items():
         known[f"save_{name}"], known[f"take_{name}"] = kind.save, kind.take
-        value = f"part.{name}" if kind.plain else f"save_{name}(part.{name})"
-        state.append(f"{name!r}: {f'save[type(now := part.{name})](now)' if kind.PART else value}")
+        now = f"part.{places[name]}"
+        value = now if kind.plain else f"save_{name}({now})"
+        state.append(f"{name!r}: {f'save[type(now := {now})](now)' if kind.PART else value}")
     if version > 1:
         state.append(f"'STATE_VERSION': {version}")
     settable = [*usual, *others]
@@ -86,22 +89,22 @@ def written(
         read="; ".join(f"f_{name} = saved[{name!r}]" for name in kinds) or "pass",
         fits=" and ".join(checks) or "True",
         numbers="".join(f"f_{name}, " for name in usual),
-        others="; ".join(_taking(name, kinds[name]) for name in others) or "pass",
+        others="; ".join(_taking(name, kinds[name], places) for name in others) or "pass",
         values="".join(f"f_{name}, " for name in settable),
-        parts="; ".join(_taking(name, kinds[name]) for name in parts) or "pass",
+        parts="; ".join(_taking(name, kinds[name], places) for name in parts) or "pass",
         after_load="load.hooks.append(part.after_load)" if refreshes else "pass",
-        attributes="".join(f"part.{name}, " for name in settable),
+        attributes="".join(f"part.{places[name]}, " for name in settable),
     )
     exec(text, known)
     return known["get"], known["fit"]
 
 
-def _taking(name: str, kind: Kind) -> str:
+def _taking(name: str, kind: Kind, places: dict[str, str]) -> str:
     """Return what checks one of the other fields."""
     if kind.PART:
-        return f"place = {name!r}; now = part.{name}; check[type(now)](now, f_{name}, load)"
+        return f"place = {name!r}; now = part.{places[name]}; check[type(now)](now, f_{name}, load)"
     owner = kind.owner(name) or (name if kind.STAYS else "")
-    now = f"part.{owner}" if owner else "None"
+    now = f"part.{places.get(owner, owner)}" if owner else "None"
     return f"place = {name!r}; f_{name} = take_{name}(f_{name}, {now}, load)"
 
 

@@ -16,7 +16,7 @@ SCHEMAS: Final[dict[type, Any]] = {
     int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, str: str,
     float: Annotated[float, Meta(ge=-float_info.max, le=float_info.max)],
 }  # fmt: skip
-"""What msgspec is told of values of a type, to check many at once."""
+"""Types for msgspec, which checks many values at once."""
 ALL: Final = slice(None)
 
 
@@ -76,11 +76,11 @@ class Kind:
         self.text: str = text
         self.types: frozenset[type] = frozenset(types)
         self.plain: bool = type(self) is Kind
-        """Kept as it is, whatever the field holds now."""
+        """Whether a value is saved unchanged, whatever the field holds now."""
         self.usual: type | None = types[0] if types and types[0] in NUMBERS else None
         """Type of a number or flag that needs no other check than that of its size."""
         self.schema: Any = None
-        """What msgspec is told of such values; None: it cannot check them."""
+        """The type of such values for msgspec; None: it cannot check them."""
         if self.plain and self.types <= SCHEMAS.keys():
             self.schema = reduce(or_, [SCHEMAS[one] for one in types])
 
@@ -89,21 +89,21 @@ class Kind:
         return ""
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return value
 
     def save_all(self, values: Iterable[Any]) -> tuple[Any, ...]:
-        """Return several values as they are kept."""
+        """Return several values as they are saved."""
         if self.plain:
             return tuple(values)
         save = self.save
         return tuple([save(value) for value in values])
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept.
+        """Return the value for what was saved.
 
         Args:
-            saved: what was kept.
+            saved: what was saved.
             now: what the :meth:`owner` is now.
             load: takes what is to be done inside that.
 
@@ -122,14 +122,14 @@ class Kind:
 
 
 class Integer(Kind):
-    """An integer of any size; beyond 64 bits it is kept as a decimal text."""
+    """An integer of any size; beyond 64 bits it is saved as a decimal text."""
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return value if -MOST - 1 <= value <= MOST else str(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         if type(saved) is str and saved.lstrip("-").isdecimal():
             return int(saved)
         if type(saved) is not int:
@@ -145,11 +145,11 @@ class Real(Kind):
         self.schema = SCHEMAS[float]
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return float(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         number = float(super().take(saved, now, load))
         if number - number != 0.0:
             raise self.refuse(saved)
@@ -164,11 +164,11 @@ class Octets(Kind):
         self.count: int | None = count
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return bytes(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         super().take(saved, now, load)
         if self.count is not None and len(saved) != self.count:
             raise Refused(f"wants {self.count} bytes, not {len(saved)}")
@@ -202,7 +202,7 @@ class Repeated(Kind):
         self.each: Kind = each
         self.like: str = like
         self._struct: Any = None
-        """What msgspec is told of them, in a field: it looks only once at a struct."""
+        """The type for msgspec, in a field: msgspec looks only once at a struct."""
         if each.schema is not None:
             more = (...,) if make is tuple else ()
             self.schema = GenericAlias(make, (each.schema, *more))
@@ -212,11 +212,11 @@ class Repeated(Kind):
         return "" if self.like == "..." else self.like or name
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return self.each.save_all(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         if type(saved) not in self.types:
             raise self.refuse(saved)
         if self.like != "..." and len(saved) != len(now):
@@ -237,7 +237,7 @@ class Sorted(Repeated):
     """Several values whose order says nothing."""
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         return super().save(sorted(value))
 
 
@@ -248,18 +248,18 @@ class Row(Kind):
         super().__init__(f"{len(kinds)} values in a row", tuple, list)
         self.kinds: list[Kind] = kinds
         self.kept: bool = all(kind.plain for kind in kinds)
-        """Kept as it is."""
+        """Whether a row is saved unchanged."""
         if all(kind.schema is not None for kind in kinds):
             self.schema = GenericAlias(tuple, tuple([kind.schema for kind in kinds]))
 
     def save(self, value: Any) -> Any:
-        """Return the value as it is kept."""
+        """Return the value as it is saved."""
         if self.kept:
             return tuple(value)
         return tuple([kind.save(one) for kind, one in zip(self.kinds, value, strict=True)])
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
+        """Return the value for what was saved."""
         if len(super().take(saved, now, load)) != len(self.kinds):
             raise self.refuse(saved)
         return tuple(

@@ -123,7 +123,7 @@ static void name_unbent(long number)
         }
 }
 
-/* Without its page of functions that read the clocks, whoever looks for it makes a system call. */
+/* Without its page of functions that read the clocks, a search for it makes a system call. */
 PUBLIC unsigned long getauxval(unsigned long kind)
 {
     REAL(getauxval);

@@ -47,15 +47,15 @@ static int shared; /* other processes use the card too, each with a clock of its
 static unsigned selected;
 static uint64_t cycles[MOST_CHIPS], clock_step;
 static uint64_t elapsed;  /* virtual time since it began (ps) */
-static uint64_t limit = UINT64_MAX; /* what it may take, if the board was told; beyond it, tell */
-static uint64_t owed;     /* of that, what the board has not been told (lockstep) */
+static uint64_t limit = UINT64_MAX; /* what it may take, once reported; beyond it, report */
+static uint64_t owed;     /* of that, not yet reported to the board (lockstep) */
 static uint64_t board_at; /* what the board's clock showed when ours showed 0 (slaved) */
 static uint64_t begun_ps;
 static int watching, line_active;
 static volatile uint32_t interrupts;
-static volatile uint32_t noticed; /* interrupts the program has been told of */
-static uint64_t last_rise;        /* of those that a session has told of */
-static volatile int telling;      /* somebody has these three */
+static volatile uint32_t noticed; /* interrupts the program has had a signal for */
+static uint64_t last_rise;        /* of those that a session has reported */
+static volatile int telling;      /* a thread holds these three */
 static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
 static volatile int lock;
@@ -193,7 +193,7 @@ static void must(int error)
     card_end(NO_LINK);
 }
 
-/* Say once for each address that nobody is there. */
+/* Say once for each address that no chip is there. */
 static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip)
 {
     static uintptr_t said[MOST_REPORTS];
@@ -206,7 +206,7 @@ static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip
     if (count == MOST_REPORTS)
         return;
     said[count++] = address;
-    card_say("nobody answers a %s of %d byte%s at %s 0x%x; %s", write ? "write" : "read", (int)size,
+    card_say("no chip answers a %s of %d byte%s at %s 0x%x; %s", write ? "write" : "read", (int)size,
              size > 1 ? "s" : "", card.memory ? "address" : "port", address,
              write ? "it is lost" : "FFh is read");
     card_say_place("by the", ip, "");
@@ -645,7 +645,7 @@ static void spend(uint64_t ps)
         owed += ps;
 }
 
-/* A board knows of no time that has not been told: it ends a program that goes on beyond a limit. */
+/* A board knows only the time it gets reports of: it ends a program that goes on beyond a limit. */
 static void heed_limit(void)
 {
     uint64_t edge;

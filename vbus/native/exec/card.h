@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 struct card_settings {
-    int present;          /* whether vbus exec has told anything */
+    int present;          /* whether vbus exec has sent settings */
     int virtual_time;     /* lockstep or slaved: clocks and sleeps follow the chips */
     int memory;           /* the card's addresses are memory, not ports */
     int big;              /* the byte at the lowest address is the most significant one */
@@ -36,7 +36,7 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 /* Whether the board is still there; if not the program ends. */
 void card_check(void);
 
-/* How many requests there have been: polls that a lease has answered are told of together. */
+/* How many requests there have been: polls that a lease has answered are reported together. */
 unsigned card_requests(void);
 
 /* Send what is kept back. */
@@ -95,14 +95,14 @@ void card_watch(void);
 void card_refresh(void);
 
 /* What a session tells of the lines, after `active`: in real time two of them hear of each edge, and it
- * counts once. The access that follows an edge finds it counted and the program told. */
+ * counts once. The access that follows an edge finds it counted and the signal sent. */
 void card_hear(int *active, uint32_t outputs, uint64_t instant);
 
 /* Interrupts so far; and one more. */
 uint32_t card_interrupts(void);
 void card_interrupt(void);
 
-/* Between these nobody counts one, and nobody is told. */
+/* Between these no thread counts one, and no signal is sent. */
 void card_lock_interrupts(void);
 void card_unlock_interrupts(void);
 

@@ -4,7 +4,7 @@
 
 #include <poll.h>
 
-/* An interrupt has come: whoever waits for it can read. */
+/* An interrupt has come: a thread that waits for it can read. */
 void files_interrupt(void);
 
 /* Something has happened that may make a descriptor of ours ready; and how often that was. */

@@ -7,7 +7,7 @@
 /* Watch from now on for a thread that waits for memory to change. */
 void spin_watch(void);
 
-/* The child of a fork has to be told again. */
+/* The child of a fork has to get it again. */
 void spin_forget(void);
 
 #endif

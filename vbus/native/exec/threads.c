@@ -1,8 +1,8 @@
 /* threads.c - threads and what they wait for of each other, where they take turns (turns.c).
  * License: Apache-2.0.
  *
- * Mutexes and semaphores stay the C library's: what cannot be had at once is tried again when somebody
- * has let go of it. Conditions and barriers are places to wait at, and nothing of the C library's.
+ * Mutexes and semaphores stay the C library's: what cannot be had at once is tried again when a
+ * thread has let go of it. Conditions and barriers are places to wait at, not the C library's.
  */
 #define _GNU_SOURCE
 #include "card.h"

@@ -266,7 +266,7 @@ PUBLIC int timerfd_settime(int fd, int flags, const struct itimerspec *wanted,
     if (before != NULL)
         timerfd_gettime(fd, before);
     if (sys_poll(&full, 1, 0) > 0)
-        sys_read(fd, &count, sizeof count); /* expiries nobody has read are forgotten */
+        sys_read(fd, &count, sizeof count); /* unread expiries are forgotten */
     set(with_descriptor(fd), flags & TFD_TIMER_ABSTIME, wanted);
     timers_fire();
     return 0;

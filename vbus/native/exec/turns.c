@@ -1,7 +1,7 @@
 /* turns.c - where time is virtual, one thread of the program runs at a time. License: Apache-2.0.
  *
- * Whoever has the turn runs. It is given away at bus accesses, looks at clocks and waits only, to the
- * next thread in order of creation that is ready; so what threads do to each other is the same in
+ * The thread that has the turn runs. It is given away at bus accesses, looks at clocks and waits
+ * only, to the next ready thread in order of creation; so what threads do to each other is the same in
  * every run. While none is ready the last one to wait lets the chips' time pass, to the next instant
  * at which one is. A wait is never one of the kernel's: it is a place in the table below.
  */
@@ -216,7 +216,7 @@ static void await(struct guest *self)
     }
 }
 
-static unsigned rested; /* by entries, what vbus exec has been told; 0: no thread's waits */
+static unsigned rested; /* by entries, what vbus exec has the report of; 0: no thread's waits */
 
 void turns_say_begun(void)
 {
@@ -336,7 +336,7 @@ static struct guest *next_ready(struct guest *self)
 static struct pollfd every[MOST_SETS];
 
 /* Whether anybody outside this process, or in a call of the kernel's, may end a wait; and whether
- * somebody waits for what an interrupt brings. */
+ * a thread waits for what an interrupt brings. */
 static int others(nfds_t *count, int *heeds)
 {
     struct guest *guest;
@@ -376,7 +376,7 @@ static void tell_shared(void)
         }
 }
 
-/* Nothing of ours will change memory: whoever looks at it may as well do so. */
+/* Nothing of ours will change memory: threads that look at it may as well do so. */
 static void tell_spinning(void)
 {
     struct guest *guest;
@@ -421,7 +421,7 @@ static int glance(nfds_t count, int ms)
 /* --- when nothing can come -------------------------------------------------------------------- */
 
 /* Whether timers are ours, and a line for each thread: what it waits for, by a letter and its
- * descriptors. It holds until one goes on with the program; whoever asks again and again does not. */
+ * descriptors. It holds until one goes on with the program; one that asks on and on does not. */
 static void say_rest(void)
 {
     static char text[MOST_GUESTS * 24 + 4096];
@@ -488,7 +488,7 @@ static void idle(struct guest *self)
     }
 }
 
-/* The caller cannot go on: whoever can has the turn next. */
+/* The caller cannot go on: a thread that can has the turn next. */
 static void schedule(struct guest *self)
 {
     for (;;) {

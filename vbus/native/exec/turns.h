@@ -69,7 +69,7 @@ void turns_leave(void);
 /* Give the turn to the next thread that is ready, in order of creation, if there is one. */
 void turns_offer(void);
 
-/* The same for one that asks again and again: if nobody else is ready, a look at a clock's time. */
+/* The same for one that asks again and again: if no other is ready, a look at a clock's time. */
 void turns_yield(void);
 
 /* Give the turn away until one of these; between turns_enter and turns_leave. */

@@ -2,7 +2,7 @@
  *
  * Only what loops around an access are made of: moves and arithmetic of registers and memory, the
  * stack, and jumps to places that the instruction itself names. Whatever leaves the program's own
- * text, may be seen half done by somebody else, or needs more than integer registers is left to the
+ * text, may be seen half done by others, or needs more than integer registers is left to the
  * processor. Registers change when memory has been reached: an instruction whose memory is not there
  * has done nothing.
  */

@@ -21,37 +21,40 @@
 
 namespace vbus_shim {
 
-/* A register of 8 bits: every read and every write is one access. */
-class Register {
+/* A register: every read and every write is one access. A driver assigns VALUE to it. */
+template <class T, class VALUE> class RegisterOf {
 public:
-    typedef uint8_t (*Read)(unsigned index);
-    typedef void (*Write)(unsigned index, uint8_t value);
+    typedef T (*Read)(unsigned index);
+    typedef void (*Write)(unsigned index, T value);
 
-    constexpr Register(unsigned index, Read read, Write write)
+    constexpr RegisterOf(unsigned index, Read read, Write write)
         : index_(index), read_(read), write_(write) {}
 
-    operator uint8_t() const { return read_(index_); }
-    uint8_t operator=(int value) { write_(index_, (uint8_t)value); return (uint8_t)value; }
-    uint8_t operator=(const Register &other) { return *this = (uint8_t)other; }
-    uint8_t operator|=(int value) { return *this = *this | value; }
-    uint8_t operator&=(int value) { return *this = *this & value; }
-    uint8_t operator^=(int value) { return *this = *this ^ value; }
-    uint8_t operator+=(int value) { return *this = *this + value; }
-    uint8_t operator-=(int value) { return *this = *this - value; }
-    uint8_t operator<<=(int value) { return *this = *this << value; }
-    uint8_t operator>>=(int value) { return *this = *this >> value; }
-    uint8_t operator++() { return *this += 1; }
-    uint8_t operator--() { return *this -= 1; }
-    uint8_t operator++(int) { uint8_t old = *this; *this = old + 1; return old; }
-    uint8_t operator--(int) { uint8_t old = *this; *this = old - 1; return old; }
+    operator T() const { return read_(index_); }
+    T operator=(VALUE value) { write_(index_, (T)value); return (T)value; }
+    T operator=(const RegisterOf &other) { return *this = (T)other; }
+    T operator|=(VALUE value) { return *this = *this | value; }
+    T operator&=(VALUE value) { return *this = *this & value; }
+    T operator^=(VALUE value) { return *this = *this ^ value; }
+    T operator+=(VALUE value) { return *this = *this + value; }
+    T operator-=(VALUE value) { return *this = *this - value; }
+    T operator<<=(VALUE value) { return *this = *this << value; }
+    T operator>>=(VALUE value) { return *this = *this >> value; }
+    T operator++() { return *this += 1; }
+    T operator--() { return *this -= 1; }
+    T operator++(int) { T old = *this; *this = old + 1; return old; }
+    T operator--(int) { T old = *this; *this = old - 1; return old; }
 
 private:
-    Register(const Register &);
+    RegisterOf(const RegisterOf &);
 
     unsigned index_;
     Read read_;
     Write write_;
 };
+
+typedef RegisterOf<uint8_t, int> Register;
+typedef RegisterOf<uint32_t, uint32_t> Register32;
 
 /* One bit of a register, as the bit structures of PIC compilers have it. */
 template <Register &REGISTER, unsigned BIT> struct RegisterBit {
@@ -67,19 +70,39 @@ template <Register &REGISTER, unsigned BIT> struct RegisterBit {
     bool operator&=(int value) { return *this = (int)(bool)*this & value; }
 };
 
-/* Ports by number (0 is A): what is driven, and what is read. */
-uint8_t port_drive(unsigned port);
-uint8_t port_level(unsigned port);
-uint8_t port_input(unsigned port);
-uint8_t port_lines(unsigned port); /* as port_input, without an access: what interrupt logic sees */
-void set_drive(unsigned port, uint8_t drive);
-void set_level(unsigned port, uint8_t level);
+/* Ports by number (0 is A): what is driven, and what is read. A port has VBUS_PORT_BITS. */
+#ifndef VBUS_PORT_BITS
+#define VBUS_PORT_BITS 8
+#endif
+#if VBUS_PORT_BITS > 8
+typedef uint16_t port_t;
+#else
+typedef uint8_t port_t;
+#endif
+port_t port_drive(unsigned port);
+port_t port_level(unsigned port);
+port_t port_input(unsigned port);
+port_t port_lines(unsigned port); /* as port_input, without an access: what interrupt logic sees */
+void set_drive(unsigned port, port_t drive);
+void set_level(unsigned port, port_t level);
+void set_port(unsigned port, port_t drive, port_t level); /* both at one instant */
+void set_pull_down(unsigned port, port_t pins); /* before set_port */
 
 /* Time in picoseconds. Looking at a clock moves it, so that waiting for an instant ends. */
 void pass(uint64_t duration);
 uint64_t look_at_clock();
 bool own_clock(uint64_t *now); /* one access; false if the board keeps the time */
 void set_clock_period(uint64_t period); /* what a register access takes; at the start 62.5 ns */
+uint64_t own_instant(); /* what accesses and pass() have taken so far, without an access */
+void set_alarm(uint64_t instant); /* serve interrupts at this own instant, too */
+void compute(uint64_t duration); /* the same as pass(), but what is short may pass a little later */
+
+/* Code of the shim, and of an interrupt handler that it calls, takes no time but that of accesses. */
+extern unsigned in_shim;
+struct Inside {
+    Inside() { in_shim++; }
+    ~Inside() { in_shim--; }
+};
 
 /* Called whenever interrupts may be served. Returns whether any is enabled: if none is, the chips
  * are not asked for their lines. */

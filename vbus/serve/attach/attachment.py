@@ -16,23 +16,22 @@ from vbus.serve.attach.far_port import FarPort
 from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import LocalSocket, Telling
 from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.registry import control_path, status_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.pace import Pace
+from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.serve.time.turns import Turns
+from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link
 from vbus.transports.runtime import mark_pause
 
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""
 PAUSE_SECONDS: Final = 0.5
-"""How often is looked whether somebody has paused it, or lets it go on."""
+"""How often to look whether the board is paused (s)."""
 READY: Final = "ready"
 
 
@@ -79,7 +78,7 @@ class Attachment:
 
     Args:
         wanted: what is to be attached.
-        board: what the remote board has told.
+        board: what the remote board's HELLO says.
         report: takes sentences about what happens.
 
     Raises:
@@ -104,7 +103,7 @@ class Attachment:
         ]
         self._last: dict[HostEntry, Upstream] = {}
         self._upstreams: set[Upstream] = set()
-        self._turns: Turns = Turns()
+        self._turns: SpinTurn = SpinTurn()
         self._looking: asyncio.Task[None] | None = None
         self._failure: TransportError | None = None
         self._stop: asyncio.Event = asyncio.Event()
@@ -123,9 +122,9 @@ class Attachment:
         loop = asyncio.get_running_loop()
         with ExitStack() as closing:
             self._open_local_sockets(loop, closing)
-            self._hang_ups: HangUps = HangUps(loop)
-            self._hang_ups.open()
-            closing.callback(self._hang_ups.close)
+            self._disconnects: DisconnectPoller = DisconnectPoller(loop)
+            self._disconnects.open()
+            closing.callback(self._disconnects.close)
             closing.callback(self._close_links)
             self._open_links(loop)
             self.served = True
@@ -165,8 +164,8 @@ class Attachment:
             TransportError: one cannot be opened; none is open then.
         """
         serving = Serving(
-            loop, Pace(), self._turns, Histogram(ROUND_TRIP_NS), self._hang_ups,
-            Departures(Pace()), self._session_ended,
+            loop, TimeSource(), self._turns, Histogram(ROUND_TRIP_NS), self._disconnects,
+            DetachedWaits(TimeSource()), self._session_ended,
         )  # fmt: skip
         with ExitStack() as opened:
             for host in self._hosts:
@@ -254,12 +253,12 @@ class Attachment:
             self._looking.add_done_callback(self._looked)
 
     async def _tell_pauses(self) -> None:
-        """Leave word here while somebody has paused the board, where its link tells of that."""
-        told = False
+        """Mark the board as paused here while it is, where its link reports that."""
+        marked = False
         while True:
             paused = any(one.paused for one in self._upstreams)
-            if paused != told:
-                told = paused
+            if paused != marked:
+                marked = paused
                 self._mark_pause(paused)
             await asyncio.sleep(PAUSE_SECONDS)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbus.client import connect
-from vbus.client.ready import until_ready
+from vbus.client.blocking import until_ready
 from vbus.core.errors import ProtocolError, TransportError
 from vbus.core.wall_clock import monotonic
 from vbus.protocols.frames import MARK, frame
@@ -56,7 +56,7 @@ def look_at(where: str, protocol: str) -> FarBoard:
         protocol: what is to be spoken here.
 
     Raises:
-        TransportError: nobody answers, or in a wire format of which that cannot be made; says why
+        TransportError: no board answers, or its wire format cannot carry the other; says why
             and what to do.
         ValueError: this is no link.
     """

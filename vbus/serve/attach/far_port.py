@@ -18,7 +18,7 @@ from vbus.protocols.port import CardAccess, NotYet, PortError, PortInfo
 from vbus.protocols.requests import REFUSALS
 from vbus.serve.attach.relay import SOME_TIME, RelayPort
 from vbus.serve.attach.upstream import Upstream
-from vbus.serve.time.pace import nothing
+from vbus.serve.time.time_source import nothing
 
 Make = Callable[[Message], tuple[Later[Any] | None, ...]]
 """Puts requests into a message; returns what will hold their answers."""
@@ -155,7 +155,7 @@ class FarPort(RelayPort):
     # -- what a protocol asks for ---------------------------------------------------------------
 
     def info(self) -> PortInfo:
-        """Return what the board's HELLO has told."""
+        """Return the contents of the board's HELLO."""
         assert self._info is not None, "the session is held until then"
         return self._info
 

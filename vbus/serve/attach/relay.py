@@ -51,7 +51,7 @@ class RelayPort(HostPort):
 
 
 class Passage(Protocol):
-    """The wire format of the board's own link: what it means is nobody's business here."""
+    """The wire format of the board's own link: bytes pass through without being read."""
 
     WIRING: ClassVar[Names] = ("_relay",)
 
@@ -99,7 +99,7 @@ class RelaySession(Session):
     def _finish(self) -> None:
         """The host will send no more, and may be there for what it has asked for."""
         self._move(FINISH)
-        if self._hang_ups.gone_of([self.link.fd]):
+        if self._disconnects.gone_of([self.link.fd]):
             self._leave()
         else:
             self._relay.finish()

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TypeVar
 
+from vbus.client.blocking import until_ready
 from vbus.client.link import BoardLink
 from vbus.client.links import open_link
-from vbus.client.ready import until_ready
 from vbus.core.errors import TransportError, VbusError
 from vbus.core.wall_clock import monotonic, monotonic_ns
 from vbus.serve.attach.meter import Meter
-from vbus.serve.time.pace import nothing
+from vbus.serve.time.time_source import nothing
 from vbus.transports.sockets import KEEP_ALIVE
 
 T = TypeVar("T")
@@ -27,7 +27,7 @@ async def aside(work: Callable[[], T], unwanted: Callable[[T], object] | None = 
 
     Args:
         work: what blocks.
-        unwanted: takes the result if nobody waits for it any more.
+        unwanted: takes the result if the caller waits for it no longer.
     """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[T] = loop.create_future()
@@ -60,7 +60,7 @@ MOST_PENDING: Final = 65536
 OPEN_SECONDS: Final = 5.0
 """How long opening a link may take."""
 BEAT_SECONDS: Final = 1.0
-"""How often a board is looked for that is asked nothing, where its going is told by silence."""
+"""How often to ask an idle board whether it is there, on links that do not report its end (s)."""
 LEAVING_SECONDS: Final = 2.0
 """How long a host that has gone waits for what it has asked for."""
 VANISHED_MS: Final = 25_000
@@ -152,7 +152,7 @@ class Upstream:
 
     @property
     def paused(self) -> bool:
-        """Whether somebody has paused the board, as far as the link tells."""
+        """Whether the board is paused, as far as the link reports that."""
         return self._link is not None and not self._ended and self._link.paused()
 
     # -- opening --------------------------------------------------------------------------------
@@ -286,7 +286,7 @@ class Upstream:
         """No more is sent: end the session when all is done that was asked for.
 
         Args:
-            waits: whether the host is still there for its answers; else nobody waits for long.
+            waits: whether the host is still there for its answers; else the wait is short.
         """
         if self._ended:
             return

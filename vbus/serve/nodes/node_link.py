@@ -99,11 +99,11 @@ class NodeLink:
         deadline: float,
         waits: Callable[[str], None],
     ) -> None:
-        """Join the network; where nobody listens yet, wait for it.
+        """Join the network; where no process listens yet, wait for one.
 
         Args:
             receiver: takes what comes.
-            listen: endpoints; whoever listens is the middle of the star.
+            listen: endpoints; the process that listens is the middle of the star.
             connect: endpoints of who listens.
             security: certificates, if any.
             remote: other computers may be let in without.
@@ -133,10 +133,10 @@ class NodeLink:
             try:
                 self._session = await loop.run_in_executor(None, attempt, seconds)
             except TransportError as error:
-                if listen or "nobody listens" not in str(error):
+                if listen or "no process listens" not in str(error):
                     raise
                 if seconds == ATTEMPT_SECONDS:
-                    waits(f"nobody listens at {', '.join(connect)} yet; waits for it")
+                    waits(f"no process listens at {', '.join(connect)} yet; waits for it")
                 await asyncio.sleep(ATTEMPT_SECONDS)
                 seconds = min(2 * seconds, LONGEST_ATTEMPT)
         self._opened.callback(close_session, self._session)

@@ -18,11 +18,10 @@ from vbus.core.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
 from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
-from vbus.nodes.node import Node
+from vbus.nodes.node import Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.nodes.trace import hash_of, merged
-from vbus.serve.loop import done_before, first_of, run_until_signal
+from vbus.serve.loop import done_before, first_of, run_until_signal, tell_ready
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.node_records import join_waves, recording_of
@@ -31,7 +30,6 @@ from vbus.serve.nodes.realtime_nodes import RealTime
 from vbus.serve.nodes.timebase import Timebase
 from vbus.serve.orders.control import Control
 from vbus.serve.output_file import OutputFile
-from vbus.serve.readiness import tell_ready
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import Server
@@ -114,7 +112,7 @@ def endpoints_of(
     """Return where this process listens and where it connects.
 
     Raises:
-        ConfigError: nobody has said where the nodes meet.
+        ConfigError: neither the file nor an option says where the nodes meet.
     """
     if options.listen or options.connect:
         return options.listen, options.connect
@@ -155,8 +153,8 @@ def _conductors(
 _TRACED: Final = '"vbus run BOARD --trace FILE" writes one, of a board with nodes'
 
 
-def read_traces(paths: Sequence[str]) -> tuple[str, int]:
-    """Merge trace files of all nodes of a run; return the SHA-256 (hex) and the number of lines.
+def read_traces(paths: Sequence[str | Path]) -> tuple[list[str], str]:
+    """Merge trace files of all nodes of a run; return the lines and their SHA-256 (hex).
 
     Raises:
         VbusError: a file cannot be read, or is no trace.
@@ -172,9 +170,9 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
                 head = Path(path).read_bytes()[:HEAD]
                 raise VbusError(is_none(path, head, "trace of nodes", _TRACED)) from None
     if not lines:
-        raise VbusError(is_none(" and ".join(paths), b"", "trace of nodes", _TRACED))
-    lines.sort()
-    return hash_of(line for *_, line in lines), len(lines)
+        raise VbusError(is_none(" and ".join(map(str, paths)), b"", "trace of nodes", _TRACED))
+    merged_lines = [line for *_, line in sorted(lines)]
+    return merged_lines, hash_of(merged_lines)
 
 
 def serve_nodes(
@@ -191,7 +189,7 @@ def serve_nodes(
         file: the board.
         source: its text.
         options: which nodes, and how.
-        on_ready: is told their servers once all nodes have met.
+        on_ready: gets their servers once all nodes have met.
         report: takes sentences about what went wrong.
         before: awaited when the nodes of this process can be watched, in virtual time before it
             begins.
@@ -239,7 +237,7 @@ class _NodesRun:
             for path in (options.trace, options.snapshot)
         )
         self._link: NodeLink | None = None
-        # In real time whoever orders a start comes over the network, also if all nodes are here.
+        # In real time orders to start come over the network, also if all nodes are here.
         self._real: bool = file.board.time == "realtime"
         places = options.listen or options.connect or file.zenoh.connect
         meets = bool(places) or plan.hub >= 0
@@ -361,8 +359,8 @@ class _NodesRun:
         }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
-        told = self._recordings[node.rank].told
-        return {"node": self._peers.status(node.rank)} | ({"journal": told} if told else {})
+        journal = self._recordings[node.rank].told
+        return {"node": self._peers.status(node.rank)} | ({"journal": journal} if journal else {})
 
     def _end_records(self) -> None:
         """The nodes have stopped: end every recording; of all nodes, join their waveforms."""

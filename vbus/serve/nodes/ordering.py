@@ -98,7 +98,7 @@ def is_of_another(node: str) -> str:
     """Say that who asks a node has another board than that."""
     return (
         f"node {node} runs another board file or version of vbus: give every node the same, and"
-        " whoever gives orders"
+        " the process that gives orders"
     )
 
 
@@ -160,7 +160,7 @@ def order(
 
     Raises:
         ConfigError: the scenario or the period makes no sense, or where the nodes meet is unknown.
-        TransportError: nobody listens there.
+        TransportError: no process listens there.
         NodeError: a node does not run, or refuses; names it.
     """
     if align < 1:

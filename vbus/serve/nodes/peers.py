@@ -23,7 +23,7 @@ from vbus.serve.nodes.ordering import (
     read_answer,
     read_request,
 )
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 TICK: Final = 0.1
 """Seconds between signs of life."""
@@ -107,10 +107,7 @@ class Peers(Receiver):
     """
 
     def __init__(
-        self,
-        group: Group,
-        mine: Sequence[int],
-        clock: Callable[[], float] = time.monotonic,
+        self, group: Group, mine: Sequence[int], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.plan: Plan = group.plan
         self.failure: VbusError | None = None
@@ -156,7 +153,7 @@ class Peers(Receiver):
         """Return where time stands, for an error message."""
         raise NotImplementedError
 
-    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+    def pacer(self, node: Node, part: BoardFile) -> WallClockPacer:
         """Return what moves the board of a node of this process, once it is :attr:`agreed`.
 
         Args:
@@ -225,7 +222,7 @@ class Peers(Receiver):
         try:
             message = decode(data, other.name, len(self.plan.nodes), len(self.plan.wires))
             reports = message.reports if isinstance(message, Reports) else ()
-            if message.node != rank or any(told.node in self._ranks for told in reports):
+            if message.node != rank or any(one.node in self._ranks for one in reports):
                 raise NodeMismatchError(
                     other.name, f"node {other.name} has sent a message in the name of another"
                 )
@@ -252,7 +249,7 @@ class Peers(Receiver):
         self.proceed()
 
     def _refuse(self, other: Peer) -> None:
-        """A node runs another board: it goes, unless nobody agrees with this one either."""
+        """A node runs another board: refuse it, unless this node agrees with no other either."""
         error = NodeMismatchError(
             other.name,
             f"node {other.name} runs another board file or version of vbus: give every node the"

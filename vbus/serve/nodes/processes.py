@@ -12,7 +12,7 @@ from vbus.network.places import endpoints_at, router_place
 from vbus.network.session import check_endpoint, free_endpoint
 
 LOOK_SECONDS: Final = 1.0
-"""How long it may take to see whether somebody listens at an endpoint."""
+"""How long it may take to see whether a process listens at an endpoint (s)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Meeting:
 
     Attributes:
         router: endpoint of the router to be started for them; empty if none is.
-        connect: endpoints they are told, in place of the board file's; none if it says enough.
+        connect: endpoints given to them in place of the board file's; none if it says enough.
         said: the same for people; empty if they need not meet.
     """
 
@@ -75,7 +75,7 @@ def meeting_of(file: BoardFile, router: str = "") -> Meeting:
             free one.
 
     Raises:
-        TransportError: nobody listens where the board file says, and it is not for us to do so.
+        TransportError: no process listens where the board file says, and none here may.
     """
     if router:
         check_endpoint(router)
@@ -107,14 +107,14 @@ def _named(connect: tuple[str, ...]) -> Meeting:
         if protocol == "tcp" and stays_here(host):
             return Meeting(endpoint, (), endpoint)
     raise TransportError(
-        f"nobody listens at {', '.join(connect)}, and no router for it is started from here: it is"
-        " not of this computer alone, or has certificates; start it (vbus router), or have one"
+        f"no process listens at {', '.join(connect)}, and no router for it is started from here: it"
+        " is not of this computer alone, or has certificates; start it (vbus router), or have one"
         " here instead: --router tcp/127.0.0.1:0"
     )
 
 
 def _listens(endpoint: str) -> bool:
-    """Tell whether somebody listens at an endpoint."""
+    """Whether a process listens at an endpoint."""
     _, host, port = endpoint_parts(endpoint)
     with contextlib.suppress(OSError):
         socket.create_connection((host.strip("[]"), port), LOOK_SECONDS).close()

@@ -18,7 +18,7 @@ from vbus.nodes.node import Node
 from vbus.serve.nodes.ordering import Answer, NodeRequest, take_order
 from vbus.serve.nodes.peers import TICK, Group, Peers
 from vbus.serve.nodes.skew import Skew
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 KEPT: Final = 64
 """Exchanges looked back at."""
@@ -114,7 +114,7 @@ class RealTime(Peers):
     ) -> None:
         super().__init__(group, [node.rank for node in nodes])
         self.nodes: dict[int, Node] = {node.rank: node for node in nodes}
-        self.pacers: dict[int, Pacer] = {}
+        self.pacers: dict[int, WallClockPacer] = {}
         self.keeper: int = max(self.plan.hub, 0)
         self.epoch: int = -1
         """When chip time was 0, by this process' clock (ns)."""
@@ -201,9 +201,9 @@ class RealTime(Peers):
 
     # -- moving ---------------------------------------------------------------------------------
 
-    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+    def pacer(self, node: Node, part: BoardFile) -> WallClockPacer:
         """Return what moves a node's board, once the epoch is known."""
-        pacer = Pacer(node.board, part.board.stall, self._ns, epoch=self.epoch)
+        pacer = WallClockPacer(node.board, part.board.stall, self._ns, epoch=self.epoch)
         pacer.on_moved = lambda: self.flush(node)
         self.pacers[node.rank] = pacer
         timer = node.board.kernel.timer(lambda: self._mark(node), saved=False)
@@ -292,7 +292,7 @@ class RealTime(Peers):
             self.skew.note(message.round, rank, message.at, message.uncertainty, self._here())
 
     def _look_for_gap(self, rank: int, number: int) -> None:
-        """Time does not wait here: what was sent while a cable was out is lost, and told."""
+        """Time does not wait here: what was sent while a cable was out is lost, and reported."""
         lost = number - self._next.get(rank, number)
         self._next[rank] = number + 1
         if lost > 0:

@@ -16,7 +16,7 @@ from vbus.nodes.node import Node
 from vbus.serve.nodes.ordering import Answer, NodeRequest
 from vbus.serve.nodes.peers import LET_IN, Group, Peers
 from vbus.serve.output_file import OutputFile
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
@@ -54,7 +54,7 @@ class Timebase(Peers):
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
-        self._pacers: list[Pacer] = []
+        self._pacers: list[WallClockPacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
@@ -228,11 +228,11 @@ class Timebase(Peers):
             f" {self.conductors[0].participant.round}"
         )
 
-    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+    def pacer(self, node: Node, part: BoardFile) -> WallClockPacer:
         """Return what wakes the sessions of a node when time is granted."""
         awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
         self._mine[node.rank].awaited = awaited
-        pacer = Pacer(node.board)
+        pacer = WallClockPacer(node.board)
         pacer.on_moved = self.proceed
         self._pacers.append(pacer)
         return pacer

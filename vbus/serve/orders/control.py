@@ -3,8 +3,8 @@
 Beside a board's status socket stands one whose name ends in ``.control``. A request is
 ``{"do": NAME, ...}`` with what the order needs; the reply is ``{"done": RESULT}`` or
 ``{"error": SENTENCE}``. Bytes travel in base64. The socket is as private as the runtime directory;
-whoever gets there all the same is asked by the system who they are: orders come from the user who
-runs the board, and from root.
+where another user gets there all the same, the system names the user: only the user who runs the
+board and root may order.
 """
 
 import asyncio
@@ -156,7 +156,7 @@ class ControlConnection(Connection):
         self._control: Control = control
 
     def take(self, line: bytes) -> None:
-        """Carry out the request and reply; orders of somebody else are refused."""
+        """Carry out the request and reply; orders of other users are refused."""
         refusal = refusal_of(self._link.fd)
         if refusal:
             self._reply({"error": refusal})

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.core.options import Value
-from vbus.faults.messages import MESSAGES, misfit
+from vbus.faults.row import MESSAGES, misfit
 from vbus.serve.message_session import MessageSession
 from vbus.serve.orders.control import Order
 from vbus.serve.session import Session
@@ -140,7 +140,7 @@ class FaultOrders:
         """Let a fault act on a link.
 
         Raises:
-            ValueError: there is no such link, nobody is connected, or it cannot have the fault.
+            ValueError: there is no such link, it has no host, or it cannot have the fault.
         """
         self.check(name, target)
         place = int(target[4:])
@@ -158,7 +158,7 @@ class FaultOrders:
         ):
             raise ValueError(f"{target} carries whole messages; its faults are its own")
         if not sessions and name != "link_dead":
-            raise ValueError(f"nobody is connected to {target}")
+            raise ValueError(f"no host is connected to {target}")
         if name == "link_closed":
             for session in sessions:
                 session.hang_up_soon("closed by a fault")

@@ -23,15 +23,15 @@ from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.record.format import JournalReader
 from vbus.record.player import RewoundRun
 from vbus.serve.recording import Recording, no_journal
-from vbus.serve.time.pacer import Pacer
-from vbus.serve.time.slices import SLICE_NS
+from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.steps import PAUSED, Steps
+from vbus.serve.time.time_slicer import SLICE_NS
 
 FIRST: Final = "the live board goes back only"
 
 
 class Onlooker(Protocol):
-    """Somebody who watches the board from another process."""
+    """A watcher of the board in another process."""
 
     WHO: ClassVar[str]
     """Who it is, in words."""
@@ -57,11 +57,11 @@ class JumpBack:
     """
 
     def __init__(
-        self, board: Board, pacer: Pacer, steps: Steps, onlookers: Callable[[], list[Any]]
+        self, board: Board, pacer: WallClockPacer, steps: Steps, onlookers: Callable[[], list[Any]]
     ) -> None:
         self.recording: Recording | None = None
         self._board: Board = board
-        self._pacer: Pacer = pacer
+        self._pacer: WallClockPacer = pacer
         self._steps: Steps = steps
         self._onlookers: Callable[[], list[Any]] = onlookers
         self._going: bool = False

@@ -9,7 +9,7 @@ from vbus.board.host_bus import HostBus
 from vbus.core.errors import SnapshotError
 from vbus.serve.orders.control import Order
 from vbus.serve.session import Session
-from vbus.serve.time.pacer import Pacer
+from vbus.serve.time.pacer import WallClockPacer
 
 if TYPE_CHECKING:
     from vbus.board.snapshot import Hosts, Snapshot
@@ -41,13 +41,10 @@ class SnapshotOrders:
     """
 
     def __init__(
-        self,
-        board: Board,
-        pacer: Pacer,
-        sessions: Callable[[], Iterator[Session]],
+        self, board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
     ) -> None:
         self._board: Board = board
-        self._pacer: Pacer = pacer
+        self._pacer: WallClockPacer = pacer
         self._sessions: Callable[[], Iterator[Session]] = sessions
 
     def orders(self) -> dict[str, Order]:

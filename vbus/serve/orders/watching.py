@@ -1,8 +1,8 @@
-"""Live views of a running board: whoever connects is told what happens on its buses.
+"""Live views of a running board: each connection gets what happens on its buses.
 
 Beside a board's status socket stands one whose name ends in ``.watch``. What comes there are
 messages, each with its length in front: four bytes, little-endian. The first is what the status
-socket tells. Who connects then asks for one thing by a line of JSON, ``{WHAT: {...}}``, and gets
+socket gives. The watcher then asks for one thing by a line of JSON, ``{WHAT: {...}}``, and gets
 ``["refused", reason]``, or ``[WHAT, description]`` and after it what was asked for:
 
 ``events``
@@ -15,7 +15,7 @@ socket tells. Who connects then asks for one thing by a line of JSON, ``{WHAT: {
     ``[waves.NAME]``, with times in ps.
 ``scope``
     frames of the board's lanes; see :mod:`vbus.views.scope.frames`. With ``"after": PS`` nothing
-    that happens until that instant is told: who asks has it. With ``"samples": false`` samples
+    that happens until that instant is sent: the watcher has it. With ``"samples": false`` samples
     between one sending and the next are left out. A further line ``{"samples": true}`` or ``false``
     changes that, ``{"registers": true}`` has the chips' registers among the frames, ``false`` no
     longer.
@@ -65,9 +65,9 @@ from vbus.views.wave.wave import DONE, Wave
 EVERY_SECONDS: Final = 0.05
 """How often news are sent."""
 UNSEEN_SECONDS: Final = 0.25
-"""The same of frames without samples: nobody looks at them now."""
+"""The same of frames without samples: the page is not shown now."""
 MOST_PENDING: Final = 1 << 20
-"""Bytes stored for somebody who does not read events."""
+"""Bytes stored for a watcher that does not read events."""
 MOST_WAVE: Final = 1 << 26
 """The same of a waveform, which ends there."""
 MOST_FRAMES: Final = 1 << 24
@@ -75,7 +75,7 @@ MOST_FRAMES: Final = 1 << 24
 MOST_ANSWERS: Final = 2 * MOST_FRAMES
 """The same of frames, and answers to orders among them."""
 LAST_SECONDS: Final = 1.0
-"""How long a board that ends waits for somebody who reads nothing."""
+"""How long a board that ends waits for a watcher that reads nothing (s)."""
 MOST_EVENTS: Final = 20_000
 """Events stored between two sendings; the rest is counted as lost."""
 
@@ -99,7 +99,7 @@ class Watched(NamedTuple):
 
 
 class RemoteWatcher(Connection):
-    """Somebody who watches a board from another process.
+    """A watcher of a board in another process.
 
     Args:
         loop: the event loop.
@@ -227,26 +227,26 @@ class RemoteWatcher(Connection):
     def _send_last(self) -> None:
         """Send what is pending, and wait for it.
 
-        Not for somebody who has read nothing for a while, or orders and does not read.
+        Not for a watcher that has read nothing for a while, or orders and does not read.
         """
         if len(self.pending) > MOST_ANSWERS:
             return
         room = select.poll()
         room.register(self._link.fd, select.POLLOUT)
-        with suppress(OSError):  # nobody is there any more
+        with suppress(OSError):  # the watcher has gone
             while self.pending and room.poll(LAST_SECONDS * 1000):
                 del self.pending[: os.write(self._link.fd, self.pending)]
 
 
 class WatchView:
-    """What is told of a board to somebody who has asked for it.
+    """What a watcher has asked for, made from a board.
 
     Args:
-        watcher: who has.
-        given: what they have said about it.
+        watcher: the watcher.
+        given: the watcher's options.
 
     Attributes:
-        most: bytes stored for somebody who does not read.
+        most: bytes stored for a watcher that does not read.
         pause: how long until the next news (s).
         over: whether there is no more to come.
     """
@@ -343,7 +343,7 @@ class EventsView(WatchView, Observer):
             yield json.dumps(event).encode()
 
     def look_away(self) -> None:
-        """Count cycles that nobody is told of, and no more."""
+        """Count cycles that are not sent."""
         self._lost -= self._board.reads + self._board.writes
         self._board.unobserve(self)
 
@@ -484,8 +484,8 @@ class ScopeView(FramesView):
 
     def described(self) -> Any:
         """Return what the lanes are, and what there is to take in hand."""
-        told = self.recorder.lanes.described(live=True, control=self._manual is not None)
-        return told if self._manual is None else {**told, "manual": self._manual.described()}
+        page = self.recorder.lanes.described(live=True, control=self._manual is not None)
+        return page if self._manual is None else {**page, "manual": self._manual.described()}
 
     def begin(self) -> None:
         """Record from now on."""
@@ -530,7 +530,7 @@ class ScopeView(FramesView):
         self._manual.end(go_on=False)
 
     def step_in(self) -> None:
-        """Hold and watch it again; what is told begins anew there."""
+        """Hold and watch it again; the recording begins anew there."""
         assert self._manual is not None
         self._manual.attach()
         self.recorder = self._new_recorder()
@@ -538,7 +538,7 @@ class ScopeView(FramesView):
         self._record()
 
     def _steps_changed(self) -> None:
-        # A step may end within a bus cycle: nothing is sent, and nobody hung up on, before its end.
+        # A step may end within a bus cycle: nothing is sent, no watcher cut off, before its end.
         self._watcher.loop.call_soon(self._tell_steps)
 
     def _tell_steps(self) -> None:

@@ -16,34 +16,104 @@ from vbus.core.errors import TimeEndedError
 from vbus.core.kernel import END, FAR, MS, NEVER, SECOND
 from vbus.core.wall_clock import monotonic_ns
 from vbus.serve.time.overload import Overload
-from vbus.serve.time.pace import Pace, chip_time, nothing
-from vbus.serve.time.slices import SLICE_NS, Slices
 from vbus.serve.time.statistics import LAG_PS, Histogram
-from vbus.serve.time.ticks import Tick
+from vbus.serve.time.time_slicer import SLICE_NS, TimeSlicer
+from vbus.serve.time.time_source import TimeSource, chip_time, nothing
 from vbus.transports.linux import TimerFd
 
+TICK: Final = 10 * MS
+"""How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
+SHORTEST_TICK: Final = 5 * MS
+LONGEST_TICK: Final = 200 * MS
+"""The longest tick of a board that moves: 8,180 axes on a core with it, 7,770 with 100 ms, 7,100
+with 50 ms, 6,870 with 25 ms (docs/performance.md)."""
+WATCHED_TICK: Final = 50 * MS
+"""The longest tick while the board is observed: watchers get news as often."""
+RESTING_TICK: Final = 1_000 * MS
+"""The longest tick while nothing moves, no observer is there and no host asks: a board at rest
+wakes the machine once a second."""
+CHEAP_NS: Final = 50_000
+DEAR_NS: Final = 200_000
+"""A chip that is brought up to date in less or more than this is looked after less or more often:
+a host that asks waits for what it owes. Of many, all are looked after as their mean has it: few
+long visits take less than many short ones, since each finds what it works on far from the
+processor."""
+RESTING_NS: Final = 20_000
+"""A round of all chips that takes less: boards at rest are left alone."""
+
+
+class Tick:
+    """The time between two rounds in which lazy chips are brought up to date.
+
+    Attributes:
+        span: how long it is now (ps).
+        longest: the longest while anything moves (ps).
+    """
+
+    def __init__(self) -> None:
+        self._scale: int = 1
+        self.span: int = TICK
+        self.longest: int = LONGEST_TICK
+
+    def scale(self, scale: int) -> None:
+        """Let chip time run so many times as fast as the wall clock: begin anew."""
+        self._scale = scale
+        self.longest = LONGEST_TICK * scale
+        self.begin()
+
+    def begin(self) -> None:
+        """What was at rest may move by now."""
+        self.span = TICK * self._scale
+
+    @property
+    def visit(self) -> int:
+        """Chip time worth computing in one go after a stall, at any rate (ps)."""
+        return min(self.span, self.longest) // self._scale
+
+    def adapt(self, took: int, chips: int, watched: bool) -> None:
+        """Take a round into account.
+
+        Args:
+            took: wall time of it (ns).
+            chips: how many were brought up to date.
+            watched: whether the board is observed.
+        """
+        each = took // max(chips, 1)
+        if each < CHEAP_NS:
+            self.span *= 2
+        elif each > DEAR_NS:
+            self.span = max(self.span // 2, SHORTEST_TICK * self._scale)
+        most = RESTING_TICK if took < RESTING_NS else LONGEST_TICK
+        self.span = min(self.span, (WATCHED_TICK if watched else most) * self._scale)
+
+
 AHEAD: Final = 2 * MS
-"""How far chip time may run ahead of the wall clock (ps)."""
+"""How far chip time may run ahead of the wall clock (ps). It trades sleeps of hosts with short
+DELAYs for how early a host may see an edge."""
 STALL: Final = 100 * MS
-"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
+"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1). The
+worst wake-up of a server on a crowded machine was 31 ms (docs/performance.md)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
 PIECE_NS: Final = 1_000_000
-"""Wall time for which chips are brought up to date in one go in real time: hosts wait for it."""
+"""Wall time for which chips are brought up to date in one go in real time. Hosts wait for it, but
+long visits cost less: a chip's memory is far away at first (docs/performance.md)."""
 FREE_NS: Final = 1_000_000
-"""Wall time of a slice where nothing holds time back, as far as that can be known before."""
+"""Wall time of a slice where nothing holds time back, as far as that can be known before. With it
+``--rate max`` has 0.95 of the core alone (docs/performance.md), and a host waits no longer."""
 FREE_SLICE: Final = 10 * SECOND
-"""Chip time of the longest of these."""
+"""Chip time of the longest of these: it bounds the jump of a board at rest."""
 LEASE: Final = 20 * MS
-"""Chip time by which a host that is master of time may move it in one go; more is sliced."""
+"""Chip time by which a host that is master of time may move it in one go; more is sliced. It trades
+turns of the event loop for how long other hosts wait."""
 DAY: Final = 24 * 3600 * SECOND
-"""How long before the end of time people are told that it comes near (ps)."""
+"""How long before the end of time a warning says that it comes near (ps)."""
 
 log = logging.getLogger("vbus")
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Pacer(Pace):
+class WallClockPacer(TimeSource):
     """Moves a board's time with the wall clock.
 
     One anchor ties wall time to chip time and never moves, so nothing drifts; except with
@@ -100,7 +170,7 @@ class Pacer(Pace):
         self._use_rate()
         self._slice: int = SLICE
         self._slicing: bool = False
-        self._slices: Slices = Slices(board, clock)
+        self._slices: TimeSlicer = TimeSlicer(board, clock)
         self._epoch: int = epoch
         self._anchor_ns: int = clock()
         self._anchor_ps: int = board.now
@@ -121,13 +191,13 @@ class Pacer(Pace):
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
         self.on_end: Callable[[], None] = nothing
-        """Called when time has ended on a board that nobody but the pacer moves."""
+        """Called when time has ended on a board that only the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
         self._near: int = END - DAY
         """Beyond this instant there is something to tell or to stop (ps)."""
         self.bound: int = NEVER
-        """Whoever controls the board lets time run no further (ps); NEVER if nobody does."""
+        """The controller of the board lets time run no further (ps); NEVER without a controller."""
         self.on_bound: Callable[[], None] = nothing
         """Called when time is there: moves the bound, or halts."""
 
@@ -204,7 +274,7 @@ class Pacer(Pace):
         self.board.limit = self.board.kernel.now + AHEAD
         return False
 
-    # -- in somebody's control ----------------------------------------------------------------
+    # -- controlled by another part ------------------------------------------------------------
 
     def halt(self) -> None:
         """Let time stand still from now on."""
@@ -233,7 +303,7 @@ class Pacer(Pace):
             self.confine(self.bound)
 
     def _catch_up_to_bound(self) -> bool:
-        """Bring the board to the present, or as far as whoever controls it lets it come."""
+        """Bring the board to the present, or as far as its controller lets it come."""
         board = self.board
         began = self.clock()
         present, ahead = board.now, LEASE
@@ -253,7 +323,7 @@ class Pacer(Pace):
     def _within(self, instant: int) -> int:
         """Return how far towards ``instant`` hosts may let time run (ps).
 
-        Not to the bound itself: whoever has set it looks before anybody goes on there.
+        Not to the bound itself: there the controller looks before any host goes on.
         """
         return max(min(instant, self.bound - 1, END), int(self.board.now))
 
@@ -276,7 +346,7 @@ class Pacer(Pace):
         """Say so if time has ended.
 
         Raises:
-            TimeEndedError: it has, on a board that nobody but the pacer moves.
+            TimeEndedError: it has, on a board that only the pacer moves.
         """
         if self.over:
             raise TimeEndedError(
@@ -377,7 +447,7 @@ class Pacer(Pace):
                 self.on_moved()
 
     def forget(self, callback: Callable[[], None]) -> None:
-        """Call ``callback`` no more: whoever wanted time to pass is not there."""
+        """Call ``callback`` no more: its session has gone."""
         self._wakes = [wake for wake in self._wakes if wake[2] != callback]
         heapq.heapify(self._wakes)
 
@@ -485,7 +555,7 @@ class Pacer(Pace):
         if slices.catch_up():
             board.limit = self._within(board.now + LEASE)
             if self.free and not slices.moving:
-                self._slice = SLICE  # nobody has asked for a day of rest
+                self._slice = SLICE  # no host has asked for a day of rest
             elif there:
                 self._adapt_slice(ran + slices.took, FREE_NS if self.free else SLICE_NS)
             self._wake(board.now)

@@ -8,9 +8,10 @@ from vbus.protocols.quantities import format_instant
 from vbus.views.latest_lines import LatestLines
 
 KINDS: Final = 16
-"""Packets that a loop of polls may consist of."""
+"""Packets that a loop of polls may consist of: fewer would miss loops over several axes, and each
+more is compared with every packet."""
 COMMANDS: Final = 8
-"""Packets before the polls that are kept."""
+"""Packets before the polls that a message shows: what the host waits for is among them."""
 
 
 class Polls:
@@ -32,7 +33,7 @@ class Polls:
         self._every: int = every
         self._look_at: int = every
         self._known: set[str] = set()
-        self._seen: set[str] = set()
+        self._seen: dict[str, Packet] = {}
         self._since: int = 0
         self._begun: float = 0.0
         self._worked: float = 0.0
@@ -44,7 +45,7 @@ class Polls:
         """Take a packet and what it says; tell whether to have a look."""
         if text in self._known:
             self.count += 1
-            self._seen.add(text)
+            self._seen[text] = packet
             if self.count < self._look_at:
                 return False
             self._look_at += self._every
@@ -77,8 +78,8 @@ class Polls:
     def seconds(self) -> float:
         """Return the wall time of polls in which this was asked about them, since the last write.
 
-        It is at most twice the time that the processor had for them: on a busy machine nobody hangs
-        sooner.
+        It is at most twice the time that the processor had for them: on a busy machine no host
+        hangs sooner.
         """
         if not self._begun:
             self._begun, self._worked = monotonic(), process_time()
@@ -87,6 +88,10 @@ class Polls:
             took = min(monotonic() - self._begun, 2 * (process_time() - self._worked))
             self._seconds = self._before + took
         return self._seconds
+
+    def loop(self) -> list[tuple[str, Packet]]:
+        """Return the packets of which the polls consist, each with the name of its chip."""
+        return [(text.partition(" ")[0], packet) for text, packet in self._seen.items()]
 
     def __str__(self) -> str:
         return f"{' and '.join(sorted(self._seen))} since {format_instant(self._since)}"

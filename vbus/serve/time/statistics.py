@@ -1,4 +1,4 @@
-"""Numbers about a running board: integer histograms with fixed buckets, and how they are told."""
+"""Numbers about a running board: integer histograms with fixed buckets, and how they are shown."""
 
 from typing import Any, Final
 

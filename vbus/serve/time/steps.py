@@ -3,8 +3,7 @@
 While time stands still, every request of a host is kept before it acts, and carried out when time
 goes on. A step lets the board run, hosts included, to an instant, a bus cycle or a condition. Where
 hosts are masters of time it is they who move it, as ever, so a run in steps is the run it would
-have been without; where no host is attached, or if asked to, the session of whoever steps lets time
-pass.
+have been without. Where no host is attached, or if asked to, the session that steps lets time pass.
 """
 
 import asyncio
@@ -19,8 +18,8 @@ from vbus.core.signals import Observer
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.serve.orders.control import Order
 from vbus.serve.session import Session
-from vbus.serve.time.pacer import LEASE, Pacer
-from vbus.serve.time.slices import SLICE_NS
+from vbus.serve.time.pacer import LEASE, WallClockPacer
+from vbus.serve.time.time_slicer import SLICE_NS
 
 if TYPE_CHECKING:
     from vbus.events.watch import Watch
@@ -79,18 +78,18 @@ class Steps(Observer):
         state: :data:`RUNNING`, :data:`PAUSED` or :data:`STEPPING`.
         text: the same as a sentence.
         changed: called whenever they change.
-        own: the session of whoever steps, if there is one.
+        own: the session that steps, if there is one.
     """
 
     def __init__(
-        self, board: Board, pacer: Pacer, sessions: Callable[[], Iterator[Session]]
+        self, board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
     ) -> None:
         self.state: str = RUNNING
         self.text: str = "time runs"
         self.changed: list[Callable[[], None]] = []
         self.own: HostBus | None = None
         self._board: Board = board
-        self._pacer: Pacer = pacer
+        self._pacer: WallClockPacer = pacer
         self._sessions: Callable[[], Iterator[Session]] = sessions
         self._goal: _Goal | None = None
         self._alone: bool = False
@@ -260,7 +259,7 @@ class Steps(Observer):
     # -- telling ------------------------------------------------------------------------------
 
     def told(self) -> dict[str, Any]:
-        """Return what is told of it."""
+        """Return its state, for the page and for ``vbus ls``."""
         rate = "max" if self._pacer.free else self._board.rate
         return {
             "state": self.state, "text": self.text, "now_ps": str(self._board.now),

@@ -1,10 +1,10 @@
 """What ends a server that does not hear SIGINT or SIGTERM: a process beside it.
 
 Python runs handlers of signals between two steps of the interpreter; while a step of compiled code,
-or a call into somebody's library, does not return, none is run. But the byte that C's own handler
+or a call into another library, does not return, none is run. But the byte that C's own handler
 writes (``signal.set_wakeup_fd``) is written at once. A small process reads it, and wakes the
-server: a signal that came just before the server went to sleep has woken nobody. If the server does
-not say that it has heard, that process tells where it hangs and kills it; it is
+server: a signal that came just before the server went to sleep has not woken it. If the server does
+not say that it has heard, that process reports where it hangs and kills it; it is
 :mod:`vbus.serve.time.watchdog_process`.
 """
 

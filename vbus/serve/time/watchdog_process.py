@@ -13,14 +13,17 @@ import sys
 
 ENDINGS = frozenset({signal.SIGINT, signal.SIGTERM})
 PATIENCE = 0.7
-"""Seconds in which a server says that it has heard."""
+"""Seconds in which a server says that it has heard: Ctrl-C ends a stuck one within a second."""
 CLOSING = 10.0
-"""Seconds in which one that has heard closes its links and recordings."""
+"""Seconds in which one that has heard closes its links and recordings: before systemd, which waits
+90 s, kills it, and long enough for a journal on a slow disk."""
 BUSY = 0.4
-"""Seconds of processor time without which a server that wants to run is starved, not stuck."""
+"""Seconds of processor time without which a server that wants to run is starved, not stuck:
+more than half of :data:`PATIENCE`."""
 STARVED = 10.0
 """Seconds after which it is killed all the same."""
 LOOK = 0.05
+"""Seconds between two looks at it: 14 in :data:`PATIENCE`."""
 _DUMP = 0.1
 """Seconds a server has to write down where it hangs."""
 
@@ -56,7 +59,7 @@ def _see_it_end(pid: int, name: str, heard: int, server: int) -> None:
         if ready := dict(poll.poll(LOOK * 1000)):
             if ready != {heard: select.POLLIN}:
                 return
-            poll.modify(heard, 0)  # that it is closed is told all the same
+            poll.modify(heard, 0)  # that it is closed is reported all the same
             longest = CLOSING
             continue
         waited += LOOK

@@ -87,7 +87,7 @@ class _CheckRun:
 
 
 class _ObservedRun(_CheckRun):
-    """Time comes in pieces, and somebody looks at the chip after each of them."""
+    """Time comes in pieces, and the chip's values are read after each of them."""
 
     def wait(self, gap: int) -> None:
         for part in (gap // 3, gap - gap // 3):
@@ -190,8 +190,8 @@ def _same(one: _CheckRun, other: _CheckRun, sentence: str, strobes: bool = False
         f"{one.name}: {sentence}: {len(one.findings())} violations, then {len(other.findings())}",
     )
     if strobes:  # a chip remembers the edges it saw
-        told, then_told = one.chip.telemetry(), other.chip.telemetry()
-        demand(told == then_told, f"{one.name}: {sentence}: telemetry() {told}, then {then_told}")
+        first, second = one.chip.telemetry(), other.chip.telemetry()
+        demand(first == second, f"{one.name}: {sentence}: telemetry() {first}, then {second}")
         return
     demand(one.state() == other.state(), f"{one.name}: {sentence}: its state at the end differs")
 

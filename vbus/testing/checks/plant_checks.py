@@ -5,10 +5,10 @@ from random import Random
 from typing import Final
 
 from vbus.core.signals import Plant
+from vbus.core.signals.axis import DRIVES
 from vbus.core.state import load, save
 from vbus.testing.checks.finding import Nonconformance, demand, packed, unpacked
 
-KINDS: Final = ("drive", "pulses", "phases")
 PERIOD: Final = 256e-6
 
 Drive = tuple[float, ...]
@@ -27,12 +27,12 @@ def check_plant(factory: Callable[[], Plant], seed: int = 0, periods: int = 400)
     """
     taken = factory().TAKES
     name = type(factory()).__name__
-    strange = [kind for kind in taken if kind not in KINDS]
+    strange = [kind for kind in taken if kind not in DRIVES]
     demand(
         bool(taken) and not strange,
-        f"{name}: TAKES is {taken}; it holds some of {', '.join(KINDS)}",
+        f"{name}: TAKES is {taken}; it holds some of {', '.join(DRIVES)}",
     )
-    for kind in KINDS:
+    for kind in DRIVES:
         drives = _drives(kind, Random(seed), periods)
         if kind in taken:
             _Check(factory, name, kind, drives).run()
@@ -86,7 +86,7 @@ class _Check:
             self._equal(counts, number, self._step(again, drive, number), "a second run")
             before = looked.count
             value = self._step(looked, drive, number)
-            self._equal(counts, number, value, "a run in which somebody looks at it")
+            self._equal(counts, number, value, "a run in which it is observed")
             self._look(looked, before, number)
             self._rest(looked, drive, number)
 

@@ -179,7 +179,7 @@ def check_transport(factory: Callable[[], Transport], dial: Callable[[str], int]
     Args:
         factory: makes the transport, always with the same address.
         dial: attaches a host to the transport's ``url``; returns its descriptor, which reads and
-            writes raw bytes. Raises OSError if nobody is there.
+            writes raw bytes. Raises OSError if no host is connected.
 
     Raises:
         Nonconformance: it does not; says what differs.

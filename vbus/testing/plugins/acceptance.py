@@ -10,8 +10,7 @@ import pytest
 
 from vbus.core.errors import ConfigError
 from vbus.testing.judge import CHOICES, Judge, accepted
-from vbus.testing.limits import BUDGET, Limits, budget_of
-from vbus.testing.plugins.tolerance import NEAR, tolerance_of
+from vbus.testing.limits import BUDGET, NEAR, Limits, budget_of, tolerance_of
 from vbus.views.findings.suppress import Suppression, suppressions_of
 from vbus.views.runs.difference import Tolerance
 

@@ -34,6 +34,12 @@ def acceptances(session: pytest.Session) -> "Acceptances":
     return found
 
 
+def fail_run(session: pytest.Session) -> None:
+    """Let a run whose tests have passed fail all the same."""
+    if session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
 def pytest_deselected(items: Sequence[pytest.Item]) -> None:
     """Take note of tests that do not run."""
     if items:
@@ -82,7 +88,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Fail a run in which a module or the project accepts what never happened."""
     config = session.config
     if ACCEPTED not in config.stash and _accepts(session):
-        with suppress(pytest.fail.Exception):  # what makes no sense is told where a board is
+        with suppress(pytest.fail.Exception):  # an error of its own is reported at a board
             acceptances(session)
     accepted = config.stash.get(ACCEPTED, None)
     passed = config.stash.setdefault(PASSED, set())
@@ -92,8 +98,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
             config.workeroutput["vbus"] = accepted.export()
         return
     needless = accepted.needless(config, passed) if accepted is not None else []
-    if needless and session.exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    if needless:
+        fail_run(session)
     config.stash[NEEDLESS] = needless
 
 

@@ -28,7 +28,7 @@ def run_of_test(tested: TestedBoard) -> Run:
     """Return what has happened on a test's board.
 
     Raises:
-        VbusError: it cannot be told: the test did to its board what no host can do.
+        VbusError: the run has no golden: the test did to its board what no host can do.
     """
     if tested.board.policy == "realtime":
         raise VbusError(
@@ -101,19 +101,19 @@ def read_golden(path: Path) -> Run:
             axis: AxisCourse(
                 tuple(
                     Move(parse_duration(move["begin"]), tuple(map(int, move["path"])))
-                    for move in told.get("moves", [])
+                    for move in one.get("moves", [])
                 ),
-                int(told["final"]),
-                int(told["peak_error"]),
+                int(one["final"]),
+                int(one["peak_error"]),
             )
-            for axis, told in table["axes"].items()
+            for axis, one in table["axes"].items()
         }
         return Run(
             host=[Said(0, asked, asked) for asked in table["host"]],
             axes=axes,
             cycles=int(table["cycles"]),
             duration=parse_duration(table["chip_time"]),
-            models={axis: str(told["model"]) for axis, told in table["axes"].items()},
+            models={axis: str(one["model"]) for axis, one in table["axes"].items()},
             vbus=str(table["vbus"]),
         )
     except KeyError as error:
@@ -174,7 +174,7 @@ def judge(tested: TestedBoard, test: str, path: Path, tolerance: Tolerance, upda
         update: write it.
 
     Raises:
-        VbusError: it cannot be told what has happened; the golden cannot be read or written.
+        VbusError: the run has no golden; or the golden cannot be read or written.
     """
     now = run_of_test(tested)
     again = f"pytest {shlex.quote(test)} --vbus-golden=update"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
-from vbus.testing.plugins.matrix_plugin import SEARCHING
+from vbus.testing.plugins.acceptance_plugin import fail_run
+from vbus.testing.plugins.worlds_plugin import SEARCHING
 
 if TYPE_CHECKING:
     from vbus.testing.bench import Bench
@@ -141,8 +142,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     elif config.getoption("--vbus-golden") == "update":
         for file in left_over:
             Path(file).unlink(missing_ok=True)
-    elif left_over and session.exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    elif left_over:
+        fail_run(session)
 
 
 def pytest_terminal_summary(

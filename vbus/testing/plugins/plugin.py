@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
-from vbus.testing.plugins.acceptance_plugin import acceptances, finished
-from vbus.testing.plugins.matrix_plugin import BOARD, SCENARIO, SEARCHING
+from vbus.testing.plugins.acceptance_plugin import acceptances, fail_run, finished
+from vbus.testing.plugins.worlds_plugin import LIMITS, SEARCHING, WORLD, world_run
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 pytest_plugins = (
     "vbus.testing.plugins.acceptance_plugin",
     "vbus.testing.plugins.golden_plugin",
-    "vbus.testing.plugins.matrix_plugin",
+    "vbus.testing.plugins.worlds_plugin",
 )
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
@@ -37,79 +37,45 @@ CALLED: pytest.StashKey[bool] = pytest.StashKey()
 """Whether a test has passed, as far as its call."""
 COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
+NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
+"""What is noted of a test that has passed."""
+
+
+_OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    "strict": {"action": "store_true",
+        "help": "bus cycles that break a datasheet are lost, and fail the test"},
+    "violations": {"choices": ("fail", "report"),
+        "help": "what a breach of a datasheet does to a test: fail it (the default), or be reported"
+        " if it fails anyway"},
+    "seed": {"type": int, "metavar": "N", "help": "seed of boards that are given no other"},
+    "wave": {"choices": ("never", "on-failure", "always"), "default": "never",
+        "help": "of which tests to keep a waveform (VCD)"},
+    "scope": {"choices": ("never", "on-failure"), "default": "on-failure",
+        "help": "of which tests to keep a page for a browser (HTML)"},
+    "dir": {"type": Path, "metavar": "DIR",
+        "help": "where journals, pages and waveforms are kept (pytest's temporary folder)"},
+    "github": {"action": "store_true",
+        "help": "annotate failing tests for GitHub, and add to the summary of the job"},
+    "coverage": {"action": "append", "nargs": "?", "const": "", "metavar": "FILE",
+        "help": "tell what the tests exercise of the chips; the file ends in .txt, .json, .html or"
+        " .xml (Cobertura); several may be given"},
+    "coverage-fail-under": {"type": float, "default": 0.0, "metavar": "PERCENT",
+        "help": "fail if less than this is exercised"},
+    "coverage-base": {"default": "", "metavar": "FILE",
+        "help": "tell what is exercised more or less than in this coverage file (.json)"},
+}  # fmt: skip
+"""What can be said on the command line, behind ``--vbus-``."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what can be said on the command line."""
     group = parser.getgroup("vbus", "virtual chips (vbus)")
-    group.addoption(
-        "--vbus-strict",
-        action="store_true",
-        help="bus cycles that break a datasheet are lost, and fail the test",
-    )
-    group.addoption(
-        "--vbus-violations",
-        choices=("fail", "report"),
-        help="what a breach of a datasheet does to a test: fail it (the default), or be reported"
-        " if it fails anyway",
-    )
-    group.addoption(
-        "--vbus-seed", type=int, metavar="N", help="seed of boards that are given no other"
-    )
-    group.addoption(
-        "--vbus-wave",
-        choices=("never", "on-failure", "always"),
-        default="never",
-        help="of which tests to keep a waveform (VCD)",
-    )
-    group.addoption(
-        "--vbus-scope",
-        choices=("never", "on-failure"),
-        default="on-failure",
-        help="of which tests to keep a page for a browser (HTML)",
-    )
-    group.addoption(
-        "--vbus-dir",
-        type=Path,
-        metavar="DIR",
-        help="where journals, pages and waveforms are kept (pytest's temporary folder)",
-    )
-    group.addoption(
-        "--vbus-github",
-        action="store_true",
-        help="annotate failing tests for GitHub, and add to the summary of the job",
-    )
-    group.addoption(
-        "--vbus-coverage",
-        action="append",
-        nargs="?",
-        const="",
-        metavar="FILE",
-        help="tell what the tests exercise of the chips; the file ends in .txt, .json, .html or"
-        " .xml (Cobertura); several may be given",
-    )
-    group.addoption(
-        "--vbus-coverage-fail-under",
-        type=float,
-        default=0.0,
-        metavar="PERCENT",
-        help="fail if less than this is exercised",
-    )
-    group.addoption(
-        "--vbus-coverage-base",
-        default="",
-        metavar="FILE",
-        help="tell what is exercised more or less than in this coverage file (.json)",
-    )
+    for name, given in _OPTIONS.items():
+        group.addoption(f"--vbus-{name}", **given)
 
 
 def _wants_coverage(config: pytest.Config) -> bool:
-    option = config.getoption
-    return bool(
-        option("--vbus-coverage")
-        or option("--vbus-coverage-fail-under")
-        or option("--vbus-coverage-base")
-    )
+    return any(config.getoption(f"--vbus-{name}") for name in _OPTIONS if "coverage" in name)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -157,6 +123,7 @@ def vbus_bench(
     vbus_variant: "dict[str, Any]",
 ) -> "Iterator[Bench]":
     """Everything the plug-in keeps for this test; the other fixtures are made from it."""
+    from vbus.campaign.world import REFERENCE
     from vbus.core.errors import VbusError
     from vbus.testing.bench import Bench
     from vbus.testing.variant import Variant
@@ -187,19 +154,21 @@ def vbus_bench(
             known.project.budget,
             COVERAGE in item.config.stash,
             known.project.tolerance,
-            Variant(**vbus_variant, scenario=item.stash.get(SCENARIO, None)),
+            Variant(**vbus_variant, world=item.stash.get(WORLD, REFERENCE)),
             scope=option("--vbus-scope") != "never",
             chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
+            witnessed=item.stash.get(SEARCHING, False),
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
+    if LIMITS in item.stash:
+        bench.limit(*item.stash[LIMITS])
     item.stash[BENCH] = bench
     try:
         yield bench
     finally:
         bench.close()
-        if bench.begun is not None:
-            item.stash[BOARD] = bench.begun.source.text
+        world_run(item, bench)
         if COVERAGE in item.config.stash:
             item.config.stash[COVERAGE].add(item.nodeid, bench.coverages())
 
@@ -258,9 +227,7 @@ def _chip_fixture(name: str, start: str) -> object:
     """Return the fixture ``name`` of the family whose part numbers begin with ``start``."""
 
     def chip(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-        from vbus.testing.chips import chip_bench
-
-        made = chip_bench(vbus_bench, start)
+        made = vbus_bench.chip(start)
         try:
             yield made
         finally:
@@ -335,6 +302,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     complaints = bench.complaints() if bench else []
     if complaints:
         pytest.fail("\n".join(complaints), pytrace=False)
+    if bench is not None:
+        item.stash[NOTES] = bench.notes()
     return result
 
 
@@ -345,15 +314,17 @@ def pytest_runtest_makereport(
     """Let the report of a failing test carry what its boards saw."""
     whole = item.config.getoption("fulltrace") or item.stash.get(BENCH, None) is None
     if call.excinfo is not None and not whole:
-        from vbus.testing.plugins.own_lines import cut_short
+        from vbus.testing.plugins.traceback_filter import cut_short
 
         call.excinfo = cut_short(call.excinfo)
     report = yield
+    if call.when == "call" and report.passed:
+        report.__dict__["vbus_notes"] = item.stash.get(NOTES, [])
     if call.when != "teardown":
         item.stash[CALLED] = call.when == "call" and report.passed
     bench = item.stash.get(BENCH, None)
-    told = report.failed and not item.stash.get(SEARCHING, False)
-    if bench is not None and bench.boards and told and not bench.reported:
+    shown = report.failed and not item.stash.get(SEARCHING, False)
+    if bench is not None and bench.boards and shown and not bench.reported:
         failure = bench.failure_report()
         report.sections.append(("vbus", "\n".join(failure.lines)))
         report.user_properties += failure.properties
@@ -384,16 +355,25 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         config.stash[SHORT] = coverage.finish()
     except VbusError as error:
         config.stash[SHORT] = str(error)
-    if config.stash[SHORT] and session.exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    if config.stash[SHORT]:
+        fail_run(session)
 
 
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was exercised."""
+    """Say what was noted of tests that passed, and what was exercised."""
     coverage = config.stash.get(COVERAGE, None)
     short = config.stash.get(SHORT, "")
+    noted: dict[str, list[str]] = {}
+    for report in terminalreporter.stats.get("passed", []):
+        for rule, text in dict(getattr(report, "vbus_notes", [])).items():
+            noted.setdefault(rule, []).append(f"{report.nodeid}: {text}")
+    if noted:
+        terminalreporter.section("vbus notes of tests that passed")
+        for rule, texts in sorted(noted.items()):
+            tests = "1 test" if len(texts) == 1 else f"{len(texts)} tests, first"
+            terminalreporter.line(f"{rule} in {tests} {texts[0]}")
     if coverage is not None:
         terminalreporter.section("vbus coverage")
         for line in coverage.lines():

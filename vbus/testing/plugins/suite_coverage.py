@@ -10,7 +10,7 @@ from vbus.board.board import Board
 from vbus.core.errors import VbusError, read_errors, write_errors
 from vbus.serve.output_file import write_file
 from vbus.views.coverage.coverage import Coverage, CoverageObserver, from_json
-from vbus.views.coverage.formats import COVERAGE_FORMATS, as_text, difference
+from vbus.views.coverage.formats import as_text, coverage_format, difference
 
 
 def coverage_observer(board: Board) -> CoverageObserver:
@@ -38,10 +38,10 @@ class SuiteCoverage:
         self.whole: Coverage = Coverage()
         self._files: Final = [file for file in files if file]
         self._least: Final = least
-        for file in self._files:
-            if Path(file).suffix not in COVERAGE_FORMATS:
-                known = ", ".join(COVERAGE_FORMATS)
-                raise VbusError(f"--vbus-coverage={file}: the name ends in one of {known}")
+        try:
+            self._styles: Final = [coverage_format(file) for file in self._files]
+        except ValueError as error:
+            raise VbusError(f"--vbus-coverage={error}") from None
         if not 0 <= least <= 100:
             raise VbusError(f"--vbus-coverage-fail-under={least:g}: percent go from 0 to 100")
         self._base: Coverage | None = None
@@ -73,10 +73,10 @@ class SuiteCoverage:
         """
         whole = self.whole
         whole.runs = [f"{len(whole.tests)} tests"]
-        for file in self._files:
+        for file, style in zip(self._files, self._styles, strict=True):
             with write_errors(file):
                 Path(file).parent.mkdir(parents=True, exist_ok=True)
-            write_file(file, COVERAGE_FORMATS[Path(file).suffix](whole).encode())
+            write_file(file, style(whole).encode())
         percent, shown = (whole.percent(), whole.shown()) if whole.counts else (0.0, "0.0%")
         return f"{shown} exercised, {self._least:g}% wanted" if percent < self._least else ""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from html import escape
+from pathlib import PurePath
 from typing import Final
 from xml.etree import ElementTree
 
@@ -210,3 +211,15 @@ COVERAGE_FORMATS: Final[dict[str, Callable[[Coverage], str]]] = {
     ".xml": as_cobertura,
 }
 """What writes a coverage, by the end of a file's name."""
+
+
+def coverage_format(path: str) -> Callable[[Coverage], str]:
+    """Return what writes a coverage to a file.
+
+    Raises:
+        ValueError: the name's end says no format.
+    """
+    if (suffix := PurePath(path).suffix) not in COVERAGE_FORMATS:
+        known = ", ".join(COVERAGE_FORMATS)
+        raise ValueError(f"{path}: a coverage file's name ends in one of {known}")
+    return COVERAGE_FORMATS[suffix]

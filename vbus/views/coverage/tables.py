@@ -10,7 +10,7 @@ from vbus.chips.family import Family
 from vbus.chips.packets import STATUS, WHOLE, Packet
 from vbus.chips.tables import Bit
 from vbus.core.signals import Rule
-from vbus.views.tables import ac_rules
+from vbus.views.clauses import ac_rules
 
 COMMANDS: Final = "commands"
 READS: Final = "registers read"

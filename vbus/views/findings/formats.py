@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 from vbus.protocols.quantities import format_instant
 from vbus.version import __version__
+from vbus.views.clauses import ac_rules
 from vbus.views.findings.report import CycleLine, Finding, Report
-from vbus.views.tables import ac_rules
 
 _INFORMATION: Final = "https://pypi.org/project/vbus/"
 
@@ -118,7 +118,7 @@ def as_json(report: Report) -> str:
 
 
 def junit(report: Report) -> str:
-    """Return a test case for each rule of each chip; errors that nobody accepts fail it."""
+    """Return a test case for each rule of each chip; errors that are not accepted fail it."""
     suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
     known = [
@@ -156,8 +156,8 @@ def junit(report: Report) -> str:
             ElementTree.SubElement(case, "skipped", {"message": _xml(mine[0].reason)})
         elif rule.severity == "error":
             failures += 1
-            told = {"type": rule.name, "message": _xml(f"{count} x {rule.title}")}
-            ElementTree.SubElement(case, "failure", told).text = _xml(body)
+            attributes = {"type": rule.name, "message": _xml(f"{count} x {rule.title}")}
+            ElementTree.SubElement(case, "failure", attributes).text = _xml(body)
         else:
             text = f"{rule.severity}: {count} x {rule.title}\n{body}"
             ElementTree.SubElement(case, "system-out").text = _xml(text)

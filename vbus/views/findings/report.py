@@ -127,7 +127,7 @@ class Report(PacketReader):
         return sum(self.counts.values()) - len(self.findings)
 
     def unaccepted(self, severity: str = "error") -> int:
-        """Return how many kept violations of a severity nobody has accepted."""
+        """Return how many violations of a severity are listed and not accepted."""
         return sum(1 for f in self.findings if not f.reason and f.violation.severity == severity)
 
     def unused(self) -> list[Suppression]:

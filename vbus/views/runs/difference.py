@@ -103,7 +103,7 @@ def host_differences(
 ) -> Iterator[Difference]:
     """Give the first other answer and instant, and the first packet that is another one.
 
-    They come in the order of their packets. What comes of that packet is not told: answers and
+    They come in the order of their packets. What comes of that packet is not compared: answers and
     instants are compared up to where it begins.
     """
     same = next(
@@ -112,7 +112,7 @@ def host_differences(
     )
     other = [run[same] if same < len(run) else None for run in (was, now)]
     begins = [said.begun if said else NEVER for said in other]
-    told: set[str] = set()
+    given: set[str] = set()
     for number, pair in enumerate(zip(was[:same], now[:same], strict=True), 1):
         a, b = pair[0].when, pair[1].when
         over = a < begins[0] and b < begins[1]
@@ -125,8 +125,8 @@ def host_differences(
             INSTANT: not tolerance.near(a, b, tolerance.time),
         }
         for part in differs:
-            if differs[part] and part not in told:
-                told.add(part)
+            if differs[part] and part not in given:
+                given.add(part)
                 yield _packets(part, number, *pair)
     if same < max(len(was), len(now)):
         yield _packets(HOST, same + 1, *other)

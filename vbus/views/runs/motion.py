@@ -88,14 +88,14 @@ class Motion:
     def _look(self) -> None:
         board = self._board
         for chip in board.chips:
-            told = chip.telemetry()  # its plants are up to date after that
+            values = chip.telemetry()  # its plants are up to date after that
             for axis, counts in self._counts.items():
                 name, _, number = axis.rpartition(".")
                 if name != chip.name:
                     continue
                 counts.append(board.axes[axis].count)
                 row = chip.VALUES.lane("error")
-                error = told[row.key.format(number)] if row is not None else 0
+                error = values[row.key.format(number)] if row is not None else 0
                 self._errors[axis] = max(self._errors[axis], abs(int(error)))
         self._timer.at(board.now + STEP)
 

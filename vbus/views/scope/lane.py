@@ -14,7 +14,7 @@ Number = int | float
 
 
 class Lane:
-    """One lane and the rows that nobody has taken yet.
+    """One lane and the rows that are not sent yet.
 
     Args:
         number: its id.
@@ -27,9 +27,9 @@ class Lane:
 
     Attributes:
         rows: of packets begin, length, label, kind; of marks instant, object.
-        times: of values the instants (ps), as they were told; no tuples, which a collector counts.
+        times: of values the instants (ps), as they came; no tuples, which a collector counts.
         values: as many values, in steps of the scale: whole numbers, unless that is 1.
-        early: whether some were told later than others that began after them.
+        early: whether some came later than others that began after them.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Lane:
             self.values.append(value)
 
     def take_values(self) -> tuple[list[int], list[Number]]:
-        """Return the instants, in their order, and values that nobody has taken yet."""
+        """Return the instants, in their order, and values that are not sent yet."""
         times, values = self.times, self.values
         self.times, self.values = [], []
         if self.early:
@@ -89,18 +89,18 @@ class Lane:
         return times, values
 
     def leave_out(self) -> None:
-        """Forget what nobody has taken; values go on from the latest there was."""
+        """Forget rows that are not sent; values go on from the latest there was."""
         self.rows.clear()
         self.times.clear()
         self.values.clear()
 
     def forget(self) -> None:
-        """Forget what nobody has taken, and take the next value whatever it is."""
+        """Forget rows that are not sent, and take the next value whatever it is."""
         self.leave_out()
         self._step, self._fraction = NO_STEP, None
 
     def described(self) -> dict[str, Any]:
-        """Return what a page is told of it."""
+        """Return its description for a page."""
         return {
             "id": self.number, "axis": self.axis, "name": self.name, "title": self.title,
             "kind": self.kind, "unit": self.unit, "scale": self.scale, "tick": TICK,

@@ -62,7 +62,7 @@ class Lanes:
 
     Attributes:
         all: every lane, by its number.
-        axes: the axes, as a page is told.
+        axes: the axes, as in the description for a page.
         values: by chip: its lanes, as its ``VALUES`` have them.
         plants: by chip: the mechanics behind its axes, each with its lanes.
         nets: by name of a net: net and lane.
@@ -137,7 +137,7 @@ class Lanes:
         return lane
 
     def described(self, live: bool, control: bool = False) -> dict[str, Any]:
-        """Return what a page is told before the first frame."""
+        """Return the description that a page gets before the first frame."""
         board = self._board
         pairs = [axis["name"] for axis in self.axes][:2]
         xy = [[f"{name}.{what}" for what in ("real", "desired") for name in pairs]]

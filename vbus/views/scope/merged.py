@@ -34,10 +34,10 @@ class Merged:
     lane. Time is that of the part that is farthest behind while parts run.
 
     Args:
-        descriptions: what a page would be told first of each part.
+        descriptions: the description of each part, as for a page of its own.
 
     Attributes:
-        description: what a page is told first of all of them.
+        description: that of all of them together.
 
     Raises:
         ValueError: more lanes than frames can number.
@@ -57,7 +57,7 @@ class Merged:
         self._parts: list[str] = _distinct([part["board"] for part in descriptions])
         self._fronts: list[str] = self._parts if _clash(descriptions) else [""] * len(descriptions)
         self._nodes: int = -1
-        """Lane of the nodes that go and come back; -1 if nobody runs any more."""
+        """Lane of the nodes that go and come back; -1 if no node runs any more."""
         self.description: dict[str, Any] = self._described(descriptions)
 
     def _described(self, parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -95,7 +95,7 @@ class Merged:
     def _lane(
         self, lane: dict[str, Any], number: int, front: str, own: str, names: Counter[str]
     ) -> dict[str, Any]:
-        """Return a lane as it is told here."""
+        """Return a lane's description here."""
         axis, name, title = lane["axis"], lane["name"], lane["title"]
         if axis is not None:
             axis = front + axis
@@ -111,25 +111,25 @@ class Merged:
         return b"".join(self._frames(part, frames))
 
     def end(self, part: int) -> bytes:
-        """A part has ended: time goes on without it; return what is to be told of that."""
+        """A part has ended: time goes on without it; return the frames about that."""
         self._nows.pop(part, None)
         return self._told_now()
 
     def came(self, part: int) -> int:
-        """How far a part has come (ps): all before is told, and what is at that instant may be."""
+        """How far a part has come (ps); what is at that instant may have come or not."""
         return self._came[part]
 
     def fits(self, part: int, description: dict[str, Any]) -> bool:
-        """Whether what a page would be told first has the axes and lanes that a part has."""
+        """Whether a description has the axes and lanes that a part has."""
         return _shape(description) == self._began[part]
 
     def begin_again(self, part: int, description: dict[str, Any]) -> bytes:
-        """A part that had ended has come back; return what is to be told of that.
+        """A part that had ended has come back; return the frames about that.
 
         Args:
             part: its number.
-            description: what a page would be told first of it; it fits. Of what it does until
-                where the part had come to before, only the labels are told again.
+            description: its new description; it fits. Of what it does until where the part had
+                come to before, only the labels are sent again.
         """
         self._labels[part] = []
         self._nows[part] = now = int(description["now"])

@@ -50,7 +50,7 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
     """Return the page with a recording in it: it needs nothing else, and no network.
 
     Args:
-        description: what a page is told before the first frame.
+        description: the description that comes before the first frame.
         frames: the recording.
     """
     styles: list[str] = []
@@ -62,9 +62,9 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
 
     def script(match: re.Match[str]) -> str:
         scripts.append(joined(match[1]))
-        told = json.dumps(description, ensure_ascii=False).replace("<", "\\u003c")
+        text = json.dumps(description, ensure_ascii=False).replace("<", "\\u003c")
         return (
-            f'<script type="application/json" id="description">{told}</script>\n'
+            f'<script type="application/json" id="description">{text}</script>\n'
             f'<script type="application/octet-stream" id="recording">{_packed(frames)}</script>\n'
             f'<script type="module">{scripts[-1]}</script>'
         )

@@ -4,7 +4,8 @@ A chip is looked at when its samples are made, so every value has the instant fr
 Looking changes nothing: no reply, no instant, no finding, no hash.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Final
 
@@ -12,6 +13,10 @@ from vbus.board.board import Board
 from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
 from vbus.circuit.stream import PacketReader, decoder_of
 from vbus.core.signals import Violation
+from vbus.record.format import Entry
+from vbus.record.replay import Outcome, Replay
+from vbus.views.clauses import clause_frame
+from vbus.views.scope.axis_sampler import AxisSampler, SampleSchedule
 from vbus.views.scope.frames import (  # fmt: skip
     ALL,
     CHIPS,
@@ -29,7 +34,6 @@ from vbus.views.scope.frames import (  # fmt: skip
 )
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import GAP_MARK, MARK_LANE, Lanes, Lateness
-from vbus.views.scope.look import Look, LookTimes
 
 COMMAND: Final = 0
 WRITTEN: Final = 1
@@ -40,7 +44,8 @@ OTHER: Final = 5
 """Kinds of packets."""
 
 MOST_ROWS: Final = 8192
-"""Rows of a frame at most: a page reads one after the other, and can draw between them."""
+"""Rows of a frame at most: a page reads one after the other, and can draw between them.
+250,000 rows a second are 30 frames (docs/performance.md)."""
 
 Columns = Callable[[Sequence[float]], Column]
 
@@ -69,19 +74,19 @@ class Recorder(PacketReader):
         self._edges: bool = edges
         self._running: bool = False
         self._at_samples: bool = True
-        self._looks: dict[str, Look] = {}
-        times = LookTimes(board.kernel)
+        self._looks: dict[str, AxisSampler] = {}
+        times = SampleSchedule(board.kernel)
         for chip in board.chips:
             mine = {pin.net.name for pin in chip.pins.values()} if not edges else ()
             levels = [row for name, row in self.lanes.nets.items() if name in mine]
-            self._looks[chip.name] = look = Look(board, times, chip, self.lanes, levels)
+            self._looks[chip.name] = look = AxisSampler(board, times, chip, self.lanes, levels)
             look.on_interrupt = self._interrupt
         self._labels: dict[tuple[str, str], int] = {}
         self._new: list[tuple[str, str]] = []
-        """Labels nobody has taken yet: what a packet says, and its cycles."""
+        """Labels that are not sent yet: what a packet says, and its cycles."""
         self._described: bool = False
         self._broken: dict[str, list[tuple[int, dict[str, Any]]]] = {}
-        """Violations by chip that no packet has been told since."""
+        """Violations by chip since its latest packet."""
         self._hosts: set[str] = set()
         self._commanded: set[str] = {
             chip.name for chip in board.chips if isinstance(decoder_of(chip.FAMILY), CommandPackets)
@@ -289,7 +294,7 @@ class Ticks:
 
 
 def sample_frames(lane: Lane, column: Columns, ticks: Ticks) -> list[bytes]:
-    """Return the values of a lane that nobody has taken yet as frames."""
+    """Return the values of a lane that are not sent yet as frames."""
     times, values = lane.take_values()
     if len(times) <= MOST_ROWS:
         return [_samples(lane, times, values, column, ticks)]
@@ -324,3 +329,37 @@ def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:
 def _cycle(cycle: Cycle) -> str:
     """Return which way, address and byte: ``w0 1F``."""
     return f"{'w' if cycle.write else 'r'}{cycle.address:X} {cycle.data:02X}"
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """The lanes of a run that is over.
+
+    Attributes:
+        description: what a page gets first.
+        frames: all that happened.
+        outcome: what came of the replay.
+    """
+
+    description: dict[str, Any]
+    frames: list[bytes]
+    outcome: Outcome
+
+
+def replayed(
+    board: Board, entries: Iterable[Entry], families: dict[str, str], strobes: bool = False
+) -> Recorded:
+    """Play a journal up to its end, or the first difference; return its lanes.
+
+    Args:
+        board: built from the same file, at instant 0, with no ports open.
+        entries: the journal's.
+        families: chip families by name of chip.
+        strobes: whether the lines of the host buses are lanes too.
+    """
+    recorder = Recorder(board, edges=True, strobes=strobes)
+    recorder.start()
+    outcome = Replay(board, entries, families).run()
+    recorder.stop()
+    frames = [clause_frame(families.values()), *recorder.take()]
+    return Recorded(recorder.lanes.described(live=False), frames, outcome)

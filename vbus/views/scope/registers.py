@@ -20,9 +20,9 @@ from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import Lanes
 
 EVERY: Final = 10 * MS
-"""How often registers are looked at that nobody has touched (ps)."""
+"""How often registers are read that no bus cycle has touched (ps)."""
 NOT_LOOKED_AT: Final = float("nan")
-"""The value of a register while nobody looks."""
+"""The value of a register while no page shows it."""
 
 
 class ChipRegisters:
@@ -33,7 +33,7 @@ class ChipRegisters:
         lanes: all lanes; it adds those of its own.
 
     Attributes:
-        described: what a page is told of the chip.
+        described: the chip's description for a page.
     """
 
     def __init__(self, chip: Chip, lanes: Lanes) -> None:
@@ -46,7 +46,7 @@ class ChipRegisters:
         self._seen: set[tuple[int, int]] = set()
         self._due: int = 0
         self._words: list[tuple[int, int, str]] = []
-        """What values mean: lane, value, text; those nobody has taken yet."""
+        """What values mean: lane, value, text; those that are not sent yet."""
         self._drawn: dict[tuple[str, int], Lane] = {
             (row.name, axis): lane
             for (row, axis), lane in zip(
@@ -99,7 +99,7 @@ class ChipRegisters:
         )  # fmt: skip
 
     def _mapped(self, row: Register, lane: Lane) -> dict[str, Any]:
-        """Return what is told of a register that has an address, beside what all have."""
+        """Return the description of a register that has an address, beside what all have."""
         decoder = decoder_of(self._chip.FAMILY)
         if isinstance(decoder, RegisterPackets) and row.bits == 8 and not row.fields:
             self._worded[lane.number] = partial(_word, decoder, row)
@@ -145,7 +145,7 @@ class ChipRegisters:
         return words
 
     def forget(self, now: int) -> None:
-        """Nobody looks from ``now`` on: what they hold is not known."""
+        """No page shows them from ``now`` on: what they hold is not known."""
         self._due = 0
         for _, lane in (*self._told, *self._looked):
             lane.note(now, NOT_LOOKED_AT)

@@ -39,7 +39,7 @@ class LaneTold:
         kind: :data:`~vbus.views.scope.lanes.NUMBER`, ...
         unit: of its values.
         scale: what a number that was sent is multiplied by.
-        of: what is told of its axis.
+        of: the description of its axis.
     """
 
     axis: str | None
@@ -91,7 +91,7 @@ class Rows:
     """Reads frames as they come.
 
     Args:
-        description: what a page is told first.
+        description: what a page gets first.
 
     Attributes:
         lanes: every lane, by its number.

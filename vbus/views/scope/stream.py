@@ -6,20 +6,20 @@ from vbus.views.scope.frames import HEAD, LASTING, MARKS, NOW, frame, numbers, t
 from vbus.views.scope.lanes import GAP_MARK, GAPS
 
 MOST_KEPT: Final = 1 << 28
-"""Bytes kept of a board that runs."""
+"""Bytes stored of a board that runs: 256 MB; older ones are left out, with a mark."""
 MESSAGE: Final = 1 << 20
-"""Bytes from which on what a page has missed goes in several."""
+"""Bytes from which on what a page has missed goes in several messages: it draws between them."""
 
 
 class Stream:
-    """Frames in their order. Each page has a place in it; nobody waits for a page.
+    """Frames in their order. Each page has a place in it; a slow page delays no other.
 
-    Where there is too much the oldest is left out, but for labels and tables: what comes later
-    counts on them. A page that would have been sent it is told by a mark.
+    Where there are too many the oldest are left out, but for labels and tables, which later frames
+    need. A page that has missed some gets a mark.
 
     Args:
-        description: what a page is told first.
-        most: bytes kept; None for all.
+        description: what a page gets first.
+        most: bytes stored; None for all.
     """
 
     def __init__(self, description: dict[str, Any], most: int | None = MOST_KEPT) -> None:

@@ -17,7 +17,7 @@ LARGEST_UNIT: Final = 64
 """Bytes of a sample."""
 _DAMAGE: Final = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError,
-    NotImplementedError, RuntimeError,  # packed in a way nobody knows, or encrypted
+    NotImplementedError, RuntimeError,  # packed in an unknown way, or encrypted
     ValueError,  # members that begin before the file, or in the midst of a character
 )  # fmt: skip
 _BLOCK: Final = 1 << 20

@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import Any, BinaryIO, Final
 
 from vbus.core.errors import CaptureError, PluginError
-from vbus.views.names import bit_names
 from vbus.views.silicon.capture import (
     LONGEST_TEXT,
     MOST_CHANNELS,
@@ -19,6 +18,7 @@ from vbus.views.silicon.capture import (
     ordered,
     period_of,
 )
+from vbus.views.wave.signals import bit_names
 
 _UNITS: Final = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _RATE: Final = re.compile(r"\bat (\d+(?:\.\d+)? ?[kMG]?Hz)")

@@ -7,8 +7,8 @@ from typing import Final
 from vbus.chips.bus_watch import BusWatch
 from vbus.chips.tables import PinRow
 from vbus.core.errors import CaptureError
-from vbus.views.names import bit_names, plain
 from vbus.views.silicon.capture import UNKNOWN
+from vbus.views.wave.signals import bit_names, plain
 
 LEVELS: Final = {"low": 0, "high": 1}
 """What a control line that was not captured may be said to be tied to."""

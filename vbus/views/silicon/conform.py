@@ -1,7 +1,8 @@
-"""Silicon against model: a capture of a bus is driven into a board, and its answers compared."""
+"""A capture of real silicon beside the model, and what comes of the comparison."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from typing import Final
 
 from vbus import plugins
@@ -14,12 +15,103 @@ from vbus.core.errors import CaptureError
 from vbus.core.signals import Observer, Pin, Violation
 from vbus.core.state import load, save
 from vbus.protocols.quantities import format_instant
-from vbus.views.names import bit_names
 from vbus.views.silicon.capture import Sample
 from vbus.views.silicon.channel_map import Wiring
 from vbus.views.silicon.outputs import UNKNOWN, Difference, OutputWatch
 from vbus.views.silicon.start import Start, watch_of
-from vbus.views.silicon.verdict import Candidate, CaptureTolerance, Mismatch, Verdict
+from vbus.views.wave.signals import bit_names
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureTolerance:
+    """What is not counted as a difference.
+
+    Attributes:
+        slack: how far apart the two may be in time (ps): a status the model has given up so long
+            ago still counts, and so does an edge that comes earlier or later.
+        names: packets, registers and outputs that are not compared.
+        masks: bits by address that are not compared.
+    """
+
+    slack: int
+    names: frozenset[str] = frozenset()
+    masks: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Mismatch:
+    """Where silicon and model differ.
+
+    Attributes:
+        when: instant in the capture (ps).
+        where: the bus cycle, or the output.
+        silicon: what was captured, decoded.
+        model: what the model did, decoded.
+        clause: clause of the specification it falls under, or "".
+        before: the bus cycles before it.
+        after: its own, and those after it.
+    """
+
+    when: int
+    where: str
+    silicon: str
+    model: str
+    clause: str = ""
+    before: list[str] = field(default_factory=list)
+    after: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What came of a comparison.
+
+    Attributes:
+        cycles: bus cycles driven in before the difference, or in all.
+        reads: reads among them, whose bytes agree.
+        outputs: outputs that were compared.
+        ignored: differences that were not counted, as asked for.
+        begin: instant of the first sample driven in (ps).
+        end: instant of the last (ps).
+        mismatch: the first difference, or None.
+        violations: what the model's rules say of the host, and how many there were.
+        broken: number of violations.
+    """
+
+    cycles: int = 0
+    reads: int = 0
+    outputs: list[str] = field(default_factory=list)
+    ignored: int = 0
+    begin: int = 0
+    end: int = 0
+    mismatch: Mismatch | None = None
+    violations: list[Violation] = field(default_factory=list)
+    broken: int = 0
+
+
+@dataclass(slots=True)
+class Candidate:
+    """A read or an edge that differs, until it is certain what of.
+
+    Attributes:
+        mismatch: what is known of it so far.
+        silicon: the cycle as it was captured; None for an edge.
+        model: the cycle as the model would have it.
+        cycles: bus cycles before it.
+        reads: reads among them.
+        undriven: whether nothing drove the bus: then no value is given.
+        settled: whether all of it is known.
+        ignored: whether it does not count.
+    """
+
+    mismatch: Mismatch
+    silicon: Cycle | None
+    model: Cycle | None
+    cycles: int
+    reads: int
+    undriven: bool = False
+    settled: bool = False
+    ignored: bool = False
+
 
 CONTEXT: Final = 20
 """Bus cycles answers on either side of a difference."""
@@ -257,7 +349,7 @@ class Conform(Observer):
         undriven = 0
         if not cycle.write:
             undriven = self._undriven(cycle)
-            # A card's bus is pulled: what stands there after the edge is nobody's.
+            # A card's bus is pulled: its level after the edge is no chip's.
             shown = (old,) if self._chip.CONNECTOR else (byte, old)
             taken = next((value for value in shown if value in answers and not undriven), old)
             silicon = Cycle(cycle.when, False, cycle.address, taken)

@@ -17,12 +17,12 @@ def _cycle(write: bool, address: int, data: int) -> int:
 
 
 class Changes(Observer):
-    """Takes down edges of nets as they come, polls, and whatever else it is told.
+    """Records edges of nets as they come, polls, and the changes that callers give.
 
     Args:
         kernel: the board's time.
         signals: what is taken down, by name of the net.
-        decoding: is told what the board tells, but for bus cycles like those of :meth:`say`.
+        decoding: gets the board's events, but for bus cycles like those of :meth:`say`.
 
     Attributes:
         pending: instant (ps), signal and value of each change.
@@ -31,12 +31,7 @@ class Changes(Observer):
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def __init__(
-        self,
-        kernel: Kernel,
-        signals: dict[str, Any],
-        decoding: PacketStream,
-    ) -> None:
+    def __init__(self, kernel: Kernel, signals: dict[str, Any], decoding: PacketStream) -> None:
         self.pending: list[Any] = []
         self.drained: i64 = 0
         self._kernel: Kernel = kernel

@@ -1,6 +1,7 @@
 """What a waveform can show of a board: nets, values of the chips, commands, violations."""
 
 import fnmatch
+import re
 from collections.abc import Sequence
 from typing import Final
 
@@ -79,10 +80,33 @@ def values_of(board: Board) -> dict[str, Reading]:
 
 
 def texts_of(board: Board) -> list[str]:
-    """Return the names of what is told in words, ``"chip.packet"`` and ``"chip.violation"``."""
+    """Return the names of signals that are words, ``"chip.packet"`` and ``"chip.violation"``."""
     return [f"{chip.name}.{what}" for chip in board.chips for what in ("packet", "violation")]
 
 
 def _chosen(name: str, patterns: Sequence[str]) -> bool:
     """Tell whether something is asked for; without patterns everything is."""
     return not patterns or any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
+
+
+_RANGE: Final = re.compile(r"(.*?)(\d+)-\D*(\d+)")
+
+
+def bit_names(name: str, width: int) -> list[str]:
+    """Return plain names for the wires of a net, least significant first.
+
+    ``"x.D0-D7"`` becomes ``x_D0`` to ``x_D7``, ``"x./CS"`` becomes ``x_CS``.
+    """
+    match = _RANGE.fullmatch(name) if width > 1 else None
+    if match is not None:
+        first, last = int(match[2]), int(match[3])
+        if last - first + 1 == width:
+            return [plain(f"{match[1]}{number}") for number in range(first, last + 1)]
+    if width == 1:
+        return [plain(name)]
+    return [f"{plain(name)}_{number}" for number in range(width)]
+
+
+def plain(name: str) -> str:
+    """Return a name of ASCII letters, digits and underscores."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", name.replace("/", "").replace("~", "")).strip("_")

@@ -11,8 +11,7 @@ from mypy_extensions import i64
 
 from vbus.core.signals import Reading
 from vbus.version import __version__
-from vbus.views.names import bit_names
-from vbus.views.wave.signals import FULL, Signal
+from vbus.views.wave.signals import FULL, Signal, bit_names
 
 TICK: Final = 100
 """Picoseconds of the time scale: limits of the MCP-1200 have tenths of nanoseconds."""

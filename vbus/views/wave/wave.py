@@ -89,13 +89,13 @@ class Wave(PacketReader):
         if profile == FULL:
             words = {chip.name: self._others.get(f"{chip.name}.packet") for chip in board.chips}
             self._words = {name: word for name, word in words.items() if word is not None}
-        told = [chip for chip in board.chips if chip.name in self._words]
-        self._stream: PacketStream = PacketStream.of(told, (self,))
+        shown = [chip for chip in board.chips if chip.name in self._words]
+        self._stream: PacketStream = PacketStream.of(shown, (self,))
         """Of its own: equal polls are not decoded again. Packets that are not shown are none."""
         self._values: dict[Signal, Reading] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Reading] = {}
-        """What the chips have told of themselves."""
+        """The latest values of the chips."""
         self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
@@ -109,8 +109,8 @@ class Wave(PacketReader):
         now = self.board.now
         nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
         self._values = {signal: net.value for signal, net in nets}
-        told = values_of(self.board)
-        self._values |= {self._others[name]: told[name] for name in told if name in self._others}
+        values = values_of(self.board)
+        self._values |= {self._others[k]: value for k, value in values.items() if k in self._others}
         self._latest = dict(self._values)
         for _, net in nets:
             net.observe(self._changes)

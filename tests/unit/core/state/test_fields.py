@@ -236,3 +236,23 @@ def test_an_attribute_that_is_declared_nowhere_is_found() -> None:
 def test_a_kind_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="is no kind of field"):
         kind_of(text)
+
+
+class Outer:
+    STATE: ClassVar[state.Names] = ("level = inner.level: float", "first = inner: part")
+
+    def __init__(self) -> None:
+        self.inner = Inner()
+
+
+def test_a_field_that_another_object_has_is_saved_under_its_own_name() -> None:
+    part = Outer()
+    part.inner.level = 2.5
+    saved = state.save(part)
+    assert saved == {"level": 2.5, "first": {"place": 1, "level": 2.5}}
+    other = Outer()
+    state.load(other, saved)
+    assert (other.inner.place, other.inner.level) == (1, 2.5)
+    assert state.undeclared(other) == set()
+    with pytest.raises(SnapshotError, match=r"state\.level: "):
+        state.load(other, {**saved, "level": "x"})

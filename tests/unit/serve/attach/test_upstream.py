@@ -10,12 +10,11 @@ from vbus.core.errors import TransportError
 from vbus.serve.attach.meter import Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import MOST_PENDING, Upstream, opened
-from vbus.serve.departures import Departures
-from vbus.serve.hang_ups import HangUps
+from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.loop import HostLoop
-from vbus.serve.session import Serving, Turns
-from vbus.serve.time.pace import Pace
+from vbus.serve.session import Serving, SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
+from vbus.serve.time.time_source import TimeSource
 from vbus.transports.sockets import SocketLink
 
 
@@ -145,10 +144,11 @@ def test_a_board_waits_for_a_host_that_does_not_read() -> None:
         near, host = socket.socketpair()
         near.setblocking(False)
         host.setblocking(False)
-        hang_ups = HangUps(loop)
-        hang_ups.open()
+        disconnects = DisconnectPoller(loop)
+        disconnects.open()
         serving = Serving(
-            loop, Pace(), Turns(), Histogram(ROUND_TRIP_NS), hang_ups, Departures(Pace()),
+            loop, TimeSource(), SpinTurn(), Histogram(ROUND_TRIP_NS), disconnects,
+            DetachedWaits(TimeSource()),
             lambda _: None,
         )  # fmt: skip
         way = upstream(board)
@@ -168,6 +168,6 @@ def test_a_board_waits_for_a_host_that_does_not_read() -> None:
             host.close()
             await board.heard(link, 1)
         await way.over.wait()
-        hang_ups.close()
+        disconnects.close()
 
     run(test)

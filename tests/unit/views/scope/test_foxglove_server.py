@@ -13,7 +13,7 @@ from vbus.cli.look.foxglove_lanes import FoxgloveServer
 from vbus.cli.look.scope import PagePlace
 from vbus.core.errors import TransportError
 from vbus.core.kernel import NS
-from vbus.views.scope.replayed import Recorded, replayed
+from vbus.views.scope.recording import Recorded, replayed
 
 
 @pytest.fixture(scope="module")

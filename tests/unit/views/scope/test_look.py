@@ -12,9 +12,9 @@ from vbus.core.signals import Value, ValueTable, nearest
 from vbus.core.signals.values import reader
 from vbus.plant.dc_motor import DcMotor
 from vbus.record.journal import end_of
+from vbus.views.scope.axis_sampler import PlantLanes
 from vbus.views.scope.frames import SAMPLES, numbers, read
 from vbus.views.scope.lane import Lane
-from vbus.views.scope.look import Behind
 from vbus.views.scope.recording import Recorder
 
 CHIPS = {
@@ -244,7 +244,7 @@ def test_a_plant_may_have_a_lane_more_and_numbers_that_are_not_whole() -> None:
         Lane(n, "x", row.lane, row.name, "number", row.unit, row.scale)
         for n, (row, _) in enumerate(Warm.VALUES.lanes(1))
     ]
-    Behind(plant, lanes).note(5, 7)
+    PlantLanes(plant, lanes).note(5, 7)
     assert [rows_of(lane) for lane in lanes] == [[(5, 0)], [(5, 0)], [(5, 12.5)]]
 
 

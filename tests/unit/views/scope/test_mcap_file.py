@@ -15,7 +15,7 @@ from tests.unit.views.conftest import board_of, read
 from tests.unit.views.scope.decoded import Seen
 from vbus.cli.look.foxglove_lanes import PACKET_KINDS, mcap_file
 from vbus.core.kernel import NS
-from vbus.views.scope.replayed import Recorded, replayed
+from vbus.views.scope.recording import Recorded, replayed
 
 
 @pytest.fixture(scope="module")

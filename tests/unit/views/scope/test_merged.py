@@ -14,7 +14,7 @@ from vbus.core.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.views.scope.clauses import clause_frame
+from vbus.views.clauses import clause_frame
 from vbus.views.scope.frames import ALL, NOW, frame
 from vbus.views.scope.lanes import MARK_TITLES
 from vbus.views.scope.merged import Merged

@@ -10,9 +10,8 @@ from vbus.board.host_bus import HostBus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, SECOND, US
 from vbus.views.scope.frames import ALL, NOW, frame, numbers
-from vbus.views.scope.pin_recording import PinRecorder
+from vbus.views.scope.pin_recording import MOST_BYTES, PinRecorder, Sampler
 from vbus.views.scope.recording import Recorder
-from vbus.views.scope.sampling import MOST_BYTES, Sampler
 
 BUS = ["/CS", "/PS", "/RD", "/WR", "D0-D7"]
 

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from tests.unit.views.conftest import board_of, read
 from tests.unit.views.scope.decoded import Seen
 from vbus.cli.look import plot
-from vbus.cli.look.picture import picture
+from vbus.cli.look.plot import picture
 from vbus.core.errors import PluginError, VbusError
 from vbus.core.kernel import MS, SECOND, US
-from vbus.views.scope.replayed import Recorded, replayed
+from vbus.views.scope.recording import Recorded, replayed
 
 SVG = "{http://www.w3.org/2000/svg}"
 

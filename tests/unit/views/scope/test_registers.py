@@ -16,7 +16,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.cli.look.explain_clauses import explained
 from vbus.core.kernel import MS, US
-from vbus.views.scope.clauses import clause_frame
+from vbus.views.clauses import clause_frame
 from vbus.views.scope.frames import numbers
 from vbus.views.scope.recording import Recorder
 from vbus.views.scope.registers import EVERY

@@ -76,11 +76,7 @@ def screen(
             title=f"{demo.title}, chip time {board.now * 1e-12:.2f} s",
             title_align="left",
         ),
-        Panel(
-            _last(shown),
-            title=f"bus, {traffic.cycles} cycles over {link}",
-            title_align="left",
-        ),
+        Panel(_last(shown), title=f"bus, {traffic.cycles} cycles over {link}", title_align="left"),
         Panel(_last(steps), title="host, a process of its own", title_align="left"),
     )
 

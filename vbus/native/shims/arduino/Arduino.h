@@ -2,7 +2,7 @@
  *
  * Pins are numbered as on an Uno, or as on a Mega if __AVR_ATmega2560__ is defined. A sketch's setup
  * and loop run for ever, until $VBUS_UNTIL, $VBUS_LIMIT_MS or exit(). Analog pins are digital;
- * analogRead, analogWrite, tone, SPI, Wire and EEPROM are not there. License: Apache-2.0.
+ * analogRead, analogWrite, tone, SPI and EEPROM are not there; Wire.h is. License: Apache-2.0.
  */
 #ifndef VBUS_SHIM_ARDUINO_H
 #define VBUS_SHIM_ARDUINO_H

@@ -144,7 +144,7 @@ void write_mask(unsigned index, uint8_t value)
 {
     unsigned turn;
 
-    /* What moved while nobody listened is no edge. */
+    /* What moved without a listener is no edge. */
     if (!plain[EXT_MASK] && !plain[PC_CONTROL] && value)
         for (turn = 1; turn < 5; turn++)
             was[turn] = vbus_shim::port_lines(turn);

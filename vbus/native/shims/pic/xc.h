@@ -86,6 +86,10 @@ extern INTCONbits_t INTCONbits;
 #define __delay_us(microseconds) vbus_shim::pass((uint64_t)((microseconds) * 1e6))
 #define __delay_ms(milliseconds) vbus_shim::pass((uint64_t)((milliseconds) * 1e9))
 #ifdef _XTAL_FREQ
+namespace {
+const bool vbus_clock_is_set __attribute__((unused)) =
+    (vbus_shim::set_clock_period(UINT64_C(4000000000000) / _XTAL_FREQ), true);
+}
 #define _delay(cycles) vbus_shim::pass((uint64_t)(cycles) * 4 * UINT64_C(1000000000000) / _XTAL_FREQ)
 #else
 #define _delay(cycles) vbus_shim::pass((uint64_t)(cycles) * UINT64_C(200000))

@@ -1,0 +1,54 @@
+"""Firmware images built with Debian's cross compilers, and run by the emulator on a board."""
+
+import os
+import shutil
+import subprocess
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
+PROGRAMS = Path(__file__).parent / "programs"
+REQUIRED = os.environ.get("VBUS_REQUIRE_ALL") == "1"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def tools() -> None:
+    """Skip without the emulator, unless everything is required."""
+    there = find_spec("unicorn") is not None
+    assert there or not REQUIRED, "needs unicorn: pip install 'vbus[cpu]'"
+    if not there:
+        pytest.skip("needs unicorn: pip install 'vbus[cpu]'")
+
+
+def build(output: Path, command: list[str], *sources: Path) -> Path:
+    """Build an image; skip without its compiler, unless everything is required."""
+    there = shutil.which(command[0]) is not None
+    assert there or not REQUIRED, f"{command[0]} is required"
+    if not there:
+        pytest.skip(f"needs {command[0]}")
+    done = subprocess.run(
+        [*command, "-o", str(output), *map(str, sources)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+ARM = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb", "-Os", "-Wall", "-Wextra", "-Werror",
+       "-ffreestanding", "-nostdlib"]  # fmt: skip
+
+
+def example(name: str, output: Path) -> Path:
+    """Build the image of the STM32 example."""
+    folder = EXAMPLES / name
+    drivers = [EXAMPLES / "lm629_c", EXAMPLES / "mcp1200_c"]
+    sources = [folder / "main.c", folder / "startup.c", drivers[0] / "lm629_driver.c",
+               drivers[1] / "mcp1200_driver.c"]  # fmt: skip
+    flags = [*(f"-I{driver}" for driver in drivers), "-T", str(folder / "stm32f103.ld")]
+    return build(output, [*ARM, *flags], *sources, Path("-lgcc"))
+
+
+M68K = ["m68k-linux-gnu-gcc", "-m68000", "-Os", "-Wall", "-Wextra", "-Werror", "-ffreestanding",
+        "-nostdlib", "-static", "-fno-pic", "-fno-stack-protector",
+        "-Wl,--build-id=none"]  # fmt: skip

@@ -1,0 +1,37 @@
+/* arm.h - a Cortex-M without a library: vectors, console, registers. */
+#include <stdint.h>
+
+#define R(address) (*(volatile uint32_t *)(address))
+#define R8(address) (*(volatile uint8_t *)(address))
+#define CLOCKS R(0x40021018)
+#define GPIOA 0x40010800
+#define GPIOB 0x40010C00
+#define GPIOC 0x40011000
+#define UNUSED __attribute__((unused)) static
+
+int main(void);
+
+UNUSED void put(const char *text)
+{
+    while (*text != '\0')
+        R(0x40013804) = (uint8_t)*text++;
+}
+
+UNUSED void number(uint32_t value)
+{
+    char text[12], *end = text + 11;
+
+    *end = '\0';
+    do
+        *--end = (char)('0' + value % 10);
+    while (value /= 10);
+    put(end);
+    put("\n");
+}
+
+void reset(void)
+{
+    register int result __asm__("r0") = main();
+
+    __asm__ volatile("cpsid i\n\tb ." : : "r"(result));
+}

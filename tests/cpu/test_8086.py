@@ -1,0 +1,162 @@
+"""DOS programs in the emulator: ports, the card's interrupt, the timer, and services of DOS."""
+
+import struct
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cpu.conftest import EXAMPLES, build
+from vbus.cli.run.exec_cpu import run_cpu
+from vbus.core.errors import ProgramError
+
+FOLDER = EXAMPLES / "mc1241a_dos"
+BOARD = FOLDER / "board.toml"
+NASM = ["nasm", "-f", "bin"]
+END = "mov ah, 4Ch\n int 21h\n"
+
+
+def program(folder: Path, body: str, name: str = "x.com") -> Path:
+    source = folder / "x.asm"
+    source.write_text(f"cpu 8086\norg 100h\n{body}\n")
+    return build(folder / name, NASM, source)
+
+
+def run(folder: Path, capfd: pytest.CaptureFixture[str], image: Path) -> tuple[int, str, str]:
+    """Return exit code, stdout and stderr."""
+    code = run_cpu("8086", str(image), str(BOARD), summary=False)
+    said = capfd.readouterr()
+    return code, said.out, said.err
+
+
+@pytest.mark.slow
+def test_the_example_gives_what_it_says_with_one_transcript_over_ten_runs(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    image = build(tmp_path / "move.com", NASM, FOLDER / "move.asm")
+    transcripts = set()
+    for turn in range(10):
+        transcript = tmp_path / f"{turn}.txt"
+        assert run_cpu("8086", str(image), str(BOARD), transcript=str(transcript)) == 0
+        said = capfd.readouterr()
+        assert (said.out, said.err) == ((FOLDER / "expected.txt").read_text(), "")
+        transcripts.add(transcript.read_text())
+    assert len(transcripts) == 1
+
+
+def test_an_exe_is_relocated_and_has_its_own_stack(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    body = (
+        """mov ax, 0
+        mov ds, ax
+        mov dx, text - 100h
+        mov ah, 9
+        int 21h
+        mov ax, ss
+        mov bx, cs
+        sub ax, bx
+        """
+        + END
+        + "text db 'an EXE', 13, 10, '$'"
+    )
+    code = program(tmp_path, body, "x.bin").read_bytes()
+    head = struct.pack(
+        "<2s13H", b"MZ", (32 + len(code)) % 512, 1, 1, 2, 0, 0xFFFF, 0x20, 0x100, 0, 0, 0, 0x1C, 0
+    )
+    image = tmp_path / "x.exe"
+    image.write_bytes(head + struct.pack("<HH", 1, 0) + code)
+    assert run(tmp_path, capfd, image) == (0x20, "an EXE\n", "")
+
+
+def test_the_timer_ticks_and_time_passes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """36 or 37 ticks of the timer are two seconds of DOS's clock; its date is always the same."""
+    body = """mov ah, 0
+        int 1Ah
+        mov si, dx
+        mov ah, 2Ch
+        int 21h
+        mov bl, dh
+wait_:  hlt
+        mov ah, 2Ch
+        int 21h
+        sub dh, bl
+        cmp dh, 2
+        jb wait_
+        mov ah, 0
+        int 1Ah
+        sub dx, si
+        mov al, dl
+        """ + END  # fmt: skip
+    code, _, err = run(tmp_path, capfd, program(tmp_path, body))
+    assert (code in (36, 37), err) == (True, "")
+
+
+def test_the_timer_can_be_set_and_read(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    body = (
+        """mov al, 36h
+        out 43h, al
+        mov ax, 11932
+        out 40h, al
+        mov al, ah
+        out 40h, al
+        mov ah, 0
+        int 1Ah
+        mov si, dx
+        mov cx, 10
+wait_:  hlt
+        loop wait_
+        mov ah, 0
+        int 1Ah
+        sub dx, si
+        xor al, al
+        out 43h, al
+        in al, 40h
+        mov bl, al
+        in al, 40h
+        mov bh, al
+        cmp bx, 11932
+        mov al, 99
+        ja end_
+        mov al, dl
+end_:   """
+        + END
+    )
+    assert run(tmp_path, capfd, program(tmp_path, body)) == (10, "", "")
+
+
+FAILURES = {
+    "port": ("mov dx, 300h\n in al, dx\n" + END, 0xFF,
+             "no chip of the card answers at 300h: it is read"),
+    "service": ("mov ah, 3Dh\n int 21h\n mov al, 0\n adc al, 7\n" + END, 8,
+                "function 3Dh of DOS is not modelled: it fails"),
+    "interrupt": ("int 33h\n mov al, 1\n" + END, 1, "interrupt 33h is not modelled: it returns"),
+    "division": ("xor cx, cx\n div cx\n", 1, "a division by zero, at 0100:0102"),
+    "stack": ("deep: call deep\n", 1, "stack overflow: SP is"),
+    "loop": ("cli\n mov al, 6\n jmp $", 6, ""),
+    "halt": ("cli\n hlt\n" + END, 1, "waits for an interrupt that cannot come"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_failure_is_said(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    body, expected, sentence = FAILURES[name]
+    code, _, err = run(tmp_path, capfd, program(tmp_path, body))
+    assert (code, sentence in err) == (expected, True), err
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"\x7fELF" + bytes(60), "is no DOS program"),
+        (b"", "is no DOS program"),
+        (b"MZ" + bytes(58) + b"\x40\0\0\0PE\0\0", "a program for Windows"),
+        (bytes(0x10000), "is no DOS program"),
+    ],
+)
+def test_a_program_of_another_kind_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "x.com").write_bytes(data)
+    with pytest.raises(ProgramError, match=message):
+        run_cpu("8086", str(tmp_path / "x.com"), str(BOARD))
+    with pytest.raises(ProgramError, match="is no DOS program"):
+        run_cpu("8086", sys.executable, str(BOARD))

@@ -1,0 +1,379 @@
+"""Cortex-M firmware in the emulator: peripherals of an STM32, interrupts, time, and failures."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cpu.conftest import ARM, EXAMPLES, PROGRAMS, build, example
+from vbus.cli.run.exec_cpu import run_cpu, settings_of
+from vbus.core.errors import ConfigError, ProgramError
+
+FOLDER = EXAMPLES / "stm32_lm629_mcp1200"
+BOARD = """[board]
+name = "bench"
+time = "slaved"
+
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "motor"
+
+[plants.motor]
+model = "ideal"
+
+[cpu]
+clock = "72 MHz"
+
+[pinmaps.stm32.pins]
+PB8 = "D0"
+PB9 = "D1"
+PB10 = "D2"
+PB11 = "D3"
+PB12 = "D4"
+PB13 = "D5"
+PB14 = "D6"
+PB15 = "D7"
+PA0 = "/CS"
+PA1 = "/PS"
+PA2 = "/RD"
+PA3 = "/WR"
+PA4 = "/RST"
+PA5 = "HI"
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/bench.sock"
+pinmap = "stm32"
+"""
+VECTORS = """
+__attribute__((section(".vectors"), used)) static const void *const vectors[80] = {
+    (void *)0x20005000, (void *)reset, VECTORS };
+"""
+
+
+class Bench:
+    """Builds firmware from the body of a file, and runs it."""
+
+    def __init__(self, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        self.folder = folder
+        self.capfd = capfd
+        self.board = BOARD
+        self.limit: int | None = None
+
+    def image(self, body: str, vectors: str = "0", flags: tuple[str, ...] = ()) -> Path:
+        source = self.folder / "main.c"
+        source.write_text(
+            '#include "arm.h"\n' + body + VECTORS.replace("VECTORS }", vectors + " }")
+        )
+        flags = (f"-I{PROGRAMS}", "-T", str(PROGRAMS / "arm.ld"), "-Wno-cast-function-type", *flags)
+        return build(self.folder / "main.elf", [*ARM, *flags], source, Path("-lgcc"))
+
+    def run(self, body: str, vectors: str = "0", spec: str = "cortex-m3") -> tuple[int, str, str]:
+        """Return exit code, stdout and stderr."""
+        return self.run_image(self.image(body, vectors), spec)
+
+    def run_image(self, image: Path, spec: str = "cortex-m3") -> tuple[int, str, str]:
+        board = self.folder / "board.toml"
+        board.write_text(self.board)
+        transcript = str(self.folder / "bus.txt")
+        code = run_cpu(spec, str(image), str(board), transcript=transcript, summary=False)
+        said = self.capfd.readouterr()
+        return code, said.out, said.err
+
+    def bus(self) -> list[str]:
+        return (self.folder / "bus.txt").read_text().splitlines()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Bench:
+    return Bench(tmp_path, capfd)
+
+
+@pytest.mark.slow
+def test_the_example_gives_what_it_says_with_one_transcript_over_ten_runs(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    image = str(example(FOLDER.name, tmp_path / "move.elf"))
+    transcripts = set()
+    for turn in range(10):
+        transcript = tmp_path / f"{turn}.txt"
+        board = str(FOLDER / "board.toml")
+        assert run_cpu("cortex-m3", image, board, transcript=str(transcript)) == 0
+        said = capfd.readouterr()
+        assert (said.out, said.err) == ((FOLDER / "expected.txt").read_text(), "")  # no violation
+        transcripts.add(transcript.read_text())
+    (only,) = transcripts
+    assert len(only.splitlines()) > 100
+
+
+READ = """
+static unsigned status(void)
+{
+    unsigned byte;
+
+    R(GPIOA + 0x14) = 3;
+    R(GPIOA + 0x14) = 4;
+    byte = R(GPIOB + 8) >> 8;
+    R(GPIOA + 0x10) = 4;
+    R(GPIOA + 0x10) = 1;
+    return byte;
+}
+static void begin(void)
+{
+    CLOCKS |= 0x1D;
+    R(GPIOA + 0x10) = 0x1F;
+    R(GPIOA) = 0x44433333;
+}
+"""
+
+
+def test_main_s_result_is_the_exit_code(bench: Bench) -> None:
+    assert bench.run('int main(void) { put("hello\\n"); return 3; }') == (3, "hello\n", "")
+
+
+def test_port_bits_run_bus_cycles(bench: Bench) -> None:
+    body = (
+        READ
+        + """int main(void) { int n; begin();
+        for (n = 0; n < 40000; n++) __asm__ volatile("nop");
+        number(status()); number(R(GPIOA + 8) & 0x3F); return 0; }"""
+    )
+    assert bench.run(body) == (0, "132\n61\n", "")
+    assert bench.bus() == ["x r 0 84"]
+
+
+def test_an_f4_has_moder_and_no_brr(bench: Bench) -> None:
+    bench.board = BOARD.replace('clock = "72 MHz"', 'clock = "168 MHz"')
+    body = """
+#define A 0x40020000
+#define B 0x40020400
+int main(void) { int n; R(0x40023830) = 3;
+    R(A + 0x18) = 0x1F; R(A) = 0x155;
+    for (n = 0; n < 120000; n++) __asm__ volatile("nop");
+    R(A + 0x18) = 3 << 16; R(A + 0x18) = 4 << 16;
+    n = R(B + 0x10) >> 8; R(A + 0x14) |= 5; R(0x40011004) = n; R(A + 0x28) = 1; return 0; }"""
+    code, _, err = bench.run(body, spec="cortex-m4")
+    assert (code, bench.bus()) == (0, ["x r 0 84"])
+    assert "GPIOA+28h (40020028h) is not modelled: it is written, to no effect" in err
+
+
+def test_interrupts_come_at_exact_clock_cycles(bench: Bench) -> None:
+    body = """
+static volatile uint32_t times[5], count;
+void systick(void) { if (count < 5) times[count++] = R(0xE0001004); }
+int main(void) { int n; R(0xE000EDFC) = 1 << 24; R(0xE0001000) = 1;
+    R(0xE000E014) = 999; R(0xE000E018) = 0; R(0xE000E010) = 7;
+    while (count < 5) __asm__ volatile("nop");
+    for (n = 1; n < 5; n++) number(times[n] - times[n - 1]);
+    return 0; }"""
+    assert bench.run(body, "[15] = (void *)systick")[:2] == (0, "1000\n" * 4)
+
+
+def test_a_priority_decides_and_masks_hold(bench: Bench) -> None:
+    body = """
+void one(void) { put("one\\n"); }
+void two(void) { put("two "); R(0xE000EF00) = 3; R(0xE000EF00) = 1; put("still two\\n"); }
+void three(void) { put("three "); }
+int main(void) {
+    R8(0xE000E401) = 0x80; R8(0xE000E402) = 0x40; R8(0xE000E403) = 0x10;
+    R(0xE000E100) = 0xE;
+    __asm__ volatile("cpsid i");
+    R(0xE000E200) = 6; put("masked\\n");
+    __asm__ volatile("cpsie i\\n\\tnop");
+    put("main\\n");
+    return 0; }"""
+    vectors = "[17] = (void *)one, [18] = (void *)two, [19] = (void *)three"
+    expected = "masked\ntwo three still two\none\nmain\n"
+    assert bench.run(body, vectors) == (0, expected, "")
+
+
+def test_an_interrupt_anywhere_changes_nothing_but_time(bench: Bench) -> None:
+    """IT blocks and flags survive: SysTick comes after each 37 cycles, at every instruction."""
+    body = """
+static volatile uint32_t ticks;
+void systick(void) { ticks++; }
+static uint32_t work(void) { uint32_t n, sum = 1;
+    for (n = 0; n < 3000; n++)
+        __asm__ volatile("tst %0, #4\\n\\tittee ne\\n\\taddne %0, %0, %1\\n\\t"
+                         "eorne %0, %0, #5\\n\\taddeq %0, %0, #3\\n\\t"
+                         "lsleq %0, %0, #1" : "+r"(sum) : "r"(n) : "cc");
+    return sum; }
+int main(void) { uint32_t quiet = work();
+    R(0xE000E014) = 36; R(0xE000E018) = 0; R(0xE000E010) = 7;
+    put(work() == quiet ? "same\\n" : "different\\n");
+    put(ticks > 300 ? "often\\n" : "seldom\\n"); return 0; }"""
+    assert bench.run(body, "[15] = (void *)systick") == (0, "same\noften\n", "")
+
+
+def test_svc_pendsv_and_the_process_stack(bench: Bench) -> None:
+    body = """
+static uint32_t stack[64];
+void svc(void) { put("svc "); R(0xE000ED04) = 1 << 28; put("before "); }
+void pendsv(void) { put("pendsv\\n"); }
+int main(void) {
+    __asm__ volatile("msr psp, %0\\n\\tmov r0, #2\\n\\tmsr control, r0\\n\\tisb"
+                     : : "r"(stack + 64) : "r0");
+    __asm__ volatile("svc 0\\n\\tmov r0, #0\\n\\tmsr control, r0\\n\\tisb" : : : "r0");
+    put(stack[62] || stack[60] || stack[56] || stack[50] ? "used\\n" : "not used\\n");
+    return 0; }"""
+    vectors = "[11] = (void *)svc, [14] = (void *)pendsv"
+    assert bench.run(body, vectors) == (0, "svc before pendsv\nused\n", "")
+
+
+def test_a_pin_interrupts_and_a_timer_counts_and_interrupts(bench: Bench) -> None:
+    body = (
+        READ
+        + """
+static volatile uint32_t edges, updates;
+void pin(void) { R(0x40010414) = 1 << 5; edges++; }
+void timer(void) { R(0x40000010) = 0; updates++; }
+static void idle(void) { while (status() & 1) ; }
+static void out(unsigned ps, unsigned byte) { idle();
+    R(GPIOA + (ps ? 0x10 : 0x14)) = 2; R(GPIOA + 0x14) = 9;
+    R(GPIOB + 12) = byte << 8; R(GPIOB + 4) = 0x33333333;
+    R(GPIOA + 0x10) = 9; R(GPIOB + 4) = 0x44444444; }
+int main(void) {
+    begin(); R(0x4001000C) = 0; R(0x40010408) = 1 << 5; R(0x40010400) = 1 << 5;
+    R(0xE000E100) = 1 << 23 | 1 << 28;
+    R(0x40000028) = 71; R(0x4000002C) = 999; R(0x40000014) = 1; R(0x40000010) = 0;
+    R(0x4000000C) = 1; R(0x40000000) = 1;
+    while (updates < 3) __asm__ volatile("wfi");
+    number(R(0x40000024) < 5);
+    R(0x4000000C) = 0;
+    while (status() != 0x84) ;
+    out(0, 0x1C); out(1, 0); out(1, 4);
+    while (!edges) __asm__ volatile("wfi");
+    number(edges); number(status() & 4); return 0; }"""
+    )
+    vectors = "[16 + 23] = (void *)pin, [16 + 28] = (void *)timer"
+    code, out, err = bench.run(body, vectors)
+    assert (code, out, err) == (0, "1\n1\n4\n", "")
+
+
+def test_bits_of_peripherals_are_words_of_their_own(bench: Bench) -> None:
+    body = """int main(void) { R(0x42000000 + 0x21000 * 32 + 24 * 4) = 1;
+        number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24); return 0; }"""
+    assert bench.run(body) == (0, "1\n3\n", "")
+
+
+def test_semihosting_writes_and_ends(bench: Bench) -> None:
+    body = """static uint32_t call(uint32_t what, const void *where) {
+        register uint32_t r0 __asm__("r0") = what; register const void *r1 __asm__("r1") = where;
+        __asm__ volatile("bkpt 0xAB" : "+r"(r0) : "r"(r1) : "memory"); return r0; }
+    int main(void) { static const uint32_t end[2] = { 0x20026, 7 };
+        call(4, "by debugger\\n"); call(0x20, end); return 0; }"""
+    assert bench.run(body) == (7, "by debugger\n", "")
+
+
+def test_a_key_ends_the_run(bench: Bench) -> None:
+    image = bench.image('int main(void) { for (;;) put("tick\\n"); }')
+    assert bench.run_image(image, "cortex-m3,until=tick") == (0, "tick\n", "")
+    code, _, err = bench.run_image(image, "cortex-m3,cycles=100,until=tock")
+    assert (code, 'the firmware ended before "tock"' in err) == (1, True)
+
+
+DEEP = """static int deep(int n) { volatile int a[32]; a[n & 31] = n;
+    return n ? deep(n + 1) + a[3] : 0; } int main(void) { return deep(1); }"""
+FAILURES = {
+    "register": (
+        "int main(void) { R(0x40013000) = 1; R(0x40013000) = 1; return (int)R(0x40050000); }", 0,
+        ["SPI1+00h (40013000h) is not modelled: it is written, to no effect; the instruction at"
+         " 08", "40050000h is not modelled: it is read; the answer is 0"],
+    ),
+    "no clock": (
+        "int main(void) { R(GPIOB) = 1; return 0; }", 0,
+        ["GPIOB has no clock (bit 3 of RCC APB2ENR is 0): accesses are lost"],
+    ),
+    "nothing there": (
+        "int main(void) { R(0x50000000) = 1; return 0; }", 1,
+        ["the firmware writes 50000000h, where nothing is; the instruction at 08", "(reset+"],
+    ),
+    "flash": (
+        "int main(void) { R(0x08000000) = 1; return 0; }", 1,
+        ["the firmware writes 08000000h, which is program memory"],
+    ),
+    "stack": (DEEP, 1, ["stack overflow: the stack has", "(deep"]),
+    "wild": (
+        "int main(void) { ((void (*)(void))0x09000001)(); return 0; }", 1,
+        ["the firmware jumps to 09000000h, where nothing is"],
+    ),
+    "undefined": ('int main(void) { __asm__ volatile(".short 0xDEFE"); return 0; }', 1,
+                  ["an instruction that this processor does not know, at 08"]),
+    "no interrupt": ('int main(void) { __asm__ volatile("wfi"); return 0; }', 1,
+                     ["waits for an interrupt that cannot come, at 08"]),
+    "no vector": ("int main(void) { R(0xE000E100) = 4; R(0xE000EF00) = 2; return 0; }", 1,
+                  ["exception 18 (interrupt 2) comes, and its vector at 08000048h is 00000000h"]),
+    "breakpoint": ('int main(void) { __asm__ volatile("bkpt 1"); return 0; }', 1,
+                   ["a breakpoint (BKPT) at 08"]),
+    "reset": ("int main(void) { R(0xE000ED0C) = 0x05FA0004; return 0; }", 1,
+              ["the firmware resets the processor (AIRCR), at 08"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_failure_is_said_with_its_place(name: str, bench: Bench) -> None:
+    body, expected, sentences = FAILURES[name]
+    code, _, err = bench.run(body)
+    assert code == expected
+    for sentence in sentences:
+        assert err.count(sentence) == 1, err
+
+
+def test_a_wrong_vector_table_is_said(bench: Bench) -> None:
+    image = bench.image("int main(void) { return 0; }")
+    data = image.read_bytes()
+    image.write_bytes(data.replace((0x20005000).to_bytes(4, "little"), bytes(4)))
+    code, _, err = bench.run_image(image)
+    assert (code, "no vector table at 08000000h: its first word" in err) == (2, True)
+
+
+def test_an_endless_loop_is_ended_by_the_limit_and_its_place_said(bench: Bench) -> None:
+    image = bench.image("volatile int x; int main(void) { for (;;) x++; }")
+    board = bench.folder / "board.toml"
+    board.write_text(BOARD)
+    done = subprocess.run(
+        [sys.executable, "-m", "vbus", "exec", "--board", str(board), "--limit", "10 ms", "--cpu",
+         "cortex-m3", str(image)],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 128 + 9
+    assert "the limit of chip time is over; the next instruction is at 08" in done.stderr
+    assert "the program hangs: it was not done after 0.01 s of chip time" in done.stderr
+
+
+def test_an_image_of_another_processor_is_refused(bench: Bench) -> None:
+    board = bench.folder / "board.toml"
+    board.write_text(BOARD)
+    with pytest.raises(
+        ProgramError, match=r"an image for a PC \(x86-64\); this processor is an ARM"
+    ):
+        run_cpu("cortex-m3", sys.executable, str(board))
+    (bench.folder / "x.elf").write_text("no image")
+    with pytest.raises(ProgramError, match="is no firmware image"):
+        run_cpu("cortex-m3", str(bench.folder / "x.elf"), str(board))
+
+
+def test_a_board_must_say_how_fast_the_processor_is(bench: Bench) -> None:
+    image = bench.image("int main(void) { return 0; }")
+    bench.board = BOARD.replace('[cpu]\nclock = "72 MHz"\n', "")
+    with pytest.raises(ConfigError, match=r"how fast is the cortex-m3\? Write a \[cpu\] section"):
+        bench.run_image(image)
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [("cortex-m9", 'unknown processor "cortex-m9"'), ("cortex-m3,cycles", '"cycles" needs a value'),
+     ("cortex-m3,cycles=x", "write a number of clock cycles"),
+     ("cortex-m3,a=1", 'unknown key "a"')],
+)  # fmt: skip
+def test_a_wrong_specification_is_refused(spec: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        settings_of(spec)
+
+
+def test_who_does_not_use_it_does_not_import_it() -> None:
+    names = "vbus.cli.run.exec, vbus.cli.hosted.program, vbus.board.build"
+    code = f"import sys, {names}; print([n for n in sys.modules if 'unicorn' in n or '.cpu.' in n])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -1,0 +1,165 @@
+"""``vbus campaign``: a program in many worlds, in each of which one thing is broken."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.command import vbus
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/other.sock"
+"""
+
+# It looks at the profile a fixed time after the start of a move: what it finds hangs on when the
+# chip's next sample comes.
+HASTY = """\
+import os, sys
+from vbus import connect
+with connect(os.environ["VBUS_LINK"]) as bus:
+    def put(code, *data):
+        bus.write(0, code)
+        bus.delay(50 * 10**6)
+        for at in range(0, len(data), 2):
+            for byte in data[at : at + 2]:
+                bus.write(1, byte)
+            bus.delay(50 * 10**6)
+    put(0x1F, 0, 0x2A, 0, 1, 0, 0, 0, 9, 0, 0, 0, 0, 0, 9)
+    put(0x01)
+    bus.delay(500 * 10**6)
+    bus.write(0, 0x08)
+    found = []
+    for _ in range(2):
+        bus.delay(50 * 10**6)
+        found += [bus.read(1), bus.read(1)]
+    print(found)
+"""
+# It loads kp, and reads nothing back; with an argument it looks at the status after each write.
+LOADS = """\
+import os, sys
+from vbus import connect
+with connect(os.environ["VBUS_LINK"]) as bus:
+    for address, data in ((0, 0x1E), (1, 0), (1, 8), (1, 1), (1, 44), (0, 4)):
+        bus.write(address, data)
+        bus.delay("100us")
+        if sys.argv[1:] and bus.read(0) & 2:
+            sys.exit(f"{data:02X}h was no command")
+"""
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Path:
+    path = tmp_path / "board.toml"
+    path.write_text(BOARD)
+    return path
+
+
+def script(board: Path, text: str) -> Path:
+    """Return a program beside the board."""
+    path = board.with_name("host.py")
+    path.write_text(text)
+    return path
+
+
+def test_a_phase_at_which_a_program_says_something_else_is_silent(board: Path) -> None:
+    host = script(board, HASTY)
+    done = vbus(
+        "campaign", "--board", board, "--only", "phase", "--phases", "4", "--",
+        sys.executable, host,
+    )  # fmt: skip
+    assert done.returncode == 1
+    table = [line.split() for line in done.stdout.splitlines()]
+    assert table[1] == ["phase", "0", "2", "0", "0", "1", "3", "0", "0", "%"]
+    assert done.stdout.splitlines()[2:] == [
+        "silent: place in the sample, the chips 64us ahead",
+        '    line 1 it says is "[0, 0, 0, 6]", not "[0, 0, 0, 3]"',
+        f"    vbus campaign --world phase:+64us:ahead --board {board} -- {sys.executable} {host}",
+    ]
+    assert done.stderr.endswith("processes\n")
+    line = done.stdout.splitlines()[-1].split()
+    again = vbus(*line[1:])
+    assert (again.returncode, again.stdout) == (0, "[0, 0, 0, 6]\n")
+    assert again.stderr.splitlines()[0] == "vbus: world: the chips 64us ahead"
+
+
+def test_a_campaign_goes_on_is_the_same_each_time_and_has_a_baseline(
+    board: Path, tmp_path: Path
+) -> None:
+    host = script(board, LOADS)
+    results = [tmp_path / name for name in ("a.json", "b.json")]
+    words = ("campaign", "--board", board, "--only", "cycle", "--seed", "7")
+    program = ("--", sys.executable, host)
+    short = vbus(*words, "--worlds", "2", "--json", results[0], *program)
+    assert "2 runs in" in short.stderr
+    whole = vbus(*words, "--worlds", "6", "--json", results[0], *program)
+    assert "4 runs in" in whole.stderr
+    once = vbus(*words, "--worlds", "6", "-j", "3", "--json", results[1], *program)
+    assert whole.stdout == once.stdout
+    assert results[0].read_bytes() == results[1].read_bytes()
+    found = json.loads(results[0].read_text())
+    assert len(found["results"]) == 6
+    assert {"silent", "silent, with a finding"} & {r["verdict"] for r in found["results"].values()}
+    assert whole.returncode == 1
+    excused = vbus(
+        *words, "--worlds", "6", "--json", results[1], "--baseline", results[0],
+        "--junit", tmp_path / "c.xml", "--page", tmp_path / "c.html", *program,
+    )  # fmt: skip
+    assert (excused.returncode, "0 runs in" in excused.stderr) == (0, True)
+    assert 'failures="0"' in (tmp_path / "c.xml").read_text()
+    assert "vbus campaign --world cycle:x." in (tmp_path / "c.html").read_text()
+
+
+def test_a_driver_that_looks_detects_what_a_driver_that_does_not_look_passes_over(
+    board: Path,
+) -> None:
+    host = script(board, LOADS)
+    world = ("campaign", "--board", board, "--world", "cycle:x.1:flip7")
+    assert vbus(*world, "--", sys.executable, host).returncode == 0
+    done = vbus(*world, "--", sys.executable, host, "looks")
+    assert done.returncode == 1
+    assert "was no command" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--only", "cycles"], 2, 'did you mean "cycle"'),
+        (["--world", "cycle:x.1"], 2, "DIMENSION:WHERE:HOW"),
+        (["--world", "cycle:y.1:lost"], 2, "y"),
+        (["--journal", "x"], 2, "--journal goes with --world"),
+        (["--json", "x", "--world", "cycle:x.1:lost"], 2, "--json goes with a campaign"),
+        (["--for", "5 weeks"], 2, "is no duration"),
+        (["--baseline", "host.py"], 1, "is no file of vbus campaign --json"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    board: Path, words: list[str], code: int, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    host = script(board, LOADS)
+    monkeypatch.chdir(board.parent)
+    done = vbus("campaign", "--board", board, *words, "--", sys.executable, host)
+    assert done.returncode == code
+    assert message in done.stderr
+
+
+def test_a_reference_run_that_fails_or_does_not_repeat_is_refused(board: Path) -> None:
+    done = vbus("campaign", "--board", board, "--", "sh", "-c", "echo x; exit 3")
+    assert (done.returncode, done.stdout) == (1, "x\n")
+    assert "the reference run, with nothing broken, fails: it ends with exit code 3" in done.stderr
+    done = vbus("campaign", "--board", board, "--", "sh", "-c", "echo $$x")
+    assert done.returncode == 1
+    assert "two runs with nothing broken differ" in done.stderr
+    board.write_text(BOARD.replace("lockstep", "realtime"))
+    done = vbus("campaign", "--board", board, "--", "true")
+    assert done.returncode == 3
+    assert "in real time" in done.stderr

@@ -1,0 +1,173 @@
+"""Worlds as text, what they change, and the order in which they are tried."""
+
+import pytest
+
+from vbus.board.build import build
+from vbus.board.config import read_board_text
+from vbus.campaign.account import Account, Seen, Witness
+from vbus.campaign.plan import Plan, Planned, in_order, plan, shortened, specimens
+from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
+from vbus.core.errors import ConfigError
+from vbus.serve.in_process import connect_in_process
+from vbus.testing.boards import of_part
+
+LM629 = of_part("LM629N-8", "ideal").replace("[board]", '[board]\ntime = "lockstep"')
+
+
+def planned(text: str, seen: list[Seen], **more: object) -> Plan:
+    """Return the plan for a host of which only bus cycles are known."""
+    file, source = read_board_text(text)
+    return plan(Account(seen=seen), file, build(file, source), **more)  # type: ignore[arg-type]
+
+
+def row(number: int, group: str, write: bool = True) -> Seen:
+    """Return a bus cycle of chip x."""
+    return Seen("x", number, write, number * 1_000_000, group)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("cycle:x.17:flip3", "cycle 17 of x: D3 is inverted"),
+        ("cycle:x.17:lost", "cycle 17 of x: its strobe is lost"),
+        ("interrupt:x.HI@12000000:late1000000-0", "x.HI is 0 for 1us at 12us"),
+        ("phase:+64us:ahead", "the chips 64us ahead"),
+        ("specimen:+17us:x.busy=worst:3", 'x.busy = "worst", seed = 3, the chips 17us ahead'),
+        ("floating:x:0", "undriven data lines of x show 0"),
+        ("fault:x.1@12000000:jam", "jam of x.1 at 12us"),
+    ],
+)
+def test_a_world_is_its_text(text: str, sentence: str) -> None:
+    world = read_world(text)
+    assert (str(world), world.sentence()) == (text, sentence)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("cycles:x.1:lost", 'did you mean "cycle"'),
+        ("cycle:x.1", "DIMENSION:WHERE:HOW"),
+        ("cycle:x.1:stolen", "names no world"),
+        ("cycle:x.1:lost:y", "DIMENSION:WHERE:HOW"),
+        ("fault:x@0:jamm", 'there is no fault "jamm"'),
+        ("phase:+x:ahead", "is no duration"),
+        ("specimen:+0us:busy", "CHIP.KEY=VALUE"),
+    ],
+)
+def test_what_names_no_world_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_world(text)
+
+
+def test_one_cycle_is_broken_and_no_other() -> None:
+    file, source = read_board_text(LM629)
+    board = build(file, source)
+    begin(board, read_world("cycle:x.2:flip0"))
+    with connect_in_process(board) as bus:
+        found = [bus.read(0) for _ in range(3)]
+    assert found == [0, 1, 0]
+
+
+def test_settings_of_a_specimen_stand_in_its_board_file() -> None:
+    world = read_world("specimen:+0us:x.busy=worst,x.busy_clk=1:3")
+    file, source = of_world(*read_board_text(LM629), world)
+    assert 'busy = "worst"\nbusy_clk = 1\n' in source.text
+    assert (file.board.seed, file.chips[0].settings["busy_clk"]) == (3, 1)
+
+
+def test_a_board_in_real_time_has_one_world() -> None:
+    read = read_board_text(LM629.replace("lockstep", "realtime"))
+    assert of_world(*read, REFERENCE) == read
+    with pytest.raises(ConfigError, match="no two runs are alike"):
+        of_world(*read, World("phase", "+1us", "ahead"))
+
+
+def test_of_each_group_and_way_one_comes_first() -> None:
+    made = planned(LM629, [row(1, "a"), row(2, "a"), row(3, "b")], only=["cycle"])
+    ways = {(one.group, one.world.way) for one in made.worlds}
+    first = [(one.group, one.world.way) for one in made.worlds[: len(ways)]]
+    assert {*first} == ways
+    assert len(made.worlds) == 3 * (8 + 3)
+    assert ways == {(f"x {g}", w) for g in "ab" for w in ("flip", "lost", "doubled", "busy")}
+
+
+def test_the_seed_decides_the_order_and_nothing_else_does() -> None:
+    rows = [row(number, "a") for number in range(1, 9)]
+    orders = [planned(LM629, rows, seed=seed, only=["cycle"]).worlds for seed in (0, 0, 1)]
+    assert orders[0] == orders[1]
+    assert orders[0] != orders[2]
+    assert sorted(map(str, orders[0])) == sorted(map(str, orders[2]))
+    back = in_order(list(reversed(orders[0])), 0)
+    assert back == orders[0]
+
+
+def test_of_a_poll_some_are_tried_and_the_others_told() -> None:
+    made = planned(LM629, [row(n, "poll", write=False) for n in range(1, 101)], only=["cycle"])
+    assert made.left == {("cycle", "flip"): 8 * 36, ("cycle", "lost"): 36,
+                         ("cycle", "doubled"): 36, ("cycle", "late"): 36}  # fmt: skip
+
+
+def test_what_does_not_apply_is_told() -> None:
+    made = planned(of_part("MCP-1200", "ideal"), [row(1, "a")], only=DIMENSIONS)
+    assert "no busy that the manual bounds" in made.refused["busy"]
+    assert "one order" in made.refused["threads"]
+    assert "has moved" in made.refused["interrupt"]
+    assert made.refused["link_cut"].startswith("links have wall time")
+
+
+def test_an_interrupt_comes_a_cycle_early_or_late() -> None:
+    file, source = read_board_text(LM629)
+    seen = Account(seen=[row(1, "a"), row(2, "a")], edges=[("x.HI", 5_000_000, 1)])
+    made = plan(seen, file, build(file, source), only=["interrupt"])
+    assert sorted(str(one.world) for one in made.worlds) == [
+        "interrupt:x.HI@4000000:early1000000-1",
+        "interrupt:x.HI@5000000:late1000000-0",
+    ]
+    late, early = sorted((one.world for one in made.worlds), key=lambda world: world.how)[::-1]
+    for world, level in ((late, 0), (early, 1)):
+        board = build(file, source)
+        begin(board, world)
+        board.run_until(5_000_000)
+        assert board.find_pin("x.HI").net.value == (level if world is late else 0)
+
+
+def test_specimens_have_each_extreme_alone_first() -> None:
+    file, _ = read_board_text(LM629)
+    found = list(specimens(file, 0, 20))
+    assert len(found) == 20
+    assert [world.how for world in found[:2]] == ["x.reset_status=C4", "x.reset_time=1499 us"]
+    assert found == list(specimens(file, 0, 20)) != list(specimens(file, 1, 20))
+
+
+def test_a_specimen_is_shortened_part_by_part() -> None:
+    assert [str(one) for one in shortened(read_world("specimen:+17us:x.a=1,x.b=2:3"))] == [
+        "specimen:+17us:x.a=1,x.b=2",
+        "specimen:+0us:x.a=1,x.b=2:3",
+        "specimen:+17us:x.b=2:3",
+        "specimen:+17us:x.a=1:3",
+    ]
+    assert [*shortened(read_world("cycle:x.1:lost"))] == []
+
+
+def test_cycles_are_grouped_by_packet_place_and_what_came_before() -> None:
+    file, source = read_board_text(LM629)
+    board = build(file, source)
+    witness = Witness(board, reference=True)
+    with connect_in_process(board) as bus:
+        bus.delay("3ms")
+        bus.write(0, 0x1D)
+        bus.write(1, 0)
+        bus.read(0)
+        bus.write(1, 0)
+        bus.write(0, 0x00)
+    assert [(one.number, one.group) for one in witness.account().seen] == [
+        (1, "RSTI 1 of 3 (write) after the beginning"),
+        (2, "RSTI 2 of 3 (write) after the beginning"),
+        (3, "RDSTAT (read) after the beginning"),
+        (4, "RSTI 3 of 3 (write) after the beginning"),
+        (5, "RESET (write) after RSTI"),
+    ]
+
+
+def test_planned_worlds_are_values() -> None:
+    assert Planned(REFERENCE, "") == Planned(World(), "")

@@ -1,0 +1,89 @@
+"""``pytest --vbus-campaign``: tests in many worlds, told in one line of the summary."""
+
+import re
+
+import pytest
+
+pytest_plugins = "pytester"
+
+LOADS = """
+def test_kp(vbus_lm629):
+    axis = vbus_lm629.host
+    axis.load_filter(kp=300)
+    {look}
+"""
+
+
+def test_the_default_summary_says_how_many_worlds_there_were(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        "import pytest\n@pytest.mark.vbus_matrix(seed=[1, 2])\ndef test_a(vbus_board): pass\n"
+        "def test_b(vbus_board): pass\ndef test_c(): pass\n"
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(passed=4)
+    result.stdout.fnmatch_lines(["vbus: 3 tests in 3 worlds"])
+    quiet = suite.runpytest("-q", "-k", "test_c")
+    assert "vbus:" not in quiet.stdout.str()
+
+
+def test_a_campaign_tells_what_a_test_passes_over(suite: pytest.Pytester) -> None:
+    suite.makepyfile(LOADS.format(look=""))
+    words = ("-q", "-p", "no:cacheprovider", "--vbus-campaign=40")
+    result = suite.runpytest(*words)
+    result.assert_outcomes(passed=1)
+    text = result.stdout.str()
+    (line,) = re.findall(r"^vbus: 1 test in 43 worlds: .*$", text, re.MULTILINE)
+    assert re.search(r": \d+ detected, \d+ no effect, \d+ hang, .*; \d+ not tried$", line)
+    assert "silent: x LFIL" in text
+    again = suite.runpytest(*words)
+    assert line in again.stdout.str()
+    (world,) = set(re.findall(r"--vbus-world='(cycle:x\.\d+:flip\d)'", text)[:1])
+    suite.runpytest("-q", f"--vbus-world={world}").assert_outcomes(passed=1)
+
+
+def test_a_test_that_looks_fails_in_the_world_in_which_another_passes(
+    suite: pytest.Pytester,
+) -> None:
+    look = "assert not axis.status() & 2"
+    suite.makepyfile(LOADS.format(look=look))
+    suite.runpytest("-q", "--vbus-world=cycle:x.1:lost").assert_outcomes(passed=1)
+    result = suite.runpytest("-q", "--vbus-world=cycle:x.2:flip7")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["under:   cycle 2 of x: D7 is inverted"])
+
+
+def test_what_makes_no_campaign_is_told(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        "import pytest\n@pytest.mark.vbus(rate=1)\ndef test_a(vbus_board): pass\n"
+        "def test_b(vbus_board): assert 0\n"
+    )
+    result = suite.runpytest("-q", "--vbus-campaign=5")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        ["  *::test_a: no campaign: in real time no two runs are alike",
+         "  *::test_b: no campaign: it fails with nothing broken"]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--vbus-campaign=soon", "write a number of worlds"),
+        ("--vbus-campaign=0", "write a number of worlds"),
+        ("--vbus-world=cycle:x", "DIMENSION:WHERE:HOW"),
+    ],
+)
+def test_an_option_that_cannot_be_is_refused(
+    suite: pytest.Pytester, option: str, message: str
+) -> None:
+    suite.makepyfile("def test_a(vbus_board): pass\n")
+    result = suite.runpytest("-q", option)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert message in result.stderr.str()
+
+
+def test_workers_hand_over_what_they_have_seen(suite: pytest.Pytester) -> None:
+    pytest.importorskip("xdist")
+    suite.makepyfile("def test_a(vbus_board): pass\ndef test_b(vbus_board): pass\n")
+    result = suite.runpytest_subprocess("-q", "-n", "2")
+    result.stdout.fnmatch_lines(["vbus: 2 tests in 2 worlds"])

@@ -1,0 +1,272 @@
+"""What became of one run, and what its bus cycles were."""
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from itertools import pairwise
+from typing import Any, Final
+
+from msgspec import Struct
+
+from vbus.board.board import Board
+from vbus.chips.base import Chip
+from vbus.chips.packets import STATUS, Packet
+from vbus.circuit.stream import PacketReader, PacketStream
+from vbus.core.kernel import MS, US
+from vbus.core.signals import Observer, ValueTable, Violation
+from vbus.core.signals.values import reader
+from vbus.plugins import family_of
+from vbus.views.runs.motion import STEP, moves_of
+
+_SETTLE: Final = 10 * MS
+_ON: Final = 1037 * US
+"""After so much time a value is looked at again: one that goes on changing is not compared."""
+_LOOKS: Final = 50
+"""For how long a motor may come to rest when the host has ended: so many looks."""
+
+
+class Seen(Struct, frozen=True):
+    """One bus cycle of the reference run.
+
+    Attributes:
+        chip: the chip.
+        number: of the cycle among those of its chip, from 1 on.
+        write: whether the host wrote.
+        when: its instant (ps).
+        group: what it is: packet, place in the packet, and the packet before.
+    """
+
+    chip: str
+    number: int
+    write: bool
+    when: int
+    group: str
+
+
+class Axis(Struct, frozen=True):
+    """What an axis did.
+
+    Attributes:
+        moves: first, last, least and greatest position of each move (counts).
+        last: where it was at the end (counts).
+        speed: its greatest speed (counts in a millisecond).
+        runs: whether it was in motion at the end.
+    """
+
+    moves: list[tuple[int, int, int, int]]
+    last: int
+    speed: int
+    runs: bool
+
+
+class Account(Struct):
+    """What became of one run.
+
+    Attributes:
+        code: exit code of a program, 0 or 1 of a test or function.
+        stuck: why it was ended, if it hung.
+        slow: whether the machine was too slow for a verdict.
+        output: what it has said.
+        errors: what it has complained of.
+        cycles: bus cycles it made.
+        now: instant at its end (ps).
+        findings: what it broke, as ``"x lm628.busy-write"``, each once.
+        values: what chips have at the end, by chip and name: the value, and how far another one
+            may be from it.
+        axes: what each axis did.
+        seen: its bus cycles, of a reference run.
+        edges: of outputs that hosts look at, of a reference run: output, instant (ps), level.
+    """
+
+    code: int = 0
+    stuck: str = ""
+    slow: bool = False
+    output: str = ""
+    errors: str = ""
+    cycles: int = 0
+    now: int = 0
+    findings: list[str] = []
+    values: dict[str, tuple[float | str, float]] = {}
+    axes: dict[str, Axis] = {}
+    seen: list[Seen] = []
+    edges: list[tuple[str, int, int]] = []
+
+
+class _Groups(PacketReader):
+    """Says what the bus cycles of a chip are, by the packets they make."""
+
+    def __init__(self, board: Board) -> None:
+        self._stream = PacketStream.of(board.chips, (self,))
+        self._open: dict[str, dict[tuple[int, bool, int], list[int]]] = {}
+        self._before: dict[str, str] = {}
+        self.rows: list[Seen] = []
+        self._count: dict[str, int] = {}
+        self._buses = {chip.name for chip in board.chips if chip.BUS is not None}
+
+    def take(self, when: int, names: str, write: bool, address: int, data: int) -> None:
+        """Take a bus cycle; its group comes with its packet."""
+        for name in names.split("+"):
+            if name not in self._buses:
+                continue
+            number = self._count[name] = self._count.get(name, 0) + 1
+            waiting = self._open.setdefault(name, {})
+            waiting.setdefault((when, write, address), []).append(len(self.rows))
+            self.rows.append(Seen(name, number, write, when, "part of no packet"))
+        self._stream.bus_cycle(when, "", names, write, address, data)
+
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Name the cycles of a packet."""
+        before = self._before.get(chip, "the beginning")
+        waiting = self._open.get(chip, {})
+        for place, cycle in enumerate(packet.cycles, 1):
+            rows = waiting.pop((cycle.when, cycle.write, cycle.address), [])
+            of = f" {place} of {len(packet.cycles)}" if len(packet.cycles) > 1 else ""
+            way = "write" if cycle.write else "read"
+            for row in rows:
+                seen = self.rows[row]
+                group = f"{packet.name}{of} ({way}) after {before}"
+                self.rows[row] = Seen(chip, seen.number, seen.write, seen.when, group)
+        if packet.kind != STATUS:
+            self._before[chip] = packet.name
+
+    def finish(self) -> list[Seen]:
+        """Return all cycles."""
+        self._stream.finish()
+        return self.rows
+
+
+class _Edges(Observer):
+    """Notes the edges of one output."""
+
+    def __init__(self, output: str, into: list[tuple[str, int, int]]) -> None:
+        self._output = output
+        self._into = into
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Note one."""
+        self._into.append((self._output, when, level))
+
+
+class Witness(Observer):
+    """Sees one run, from now on.
+
+    Args:
+        board: the board, on which no host is yet.
+        reference: whether bus cycles and edges are noted one by one.
+    """
+
+    def __init__(self, board: Board, reference: bool = False) -> None:
+        self._board = board
+        self._counts: dict[str, list[int]] = {axis: [] for axis in board.axes}
+        """Where each axis was, once in a millisecond."""
+        self._timer = board.kernel.onlooker(self._look)
+        self._look()
+        self._findings: dict[str, None] = {}
+        self._cycles = 0
+        self._groups = _Groups(board) if reference else None
+        self._edges: list[tuple[str, int, int]] = []
+        board.observe(self)
+        for chip in board.chips if reference else ():
+            for output in family_of(chip.part).outputs:
+                board.watch(f"{chip.name}.{output}", _Edges(f"{chip.name}.{output}", self._edges))
+
+    def _look(self) -> None:
+        board = self._board
+        for chip in board.chips:
+            chip.advance()
+        for axis, counts in self._counts.items():
+            counts.append(board.axes[axis].count)
+        self._timer.at(board.now + STEP)
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Count one."""
+        self._cycles += 1
+        if self._groups is not None:
+            self._groups.take(when, chip, write, address, data)
+
+    def violation(self, violation: Violation) -> None:
+        """Note a finding."""
+        self._findings.setdefault(f"{violation.chip} {violation.rule}")
+
+    def account(self, **of_host: Any) -> Account:
+        """Let motors come to rest, and return what became of the run.
+
+        Args:
+            of_host: what is known of the host: ``code``, ``stuck``, ``slow``, ``output``,
+                ``errors``.
+        """
+        board, cycles, now = self._board, self._cycles, self._board.now
+        for found in board.left_over():
+            self.violation(found)
+        counts: list[int] = []
+        for _ in range(_LOOKS):
+            before, counts = counts, [axis.count for axis in board.axes.values()]
+            if before == counts:
+                break
+            board.run_for(_SETTLE)
+        values = _values(board)
+        there = {name: int(axis.count) for name, axis in board.axes.items()}
+        board.run_for(_ON)
+        later = _values(board)
+        self._timer.cancel()
+        axes = {}
+        for name, looks in self._counts.items():
+            moves = list(moves_of(looks))
+            axes[name] = Axis(
+                [(m.path[0], m.path[-1], min(m.path), max(m.path)) for m in moves],
+                looks[-1],
+                max((_speed(m.path) for m in moves), default=0),
+                abs(int(board.axes[name].count) - there[name]) > _NEAR,
+            )
+        board.unobserve(self)
+        return Account(
+            cycles=cycles, now=now, findings=sorted(self._findings), axes=axes,
+            values={name: value for name, value in values.items() if later[name] == value},
+            seen=self._groups.finish() if self._groups else [],
+            edges=self._edges, **of_host,
+        )  # fmt: skip
+
+
+def _speed(path: Iterable[int]) -> int:
+    counts = list(path)
+    return max((abs(b - a) for a, b in pairwise(counts)), default=0)
+
+
+_MEASURED: Final = ("velocity", "output", "error")
+"""Lanes of what is measured or worked out in each sample: motion tells more of it."""
+_NEAR: Final = 4
+"""Counts by which a position may differ."""
+
+
+FLAGS: Final = -1
+"""In place of a tolerance: the value is made of bits, in some of which specimens differ."""
+
+
+@cache
+def _rows(
+    table: ValueTable, axes: int
+) -> tuple[list[tuple[str, float]], Callable[[Chip], list[float | str]]]:
+    """Return axis, name and tolerance of each value that hosts decide, and what reads them all."""
+    rows: list[tuple[str, float]] = []
+    places = []
+    for row in table.rows:
+        if row.moves or row.lane in _MEASURED or not row.place:
+            continue
+        for axis in row.of_axes(axes):
+            at = f".{axis + 1}" if axes > 1 and "{}" in row.place else ""
+            near = _NEAR if row.lane in ("desired", "real") else FLAGS if row.fields else 0
+            rows.append((f"{at} {row.name}", near))
+            places.append(row.number(axis))
+    return rows, reader(f"[{', '.join(places)}]")
+
+
+def _values(board: Board) -> dict[str, tuple[float | str, float]]:
+    """Return what the chips of a board have: what hosts have loaded, and where axes are."""
+    board.catch_up()
+    found: dict[str, tuple[float | str, float]] = {}
+    for chip in board.chips:
+        rows, read = _rows(chip.VALUES, chip.axis_count)
+        for (name, near), value in zip(rows, read(chip), strict=True):
+            found[f"{chip.name}{name}"] = (value, near)
+    return found

@@ -1,0 +1,277 @@
+"""Which worlds a campaign has, and in which order they are tried."""
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator
+from hashlib import sha256
+from itertools import pairwise, product
+from typing import Final
+
+from msgspec import Struct
+
+from vbus.board.board import Board
+from vbus.boardfile.sections import BoardFile
+from vbus.campaign.account import Account
+from vbus.campaign.world import (
+    BUSY,
+    CYCLE,
+    DIMENSIONS,
+    DOUBLED,
+    EARLY,
+    FAULT,
+    FLIP,
+    FLOATING,
+    INTERRUPT,
+    LATE,
+    LOST,
+    PHASE,
+    SPECIMEN,
+    THREADS,
+    World,
+    extremes,
+    longest_cycle,
+)
+from vbus.core.kernel import US
+from vbus.faults.row import CHIP, LINK, WIRE, Fault
+from vbus.faults.table import faults
+from vbus.faults.targets import find_target
+from vbus.protocols.quantities import format_instant
+
+PHASES: Final = 16
+"""How many phases of the chips' cycle a host is tried at."""
+SPECIMENS: Final = 64
+"""How many specimens are tried at most: each extreme alone, and others drawn by the seed."""
+_EACH: Final = 64
+"""How many cycles of one group are tried in one way at most; the others are listed as not tried."""
+_STEP: Final = 17 * US
+"""Specimens differ in where in a sample their host begins, too, by multiples of this (ps)."""
+_STEPS: Final = 32
+
+
+class Planned(Struct, frozen=True):
+    """A world, and what it is one of.
+
+    Attributes:
+        world: the world.
+        group: what is broken there: for a bus cycle its packet, place and packet before.
+    """
+
+    world: World
+    group: str
+
+
+class Plan(Struct):
+    """What a campaign tries.
+
+    Attributes:
+        worlds: in the order in which they are tried: of each group and way one first.
+        left: of each dimension and way, how many worlds it leaves out.
+        refused: dimensions that do not apply, with the reason.
+    """
+
+    worlds: list[Planned]
+    left: dict[tuple[str, str], int]
+    refused: dict[str, str]
+
+
+def plan(
+    reference: Account,
+    file: BoardFile,
+    board: Board,
+    seed: int = 0,
+    only: Collection[str] = DIMENSIONS,
+    phases: int = PHASES,
+) -> Plan:
+    """Return the worlds for a host whose reference run is known.
+
+    Args:
+        reference: of a run with bus cycles and edges.
+        file: the board file.
+        board: a board of it, at instant 0, on which faults can be tried.
+        seed: decides which of a group come first, and the seeds of specimens.
+        only: dimensions.
+        phases: how many phases of the chips' cycle.
+    """
+    made = Plan([], defaultdict(int), {})
+    makers = {
+        CYCLE: lambda: _cycles(made, reference, board, seed),
+        INTERRUPT: lambda: _interrupts(made, reference),
+        PHASE: lambda: _phases(made, board, phases),
+        SPECIMEN: lambda: _specimens(made, file, seed),
+        FLOATING: lambda: _floating(board),
+        FAULT: lambda: _faults(made, reference, board),
+        THREADS: lambda: _threads(made),
+    }
+    for dimension in DIMENSIONS:
+        if dimension in only:
+            made.worlds += makers[dimension]()
+    made.worlds = in_order(made.worlds, seed)
+    return made
+
+
+def in_order(worlds: Iterable[Planned], seed: int) -> list[Planned]:
+    """Return worlds so that of each group and way one comes first, then a second one, and so on."""
+    groups = defaultdict(list)
+    for one in worlds:
+        groups[one.world.dimension, one.group, one.world.way].append((drawn(seed, one.world), one))
+    rounds = [
+        (number, draw, one)
+        for members in groups.values()
+        for number, (draw, one) in enumerate(sorted(members, key=lambda row: row[0]))
+    ]
+    return [one for _, _, one in sorted(rounds, key=lambda row: row[:2])]
+
+
+def drawn(seed: int, what: object) -> int:
+    """Return a number that the seed draws for something."""
+    return int.from_bytes(sha256(f"{seed} {what}".encode()).digest()[:8], "big")
+
+
+def _cycles(made: Plan, reference: Account, board: Board, seed: int) -> Iterator[Planned]:
+    if not reference.seen:
+        made.refused[CYCLE] = "the reference run has no bus cycle at a chip whose bus is known"
+    known = faults()
+    busy = {chip.name for chip in board.chips if known["busy_longest"].exists_for(chip.FAMILY)}
+    slow = sorted({row.chip for row in reference.seen} - busy)
+    if slow:
+        made.refused[BUSY] = f"{', '.join(slow)}: this family has no busy that the manual bounds"
+    groups = defaultdict(list)
+    for row in reference.seen:
+        groups[row.chip, row.group].append(row)
+    for (chip, group), rows in groups.items():
+        ways = [*(f"{FLIP}{bit}" for bit in range(8)), LOST, DOUBLED]
+        ways += [BUSY] if chip in busy and rows[0].write else []
+        ways += [] if rows[0].write else [LATE]
+        if len(rows) > _EACH:
+            for way in ways:
+                made.left[CYCLE, way.rstrip("01234567")] += len(rows) - _EACH
+            rows = sorted(rows, key=lambda row: drawn(seed, row.number))[:_EACH]
+        for row, way in product(rows, ways):
+            yield Planned(World(CYCLE, f"{chip}.{row.number}", way), f"{chip} {group}")
+
+
+def _interrupts(made: Plan, reference: Account) -> Iterator[Planned]:
+    if not reference.edges:
+        made.refused[INTERRUPT] = "no output that a host looks at has moved in the reference run"
+    instants = sorted(row.when for row in reference.seen)
+    steps = [b - a for a, b in pairwise(instants) if b > a]
+    one = min(steps, default=US)
+    count: dict[tuple[str, int], int] = defaultdict(int)
+    for output, when, level in reference.edges:
+        count[output, level] += 1
+        if count[output, level] > _EACH:
+            made.left[INTERRUPT, EARLY] += 1
+            made.left[INTERRUPT, LATE] += 1
+            continue
+        group = f"{output} {'rises' if level else 'falls'}"
+        if when > one:
+            world = World(INTERRUPT, f"{output}@{when - one}", f"early{one}-{level}")
+            yield Planned(world, group)
+        world = World(INTERRUPT, f"{output}@{when}", f"late{one}-{1 - level}")
+        yield Planned(world, group)
+
+
+def _phases(made: Plan, board: Board, phases: int) -> Iterator[Planned]:
+    cycle = longest_cycle(board)
+    if not cycle:
+        made.refused[PHASE] = "no family says how long a cycle of these chips is"
+    for number in range(1, phases if cycle else 0):
+        ahead = format_instant(number * cycle // phases)
+        yield Planned(World(PHASE, f"+{ahead}", "ahead"), "place in the sample")
+
+
+def specimens(file: BoardFile, seed: int, most: int = SPECIMENS) -> Iterator[World]:
+    """Give specimens that the manual allows: each extreme alone, then some drawn by the seed."""
+    settings = extremes(file)
+    for chip, key, values in reversed(settings):
+        for value in values:
+            if most > 0:
+                most -= 1
+                yield World(SPECIMEN, "+0us", f"{chip}.{key}={_text(value)}")
+    for number in range(most):
+        draw = drawn(seed, f"specimen {number}")
+        parts = []
+        for chip, key, values in settings:
+            draw, place = divmod(draw, len(values) + 1)
+            if place:
+                parts.append(f"{chip}.{key}={_text(values[place - 1])}")
+        draw = drawn(seed, f"seed {number}")
+        ahead = format_instant(draw // 10 % _STEPS * _STEP)
+        yield World(SPECIMEN, f"+{ahead}", ",".join(parts), draw % 10)
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _specimens(made: Plan, file: BoardFile, seed: int) -> Iterator[Planned]:
+    if not extremes(file):
+        made.refused[SPECIMEN] = "the board file fixes all in which silicon may differ"
+        return
+    for world in dict.fromkeys(specimens(file, seed)):
+        yield Planned(world, world.how.partition("=")[0] or "seeds")
+
+
+def _floating(board: Board) -> Iterator[Planned]:
+    for chip in board.chips:
+        if chip.BUS is not None:
+            for level in ("0", "1"):
+                yield Planned(World(FLOATING, chip.name, level), f"{chip.name} data lines")
+
+
+def _faults(made: Plan, reference: Account, board: Board) -> Iterator[Planned]:
+    """Each fault of the table once, on each target, in the middle of the host's cycles."""
+    middle = reference.seen[len(reference.seen) // 2].when if reference.seen else 0
+    for row in faults().values():
+        targets = list(_targets(row, board))
+        if row.target == LINK:
+            made.refused[row.name] = "links have wall time, in which no two runs are alike"
+        elif not targets:
+            made.refused[row.name] = "nothing on this board can have it"
+        for target in targets if row.target != LINK else ():
+            yield Planned(World(FAULT, f"{target}@{middle}", row.name), f"{row.name} {target}")
+
+
+def _targets(row: Fault, board: Board) -> Iterator[str]:
+    names: list[str] = [chip.name for chip in board.chips]
+    if row.target not in (CHIP, WIRE):
+        names = list(board.axes) if row.of_chip else [*board.nets]
+        names = [part.name for part in board.glue.parts] if row.target == "part" else names
+    for name in names:
+        try:
+            yield find_target(board, row, name, None)
+        except ValueError:
+            continue
+
+
+def _threads(made: Plan) -> Iterator[Planned]:
+    made.refused[THREADS] = (
+        "where time is virtual the threads of a program take turns in one order, which repeats"
+    )
+    return iter(())
+
+
+def weakest(worlds: Iterable[World], weak: Callable[[World], bool]) -> World | None:
+    """Return the first world in which something is weak, with as little in it as will do.
+
+    Args:
+        worlds: in the order in which they are tried.
+        weak: tells whether it is; the same whenever it is asked.
+    """
+    found = next(filter(weak, worlds), None)
+    while found is not None:
+        less = next(filter(weak, shortened(found)), None)
+        if less is None:
+            break
+        found = less
+    return found
+
+
+def shortened(world: World) -> Iterator[World]:
+    """Give worlds with less in them, but something: of a specimen, without one part of it."""
+    if world.dimension != SPECIMEN:
+        return
+    parts = world.how.split(",") if world.how else []
+    fewer = [",".join((*parts[:place], *parts[place + 1 :])) for place in range(len(parts))]
+    less = [World(SPECIMEN, world.where, world.how), World(SPECIMEN, "+0us", world.how, world.seed)]
+    less += [World(SPECIMEN, world.where, how, world.seed) for how in fewer]
+    yield from (one for one in less if one != world and (one.how or one.seed or one.ahead))

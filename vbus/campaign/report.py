@@ -1,0 +1,223 @@
+"""What a campaign has found: as lines, as JSON, as JUnit does, and as one page."""
+
+from collections.abc import Callable, Collection, Iterator
+from html import escape
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree
+
+import msgspec
+
+from vbus.campaign.verdict import (
+    DETECTED,
+    FOUND,
+    HANG,
+    NO_EFFECT,
+    SILENT,
+    VERDICTS,
+    Campaign,
+    Result,
+    Tried,
+    WayTotal,
+)
+from vbus.campaign.world import World
+from vbus.core.errors import VbusError, read_errors
+
+QUIET: Final = (SILENT, FOUND)
+_HEADS: Final = {DETECTED: "detected", NO_EFFECT: "no effect", HANG: "hang", FOUND: "finding",
+                 SILENT: "silent"}  # fmt: skip
+Line = Callable[[World], str]
+"""Gives the line that runs a world again."""
+
+
+class Saved(msgspec.Struct):
+    """A file of ``--json``.
+
+    Attributes:
+        digest: of board and program: other ones have other results.
+        results: by the world as text.
+        keys: dimension, group and way of each silent outcome: what a baseline is asked for.
+        totals: what came of each way.
+    """
+
+    digest: str = ""
+    results: dict[str, Result] = {}
+    keys: list[tuple[str, str, str]] = []
+    totals: list[WayTotal] = []
+
+
+def as_json(saved: Saved) -> bytes:
+    """Return a file of ``--json``."""
+    results = dict(sorted(saved.results.items()))
+    whole = msgspec.structs.replace(saved, results=results)
+    return msgspec.json.format(msgspec.json.encode(whole), indent=1) + b"\n"
+
+
+def _read(path: str) -> Saved:
+    with read_errors(path):
+        data = Path(path).read_bytes()
+    try:
+        return msgspec.json.decode(data, type=Saved)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise VbusError(f"{path}: this is no file of vbus campaign --json: {error}") from None
+
+
+def read_saved(path: str, digest: str) -> Saved:
+    """Return what a file has of an earlier campaign with the same board and program, if any.
+
+    Raises:
+        VbusError: the file is there and is none, or cannot be read.
+    """
+    if not Path(path).exists():
+        return Saved(digest)
+    saved = _read(path)
+    return saved if saved.digest == digest else Saved(digest)
+
+
+def read_baseline(path: str) -> Collection[tuple[str, str, str]]:
+    """Return the silent outcomes that a file names.
+
+    Raises:
+        VbusError: it is no file of ``--json``, or cannot be read.
+    """
+    return _read(path).keys
+
+
+# -- lines ----------------------------------------------------------------------------------------
+
+
+def _share(coverage: float | None) -> str:
+    return "-" if coverage is None else f"{100 * coverage:.0f} %"
+
+
+def _refused(campaign: Campaign) -> Iterator[str]:
+    """Say what does not apply, each reason once."""
+    reasons: dict[str, list[str]] = {}
+    for what, why in campaign.plan.refused.items():
+        reasons.setdefault(why, []).append(what)
+    for why, whats in reasons.items():
+        yield f"not tried: {', '.join(whats)}: {why}"
+
+
+def lines(
+    campaign: Campaign, known: Collection[tuple[str, str, str]], line: Line, most: int | None
+) -> Iterator[str]:
+    """Give the table, and what was silent or hung, each with the line that runs it again.
+
+    Args:
+        campaign: the campaign.
+        known: outcomes of the baseline.
+        line: gives that line.
+        most: outcomes to tell; None: all.
+    """
+    heads = (*_HEADS.values(), "tried", "not tried", "coverage")
+    yield f"{'':24}" + "".join(f"{head:>10}" for head in heads)
+    for total in campaign.totals():
+        name = total.way if total.way == total.dimension else f"{total.dimension} {total.way}"
+        cells = [*(str(total.counts.get(one, 0)) for one in VERDICTS), str(total.tried),
+                 str(total.left), _share(total.coverage)]  # fmt: skip
+        yield f"{name:24}" + "".join(f"{cell:>10}" for cell in cells)
+    yield from _refused(campaign)
+    shown = campaign.told()
+    for number, one in enumerate(shown):
+        if most is not None and number >= most:
+            yield f"{len(shown) - most} more; --all tells them, --json and --page have them"
+            break
+        new = "" if one.key in known or one.result.verdict == HANG or not known else " (new)"
+        yield f"{one.result.verdict}{new}: {one.planned.group}, {one.planned.world.sentence()}"
+        yield f"    {one.result.reason}"
+        for finding in one.result.findings:
+            yield f"    finding: {finding}"
+        yield f"    {line(one.planned.world)}"
+
+
+# -- JUnit ----------------------------------------------------------------------------------------
+
+
+def as_junit(campaign: Campaign, new: Collection[Tried], line: Line) -> bytes:
+    """Return a JUnit file: a test case for each group and way; a new silent outcome fails it."""
+    failing = {one.key: one for one in new}
+    cases = sorted({one.key for one in campaign.tried})
+    suite = ElementTree.Element(
+        "testsuite", name="vbus campaign", tests=str(len(cases)), failures=str(len(failing))
+    )
+    for dimension, group, way in cases:
+        case = ElementTree.SubElement(
+            suite, "testcase", classname=f"campaign.{dimension}", name=f"{group}: {way}"
+        )
+        one = failing.get((dimension, group, way))
+        if one is not None:
+            failure = ElementTree.SubElement(case, "failure", message=one.result.verdict)
+            world = one.planned.world
+            failure.text = f"{world.sentence()}: {one.result.reason}\n{line(world)}"
+    ElementTree.indent(suite)
+    text: bytes = ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True)
+    return text + b"\n"
+
+
+# -- page -----------------------------------------------------------------------------------------
+
+_STYLE: Final = """
+body{font:14px system-ui,sans-serif;margin:2em;color:#222;background:#fff}
+table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em}
+th{text-align:left;background:#f4f4f4}td{text-align:center}td.l{text-align:left}
+.detected{background:#cfe8cf}.noeffect{background:#f2f2f2}.hang{background:#f6d9a8}
+.silent{background:#f2b8b8}.finding{background:#f8dada}
+details{display:inline}pre{white-space:pre-wrap;text-align:left;max-width:60em}
+"""
+_WORST: Final = (SILENT, FOUND, HANG, DETECTED, NO_EFFECT)
+
+
+def as_page(campaign: Campaign, subject: str, line: Line) -> bytes:
+    """Return one page: a matrix of groups and ways, each cell with the line that runs it again.
+
+    Args:
+        campaign: the campaign.
+        subject: what was run, for its head.
+        line: gives that line.
+    """
+    out = [f"<!doctype html><meta charset=utf-8><title>vbus campaign</title><style>{_STYLE}</style>"
+           f"<h1>vbus campaign</h1><p><code>{escape(subject)}</code></p>"]  # fmt: skip
+    heads = (*_HEADS.values(), "tried", "not tried", "diagnostic coverage")
+    out.append("<table><tr><th>way" + "".join(f"<th>{head}" for head in heads))
+    for total in campaign.totals():
+        cells = [*(total.counts.get(one, 0) for one in VERDICTS), total.tried, total.left,
+                 _share(total.coverage)]  # fmt: skip
+        out.append(f"<tr><th>{escape(total.dimension)} {escape(total.way)}"
+                   + "".join(f"<td>{cell}" for cell in cells))  # fmt: skip
+    out.append("</table>")
+    out += [f"<p>{escape(sentence)}" for sentence in _refused(campaign)]
+    for dimension in dict.fromkeys(total.dimension for total in campaign.totals()):
+        out.append(_matrix(campaign, dimension, line))
+    return "\n".join(out).encode() + b"\n"
+
+
+def _matrix(campaign: Campaign, dimension: str, line: Line) -> str:
+    cells: dict[tuple[str, str], list[Tried]] = {}
+    for one in campaign.tried:
+        if one.dimension == dimension:
+            cells.setdefault((one.planned.group, one.planned.world.way), []).append(one)
+    ways = [total.way for total in campaign.totals() if total.dimension == dimension]
+    out = [f"<h2>{escape(dimension)}</h2><table><tr><th>what"]
+    out += [f"<th>{escape(way)}" for way in ways]
+    for group in dict.fromkeys(one.group for one in campaign.plan.worlds
+                               if one.world.dimension == dimension):  # fmt: skip
+        out.append(f"<tr><td class=l>{escape(group)}")
+        out += [_cell(cells.get((group, way), []), line) for way in ways]
+    out.append("</table>")
+    return "".join(out)
+
+
+def _cell(tried: list[Tried], line: Line) -> str:
+    if not tried:
+        return "<td>"
+    one = min(tried, key=lambda one: _WORST.index(one.result.verdict))
+    verdict = one.result.verdict
+    same = sum(other.result.verdict == verdict for other in tried)
+    findings = "".join(f"\nfinding: {finding}" for finding in one.result.findings)
+    world = one.planned.world
+    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(world)}"
+    return (
+        f"<td class={_HEADS[verdict].replace(' ', '')}><details><summary>{_HEADS[verdict]}"
+        f" {same}/{len(tried)}</summary><pre>{escape(text)}</pre></details>"
+    )

@@ -1,0 +1,249 @@
+"""What a run in another world came to, beside the reference run; and all of them together."""
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import zip_longest
+from typing import Final
+
+from msgspec import Struct
+
+from vbus.campaign.account import FLAGS, Account, Axis
+from vbus.campaign.plan import Plan, Planned
+from vbus.campaign.world import DIMENSIONS, REFERENCE, SPECIMEN, WAYS, World
+
+DETECTED: Final = "detected"
+NO_EFFECT: Final = "no effect"
+HANG: Final = "hang"
+FOUND: Final = "silent, with a finding"
+SILENT: Final = "silent"
+SLOW: Final = "the machine was too slow"
+VERDICTS: Final = (DETECTED, NO_EFFECT, HANG, FOUND, SILENT)
+
+_NEAR: Final = 4
+"""Counts by which the end of a move, and a number that a program says, may differ."""
+_SHARE: Final = 0.05
+"""Part of a move by which its extremes and its speed may differ."""
+
+
+class Result(Struct, frozen=True):
+    """What a run in one world came to.
+
+    Attributes:
+        verdict: one of :data:`VERDICTS`, or :data:`SLOW`.
+        reason: in a sentence.
+        findings: rules broken that the reference run does not break.
+    """
+
+    verdict: str
+    reason: str = ""
+    findings: list[str] = []
+
+
+def judge(reference: Account, run: Account, world: World = REFERENCE) -> Result:
+    """Say what a run in a world came to.
+
+    *Detected*: the host says so, by its exit code, a failed assertion, or something more on
+    standard error. *No effect*: it ends as the reference run does, in motion, values and output.
+    *Hang*: it was ended. Else it is *silent*; a rule that it breaks, and the reference run does
+    not, is listed apart.
+    """
+    new = sorted({*run.findings} - {*reference.findings})
+    if run.slow:
+        return Result(SLOW, run.stuck)
+    if run.stuck:
+        return Result(HANG, run.stuck, new)
+    if run.code != reference.code:
+        said = _last_line(run.errors) or _last_line(run.output)
+        return Result(DETECTED, f"exit code {run.code}" + (f": {said}" if said else ""), new)
+    if _fewer_numbers(run.errors) != _fewer_numbers(reference.errors) and run.errors:
+        return Result(DETECTED, f"it says: {_last_line(run.errors)}", new)
+    difference = next(_differences(reference, run, world.dimension != SPECIMEN), "")
+    if not difference:
+        return Result(NO_EFFECT, "", new)
+    return Result(FOUND if new else SILENT, difference, new)
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1].strip() if lines else ""
+
+
+def _fewer_numbers(text: str) -> str:
+    return re.sub(r"[0-9]+", "#", text)
+
+
+def _differences(reference: Account, run: Account, flags: bool) -> Iterator[str]:
+    """Give what differs; in flags, specimens do so by themselves."""
+    moving = {name for one in (reference, run) for name, axis in one.axes.items() if axis.runs}
+    for name, was in reference.axes.items():
+        axis = run.axes.get(name)
+        sentence = _other_motion(was, axis) if axis is not None else "is not there"
+        if sentence:
+            yield f"{name} {sentence}"
+    for key, (value, near) in reference.values.items():
+        other = run.values.get(key, (value, 0))[0]
+        if other == value or (near > 0 and moving) or (near == FLAGS and not flags):
+            continue
+        if isinstance(value, str) or isinstance(other, str) or abs(other - value) > max(near, 0):
+            yield f"{key} is {_number(other)}, not {_number(value)}"
+    yield from _other_words(reference.output, run.output)
+
+
+def _number(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.9g}"
+
+
+def _other_motion(was: Axis, now: Axis) -> str:
+    if was.runs != now.runs:
+        return "runs on at the end" if now.runs else "stands at the end, and should run"
+    if not was.runs and abs(was.last - now.last) > _NEAR:
+        return f"is at {now.last} in the end, not at {was.last}"
+    for number, (a, b) in enumerate(zip_longest(was.moves, now.moves), 1):
+        if a is None or b is None:
+            few = abs(len(was.moves) - len(now.moves))
+            return f"makes {few} move{'s' * (few > 1)} {'less' if b is None else 'more'}"
+        near = max(_NEAR, int(_SHARE * (a[3] - a[2])))
+        ends = _NEAR if not (was.runs and number == len(was.moves)) else None
+        if ends is not None and abs(a[1] - b[1]) > ends:
+            return f"ends move {number} at {b[1]}, not at {a[1]}"
+        if ends is not None and (abs(a[2] - b[2]) > near or abs(a[3] - b[3]) > near):
+            return f"goes from {b[2]} to {b[3]} in move {number}, not from {a[2]} to {a[3]}"
+    if abs(was.speed - now.speed) > max(_NEAR, _SHARE * was.speed):
+        return f"is as fast as {now.speed} counts/ms, not {was.speed}"
+    return ""
+
+
+def _other_words(was: str, now: str) -> Iterator[str]:
+    if was == now:
+        return
+    for number, (a, b) in enumerate(zip_longest(was.splitlines(), now.splitlines()), 1):
+        if a is None or b is None or not _alike(a, b):
+            yield f"line {number} it says is {_quoted(b)}, not {_quoted(a)}"
+
+
+def _quoted(line: str | None) -> str:
+    return "missing" if line is None else f'"{line.strip()}"'
+
+
+_DECIMAL: Final = re.compile(r"(?<![\w.])\d+(?![\w.])")
+
+
+def _alike(a: str, b: str) -> bool:
+    """Tell whether two lines say the same, decimal numbers of 100 and more but for some counts."""
+    if _DECIMAL.sub("#", a) != _DECIMAL.sub("#", b):
+        return False
+    pairs = zip(map(int, _DECIMAL.findall(a)), map(int, _DECIMAL.findall(b)), strict=True)
+    return all(x == y or (min(x, y) >= 100 and abs(x - y) <= _NEAR) for x, y in pairs)
+
+
+# -- all of them ----------------------------------------------------------------------------------
+
+
+class Tried(Struct, frozen=True):
+    """A world that was tried, and what came of it."""
+
+    planned: Planned
+    result: Result
+
+    @property
+    def dimension(self) -> str:
+        """The dimension of its world."""
+        return self.planned.world.dimension
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What a baseline knows it by: dimension, group and way."""
+        return (self.dimension, self.planned.group, self.planned.world.way)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether no output said that something was wrong."""
+        return self.result.verdict in (SILENT, FOUND)
+
+
+class WayTotal(Struct, frozen=True):
+    """What came of one way.
+
+    Attributes:
+        dimension: of its worlds.
+        way: the way.
+        counts: worlds by verdict.
+        left: worlds that were not tried.
+    """
+
+    dimension: str
+    way: str
+    counts: Mapping[str, int]
+    left: int
+
+    @property
+    def tried(self) -> int:
+        """Worlds that have a verdict."""
+        return sum(self.counts.values())
+
+    @property
+    def coverage(self) -> float | None:
+        """Diagnostic coverage: the detected part of what had an effect; None if nothing had."""
+        effects = self.tried - self.counts.get(NO_EFFECT, 0)
+        return self.counts.get(DETECTED, 0) / effects if effects else None
+
+
+class Campaign:
+    """What a campaign has found.
+
+    Args:
+        plan: what was to be tried.
+        results: what came of it, by the world as text; others have not been tried.
+    """
+
+    def __init__(self, plan: Plan, results: Mapping[str, Result]) -> None:
+        self.plan: Final = plan
+        self.tried: Final = [
+            Tried(one, results[str(one.world)])
+            for one in plan.worlds
+            if str(one.world) in results and results[str(one.world)].verdict != SLOW
+        ]
+
+    def totals(self) -> list[WayTotal]:
+        """Return what came of each way, in the order of the dimensions."""
+        counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+        left: Counter[tuple[str, str]] = Counter()
+        for one in self.plan.worlds:
+            counts[one.world.dimension, one.world.way].update()
+            left[one.world.dimension, one.world.way] += 1
+        for tried in self.tried:
+            way = tried.planned.world.way
+            counts[tried.dimension, way][tried.result.verdict] += 1
+            left[tried.dimension, way] -= 1
+        order = {key: number for number, key in enumerate(sorted(counts, key=_place))}
+        return [
+            WayTotal(*key, counts[key], left[key] + self.plan.left.get(key, 0))
+            for key in sorted(counts, key=lambda key: order[key])
+        ]
+
+    def told(self, verdicts: Iterable[str] = (SILENT, FOUND, HANG)) -> list[Tried]:
+        """Return of each group, way and verdict the earliest world, for a look at it."""
+        wanted = {*verdicts}
+        first: dict[tuple[str, ...], Tried] = {}
+        for one in sorted(self.tried, key=_early):
+            if one.result.verdict in wanted:
+                first.setdefault((*one.key, one.result.verdict), one)
+        return list(first.values())
+
+    def new(self, baseline: Iterable[tuple[str, str, str]]) -> list[Tried]:
+        """Return the quiet outcomes that a baseline does not have."""
+        known = {*baseline}
+        return [one for one in self.told((SILENT, FOUND)) if one.key not in known]
+
+
+def _place(key: tuple[str, str]) -> tuple[int, int, str]:
+    dimension, way = key
+    return (DIMENSIONS.index(dimension), WAYS.index(way) if way in WAYS else 0, way)
+
+
+def _early(one: Tried) -> tuple[int, str, int, str]:
+    world = one.planned.world
+    place, _, number = world.where.partition("@")[0].rpartition(".")
+    dimension = _place((world.dimension, world.way))[0]
+    return dimension, place, int(number) if number.isdecimal() else 0, str(world)

@@ -1,0 +1,353 @@
+"""The register map as the bus sees it: one byte at a time, with the manual's latches."""
+
+from collections.abc import Callable
+from typing import ClassVar, Final
+
+from mypy_extensions import i64
+
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.control_loop import CONTROL, STANDING, ControlLoop, SampleTimer
+from vbus.chips.mcp1200.encoder import EncoderChannels, Find, InputLevels, PositionCounter
+from vbus.chips.mcp1200.registers import FAR, RegisterFile
+from vbus.core.bits import sign_extend
+from vbus.core.state import Names
+
+_STORED_CAPTURE_BITS: Final = (
+    ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
+)
+_CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
+_COMMAND_MSB, _COMMAND_CSB = ds.REGISTERS["COMMAND_POSITION"].addresses[:2]
+_FINAL_POSITION: Final = ds.REGISTERS["FINAL_POSITION"].addresses
+_SATURATION: Final = ds.REGISTERS["SATURATION"].low
+_ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses[1:]
+
+
+class Writes:
+    """Written bytes on their way in, in order (MCP-BUS-5).
+
+    Attributes:
+        due: cycle at which the first of them becomes visible, :data:`FAR` if there is none.
+    """
+
+    STATE: ClassVar[Names] = ("_waiting: list[(i64, i64, i64), ...]",)
+    DERIVED: ClassVar[Names] = ("due",)
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[int, int, int]] = []
+        self.due: i64 = FAR
+
+    def add(self, cycle: int, address: int, data: int) -> None:
+        """A byte has been written in ``cycle``."""
+        self._waiting.append((cycle + ds.WRITE_CLK, address, data))
+        self.after_load()
+
+    def take(self) -> tuple[int, int]:
+        """Return address and data of the first byte, which is visible now."""
+        _, address, data = self._waiting.pop(0)
+        self.after_load()
+        return address, data
+
+    def waits_for(self, registers: tuple[int, ...]) -> bool:
+        """Tell whether a byte is on its way to one of some registers."""
+        return any(address & 0x3F in registers for _, address, _ in self._waiting)
+
+    def lose(self) -> None:
+        """Forget the byte written last, if it is not yet visible."""
+        del self._waiting[-1:]
+        self.after_load()
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._waiting.clear()
+        self.after_load()
+
+    def after_load(self) -> None:
+        """Find out when the first of them becomes visible."""
+        self.due = self._waiting[0][0] if self._waiting else FAR
+
+
+class HostRegisters:
+    """What reading and writing a byte does: the methods that the rows of the table name.
+
+    Args:
+        registers: where bytes are stored.
+        timer: what R0F reads.
+        counter: what R12 to R14 read and set.
+        channels: the filter that R1A sets.
+        loop: takes points, flags and positions.
+        inputs: /LIMIT and /STOP, which hold errors and motor outputs.
+        find: files a violation.
+        ask: takes what is written to R05, and when.
+    """
+
+    STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
+    WIRING: ClassVar[Names] = (
+        "_ask", "_channels", "_counter", "_find", "_inputs", "_loop", "_registers", "_timer",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_position_bytes", "_late_bytes")
+
+    def __init__(
+        self,
+        registers: RegisterFile,
+        timer: SampleTimer,
+        counter: PositionCounter,
+        channels: EncoderChannels,
+        loop: ControlLoop,
+        inputs: InputLevels,
+        find: Find,
+        ask: Callable[[int, int], None],
+    ) -> None:
+        self._registers: RegisterFile = registers
+        self._timer: SampleTimer = timer
+        self._counter: PositionCounter = counter
+        self._channels: EncoderChannels = channels
+        self._loop: ControlLoop = loop
+        self._inputs: InputLevels = inputs
+        self._find: Find = find
+        self._ask: Callable[[int, int], None] = ask
+        self._held_msb: int = 0
+        self._held_csb: int = 0
+        self._noted: set[int] = set()
+        self._position_bytes: int = 0
+        """Bytes of a final position written since F0 was set last, a bit each, whole at 7; like
+        the next no part of the saved state."""
+        self._late_bytes: int = 0
+        """Those that were not written when it was set, although others were."""
+
+    def map(self, address: int) -> int:
+        """Register a bus address selects: 6 bits of it, or 7 (MCP-BUS-9)."""
+        return address & (0x7F if self._registers.config & ds.EXTENDED else 0x3F)
+
+    def clear(self) -> None:
+        """Forget held bytes: a hard reset."""
+        self._held_msb = 0
+        self._held_csb = 0
+
+    def read(self, address: int, cycle: int) -> int:
+        """Return the byte at ``address``; nothing changes."""
+        hook = _READS.get(address)
+        if hook is None:
+            return self._registers.byte(address)
+        byte: int = hook(self, address, cycle)
+        return byte
+
+    def taken(self, address: int, cycle: int) -> None:
+        """The byte has been latched for the host: reading R14 latches R13 and R12."""
+        if address == _ACTUAL_LSB:
+            self._registers.actual_position = self._counter.position(cycle)
+        elif address not in _WRITES:
+            self._note(address, -1)
+
+    def write(self, bus_address: int, data: int, cycle: int) -> None:
+        """Take the byte ``data``; it is visible from ``cycle`` on."""
+        address = self.map(bus_address)
+        if address != bus_address and bus_address in _WRITES:
+            meant = f"R{bus_address:02X} = {data:02X}H goes to R{address:02X}"
+            self._find(ds.EXTENDED_OFF, cycle, bus_address, f"{meant}: bit 0 of R02 is 0")
+        most = ds.LISTED_MOST.get(address)
+        if most is not None and data > most:
+            self._find(
+                ds.LISTED_RANGE, cycle, data,
+                f"R{address:02X} = {data:02X}H: the manual lists 00H to {most:02X}H",
+            )  # fmt: skip
+        if address == _SATURATION and data in ds.FORCELESS:
+            text = f"R4B = {data:02X}H: a saturated DAC port gives 800H, which is no force"
+            self._find(ds.NO_FORCE, cycle, data, text)
+        hook = _WRITES.get(address)
+        if hook is None:
+            self._note(address, cycle)
+        else:
+            hook(self, address, data, cycle)
+
+    def _note(self, address: int, cycle: int) -> None:
+        if address not in self._noted:
+            self._noted.add(address)
+            self._find(
+                ds.RESERVED, cycle, address, f"address {address:02X}H is not in the register table"
+            )
+
+    # -- what rows name -----------------------------------------------------------------------
+
+    def read_sample_timer(self, address: int, cycle: int) -> int:
+        """R0F reads the counter, not what it is loaded with (MCP-REG-14)."""
+        return self._timer.count(cycle)
+
+    def read_actual_position(self, address: int, cycle: int) -> int:
+        """R14 reads the counter, R13 and R12 what was latched then (MCP-REG-16)."""
+        if address == _ACTUAL_LSB:
+            return self._counter.position(cycle) & 0xFF
+        return self._registers.byte(address)
+
+    def store(self, address: int, data: int, cycle: int) -> None:
+        """A byte of storage; with the last one some registers take effect."""
+        self._registers.put(address, data)
+        if address in _FINAL_POSITION:
+            self._note_position(address, cycle)
+        loaded = _LOADED.get(address)
+        if loaded is not None:
+            loaded(self, cycle)
+
+    def _note_position(self, address: int, cycle: int) -> None:
+        """A byte of the final position has come: perhaps one that F0 has not waited for."""
+        bit = 1 << address - _FINAL_POSITION[-1]
+        if not self._late_bytes & bit or not self._registers.flag & ds.F0:
+            self._late_bytes = 0
+            self._position_bytes = bit | self._position_bytes % 7  # 7 is a whole one
+            return
+        self._late_bytes &= ~bit
+        text = f"R{address:02X} is written after F0 was set, and other bytes before"
+        self._find(ds.SPLIT_POSITION, cycle, address, text)
+
+    def _judge_position(self, cycle: int) -> None:
+        """F0 is set: say so if the final position has been written in part."""
+        written, self._position_bytes = self._position_bytes, 0
+        self._late_bytes = ~written & 7 if written else 0
+        registers = self._registers
+        if not written and registers.final_position == registers.command_position:
+            text = "F0 is set where the final position is the command position"
+            self._find(ds.NO_WAY, cycle, 0, text)
+        if self._late_bytes:
+            names = [f"R{_FINAL_POSITION[-1] + n:02X}" for n in range(3) if not written >> n & 1]
+            text = f"of the final position {' and '.join(names)} stayed as before"
+            self._find(ds.PART_POSITION, cycle, written, text)
+
+    def ignore(self, address: int, data: int, cycle: int) -> None:
+        """A register that cannot be written."""
+
+    def write_flag(self, address: int, data: int, cycle: int) -> None:
+        """One flag by number, set or cleared (MCP-FLG-1, 2)."""
+        registers, loop = self._registers, self._loop
+        flag = 1 << (data & 7)
+        if not flag & ds.MODE_FLAGS:
+            return
+        if data & 8:
+            registers.flag |= flag
+            self._judge_flag(flag, cycle)
+            # F2 acknowledges a profile at once, so that a host may wait for it to fall (NOTES 3).
+            controls = loop.state == CONTROL and not loop.halted
+            if flag == ds.F0 and not registers.flag & ds.F1 and controls:
+                registers.flag |= ds.F2
+        else:
+            registers.flag &= ~flag
+            loop.drop(flag)
+
+    def _judge_flag(self, flag: int, cycle: int) -> None:
+        """Say so if the mode that a flag begins is not there yet, or cannot move."""
+        registers, loop = self._registers, self._loop
+        if loop.state == STANDING and loop.request == ds.CONTROL_CODE:
+            self._find(ds.TOO_EARLY, cycle, flag, "R00 is written before R05 = 03 is obeyed")
+        if flag != ds.F0:
+            return
+        self._judge_position(cycle)
+        fine = registers.feature & ds.HIGH_RESOLUTION
+        low = registers.profile_velocity
+        velocity, other = (registers.velocity, low) if fine else (low, registers.velocity)
+        if velocity == 0 != other:
+            meant = "R28, and R01 chooses R23 to R25" if fine else "R23 to R25, and R01 chooses R28"
+            self._find(ds.OTHER_VELOCITY, cycle, 0, f"the velocity is in {meant}, which is 0")
+        elif velocity == 0 or registers.acceleration == 0:
+            what = "velocity" if velocity == 0 else "acceleration"
+            self._find(ds.NO_RATE, cycle, 0, f"the profile is started with {what} 0")
+
+    def write_config(self, address: int, data: int, cycle: int) -> None:
+        """The position stays when the counter's source changes (MCP-STP-1)."""
+        counter = self._counter
+        here = counter.position(cycle)
+        changed = (self._registers.config ^ data) & ds.STEP_MODE
+        self._registers.config = data
+        if changed:
+            counter.preset(here, cycle)
+
+    def write_capture_control(self, address: int, data: int, cycle: int) -> None:
+        """Latches can be cleared only, the busy bit not at all (MCP-CAP-2)."""
+        registers = self._registers
+        kept = registers.capture_control & (ds.INTERPOLATOR_BUSY | data & _CAPTURE_LATCHES)
+        registers.capture_control = data & _STORED_CAPTURE_BITS | kept
+
+    def write_mode(self, address: int, data: int, cycle: int) -> None:
+        """MCP-MOD-1."""
+        self._ask(min(data, 3), cycle)
+
+    def write_status(self, address: int, data: int, cycle: int) -> None:
+        """Any byte clears the errors (MCP-STA-2)."""
+        self.clear_errors()
+
+    def clear_errors(self) -> None:
+        """Error flags off, except of a pin that is still low (MCP-STA-2)."""
+        flags = ds.ERROR_FLAGS
+        if not self._inputs.limit:
+            flags &= ~ds.LIMIT_OK
+        if not self._inputs.stop:
+            flags &= ~ds.STOP_OK
+        self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
+
+    def guard(self) -> None:
+        """Idle with /LIMIT low: the motor outputs stay off, whatever R04 says (MCP-MOD-4)."""
+        if self._loop.state == STANDING and self._inputs.limit == 0:
+            self._registers.outputs_off()
+
+    def guard_outputs(self, cycle: int) -> None:
+        """A motor command of the host's (MCP-MOD-4)."""
+        self.guard()
+
+    def write_output_low(self, address: int, data: int, cycle: int) -> None:
+        """Its low four bits."""
+        self._registers.put(address, data & 0xF0)
+        self.guard()
+
+    def load_command_increment(self, cycle: int) -> None:
+        """One written while BUSY is high counts in the next sample (NOTES 2)."""
+        self._loop.increment_written = True
+
+    def write_command_position(self, address: int, data: int, cycle: int) -> None:
+        """The last byte loads all three (MCP-REG-13)."""
+        if address == _COMMAND_MSB:
+            self._held_msb = data
+        elif address == _COMMAND_CSB:
+            self._held_csb = data
+        else:
+            value = self._held_msb << 16 | self._held_csb << 8 | data
+            self._registers.command_position = sign_extend(value, 24)
+            self._loop.command_written = True
+
+    def write_actual_position(self, address: int, data: int, cycle: int) -> None:
+        """Any byte written to R13 clears the counter (MCP-REG-16)."""
+        if address == _ACTUAL_CSB:
+            self._preset(0, cycle)
+
+    def preset_position(self, cycle: int) -> None:
+        """The counter is preset (MCP-REG-17)."""
+        self._preset(self._registers.preset_position, cycle)
+
+    def _preset(self, position: int, cycle: int) -> None:
+        here = self._counter.position(cycle)
+        closed = self._loop.state == CONTROL and not self._registers.step_mode
+        if closed and abs(int(position - here)) > ds.JUMP_COUNTS:
+            text = f"the counter is set from {here} to {position} while the loop is closed"
+            self._find(ds.PRESET_IN_CONTROL, cycle, position - here, text)
+        self._counter.preset(position, cycle)
+
+    def write_encoder_pwm(self, address: int, data: int, cycle: int) -> None:
+        """Encoder filter, and whether the channels are swapped (MCP-ENC-1)."""
+        self._registers.put(address, data)
+        self._channels.configure(cycle)
+
+    def load_final_position(self, cycle: int) -> None:
+        """A point for the interpolation is there (MCP-INT-2)."""
+        self._loop.point = self._registers.final_position
+        self._load(ds.F4)
+
+    def load_velocity(self, cycle: int) -> None:
+        """A velocity for the interpolation is there (MCP-INT-2)."""
+        self._loop.velocity_point = self._registers.velocity
+        self._load(ds.F3)
+
+    def _load(self, other: i64) -> None:
+        """The interpolator is busy, unless the other interpolation runs (NOTES 12)."""
+        if not self._registers.flag & other:
+            self._registers.capture_control |= ds.INTERPOLATOR_BUSY
+
+
+_READS: Final = ds.REGISTERS.find_hooks("on_read", HostRegisters)
+_WRITES: Final = ds.REGISTERS.find_hooks("on_write", HostRegisters, "store", "ignore")
+_LOADED: Final = ds.REGISTERS.find_hooks("on_loaded", HostRegisters)

@@ -1,0 +1,147 @@
+"""The end of processes we have started: what hangs or is left behind is ended, and named."""
+
+import asyncio
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.cli.proc import children, name_of, offspring, what_hangs
+
+PATIENCE: Final = 0.7
+"""Seconds a program has, after SIGTERM or SIGINT, to end by itself."""
+
+_LOOK: Final = 0.02
+"""Seconds between looks whether what was left behind has ended."""
+
+_DEATH_SIGNAL: Final = 1
+_SUBREAPER: Final = 36
+"""What the system call prctl is asked for: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER."""
+
+
+class ChildProcesses:
+    """The program and the processes that come from it, also where their parents have ended.
+
+    Those become children of this process, as long as this object is in use.
+    """
+
+    def __init__(self) -> None:
+        self._others = set(children(os.getpid()))
+        self._parent = os.getpid()
+        _ask(_SUBREAPER, 1)
+
+    def close(self) -> None:
+        """Care for orphans no more."""
+        _ask(_SUBREAPER, 0)
+
+    def die_with_parent(self) -> None:
+        """Have the system kill this process, the program's, once its parent is no more."""
+        _ask(_DEATH_SIGNAL, signal.SIGKILL)
+        if os.getppid() != self._parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def there(self) -> list[int]:
+        """Return those that run, the youngest last."""
+        return offspring(child for child in children(os.getpid()) if child not in self._others)
+
+    def reap(self, program: int = 0) -> None:
+        """Take notice of the ends of orphans; the end of the program is awaited elsewhere."""
+        for child in children(os.getpid()):
+            if child not in self._others and child != program:
+                with suppress(ChildProcessError):
+                    os.waitpid(child, os.WNOHANG)
+
+    def kill(self) -> None:
+        """Kill those that run."""
+        for pid in self.there():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+    def overdue(self, number: int) -> None:
+        """Kill what has not ended after signal ``number``, and say what it was doing."""
+        hangs = what_hangs(self.there())
+        self.kill()
+        _say(
+            f"{signal.Signals(number).name} has not ended the program within {PATIENCE:g} s; it is"
+            " killed",
+            *hangs,
+        )
+
+    async def end(self, until: float) -> None:
+        """End those that run: by SIGTERM, and by SIGKILL at ``until`` by the loop's clock."""
+        loop = asyncio.get_running_loop()
+        for pid in self.there():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
+        while self.there() and loop.time() < until:
+            await asyncio.sleep(_LOOK)
+            self.reap()
+        if self.there():
+            self.overdue(signal.SIGTERM)
+
+
+def end_with_parent() -> Callable[[], None]:
+    """Return what a child of this process calls before its program: SIGTERM ends both as one.
+
+    The system sends it that signal once this process is no more, however it has ended.
+    """
+    parent = os.getpid()
+
+    def agree() -> None:
+        _ask(_DEATH_SIGNAL, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return agree
+
+
+def _ask(what: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(what, value, 0, 0, 0)
+
+
+def _say(*sentences: str) -> None:
+    with suppress(OSError):  # the reader may have gone
+        for sentence in sentences:
+            click.echo(f"vbus exec: {sentence}", err=True)
+
+
+def say_left(pids: list[int]) -> None:
+    """Name the processes that a program has left behind on a board that ends with it."""
+    names = ", ".join(f"{name_of(pid)} (process {pid})" for pid in pids)
+    _say(
+        f"the program has ended and left behind: {names}; that ends too, with the board; what shall"
+        " go on needs a board that runs already (--join)"
+    )
+
+
+def explain(code: int, note: Path, interrupt: int = 0, line: str = "the card's") -> None:
+    """Say why a program died of a signal that the library has to do with.
+
+    Args:
+        code: what the process ended with, negative for a signal.
+        note: the file the library makes when the fault is the program's own.
+        interrupt: the signal that the card's interrupt sends; 0: none.
+        line: which line that is, and when it last interrupted, as far as it is known.
+    """
+    if interrupt and code == -interrupt:
+        name = signal.Signals(interrupt).name
+        _say(
+            f"the program died of {name}, which an interrupt sends ({line}): it had no handler for"
+            " it then, and what the system does without one is to end the program. Install the"
+            " handler before the chip can interrupt (some do so after a reset), block the signal"
+            " until then, or take signal out of the card in the board file"
+        )
+    if code == -signal.SIGSEGV and not note.exists():
+        _say(
+            "the program died of SIGSEGV and the library was not asked: by a system call"
+            " of its own, not by the C library, it has blocked that signal or taken its handler"
+            " away, and each access to the card needs both; a program without the C library"
+            " cannot be served"
+        )

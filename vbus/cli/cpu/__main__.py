@@ -1,0 +1,44 @@
+"""The program that ``vbus exec --cpu`` starts: LIBRARY LINK SETTINGS IMAGE."""
+
+import ctypes
+import sys
+
+import msgspec
+
+from vbus.cli import exit_codes
+from vbus.cli.cpu.image import Image
+from vbus.cli.cpu.machine import Stopped
+from vbus.cli.cpu.processors import PROCESSORS, machine_of
+from vbus.cli.cpu.settings import Settings
+from vbus.core.errors import ProgramError
+
+
+def main() -> int:
+    """Run an image on a board; return its exit code."""
+    library, link, told, path = sys.argv[1:]
+    settings = msgspec.json.decode(told, type=Settings)
+    kind = PROCESSORS[settings.processor]
+    image: Image = kind.read(path)
+    native = ctypes.CDLL(library)
+    native.cpu_sentence.restype = ctypes.c_char_p
+    error = native.cpu_open(link.encode())
+    if error < 0:
+        print(f"vbus cpu: {link}: {native.cpu_sentence(error).decode()}", file=sys.stderr)
+        return exit_codes.NO_LINK
+    machine = machine_of(kind, settings.cpu, image, native, settings.cycles, settings.until)
+    try:
+        code = machine.run()
+    except Stopped as end:
+        machine.say(str(end))
+        code = end.code
+    if settings.stats:
+        print(machine.statistics(), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except ProgramError as error:
+        print(f"vbus cpu: {error}", file=sys.stderr)
+        sys.exit(exit_codes.NOT_RUNNABLE)

@@ -1,0 +1,87 @@
+"""The processors that there are: what each is to the emulator, and where its memory usually is."""
+
+import ctypes
+from collections.abc import Callable
+from importlib import import_module
+from typing import Final
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from vbus.boardfile.cpu import CpuSection
+from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
+from vbus.cli.cpu.machine import Machine
+
+
+class Kind(Struct, frozen=True):
+    """A processor.
+
+    Attributes:
+        built: module of this package whose ``build`` makes one.
+        arch: name of the emulator's architecture, behind ``UC_ARCH_``.
+        modes: names of its modes, behind ``UC_MODE_``.
+        model: name of its model, as the emulator has it; empty: the usual one.
+        read: reads an image and says whether it is for this processor.
+        memory: where program memory begins and its size, and the same of RAM.
+        family: whose peripherals it has, if the board file names none.
+    """
+
+    built: str
+    arch: str
+    modes: tuple[str, ...]
+    model: str
+    read: Callable[[str], Image]
+    memory: tuple[int, int, int, int]
+    family: str = ""
+
+
+def _arm(path: str) -> Image:
+    return read_elf(path, ARM, "arm-none-eabi-gcc")
+
+
+def _m68k(path: str) -> Image:
+    return read_elf(path, M68K, "m68k-linux-gnu-gcc")
+
+
+_VME: Final = (0, 0x40000, 0x100000, 0x40000)
+_M: Final = (0x08000000, 0x100000, 0x20000000, 0x20000)
+PROCESSORS: Final = {
+    "cortex-m3": Kind(
+        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M3", _arm, _M, "stm32f1"
+    ),
+    "cortex-m4": Kind(
+        "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M4", _arm, _M, "stm32f4"
+    ),
+    "68000": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, "68000"),
+    "68020": Kind("m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, "68020"),
+    "8086": Kind("pc", "X86", ("16",), "", read_dos, (0, 0, 0, 0)),
+}
+
+
+def with_defaults(kind: Kind, section: CpuSection) -> CpuSection:
+    """Return a section in which everything has its usual value that the file leaves out."""
+    rom, rom_size, ram, ram_size = kind.memory
+    return replace(
+        section,
+        family=section.family or kind.family,
+        rom=section.rom or rom,
+        rom_size=section.rom_size or rom_size,
+        ram=section.ram or ram,
+        ram_size=section.ram_size or ram_size,
+    )
+
+
+def machine_of(
+    kind: Kind, section: CpuSection, image: Image, native: ctypes.CDLL, ends: int, until: str
+) -> Machine:
+    """Return a machine with its processor, memory, peripherals and image."""
+    import unicorn
+
+    names = import_module(f"unicorn.{kind.arch.lower()}_const")
+    mode = sum(getattr(unicorn, f"UC_MODE_{name}") for name in kind.modes)
+    model = getattr(names, f"UC_{kind.model}") if kind.model else None
+    arch = getattr(unicorn, f"UC_ARCH_{kind.arch}")
+    machine = Machine(native, section, arch, mode, model, ends, until)
+    machine.image = image
+    import_module(f"vbus.cli.cpu.{kind.built}").build(machine)
+    return machine

@@ -1,0 +1,531 @@
+"""STM32F1 and F4: the peripherals that a driver's firmware touches, register by register.
+
+Offsets, resets and bits: ST's reference manuals RM0008 (F1) and RM0090 (F4). Timers count at the
+clock of the processor.
+"""
+
+import ctypes
+from typing import Final
+
+from msgspec import Struct
+
+from vbus.cli.cpu.cortex_m import IRQ, CortexM, Edges, SystemControl, Trace
+from vbus.cli.cpu.machine import Machine, PortBits
+from vbus.cli.cpu.registers import Block, Register, stored
+
+_NONE: Final = 0xFFFFFFFF
+
+
+class Clocks(Block):
+    """RCC: an oscillator that is turned on is ready at once."""
+
+    REGISTERS = (
+        Register("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
+        Register("CFGR", 0x04, 0, "the clock chosen is the clock used", "switched"),
+        *stored("CIR", "APB2RSTR", "APB1RSTR", "AHBENR", "APB2ENR", "APB1ENR", first=0x08),
+        Register("BDCR", 0x20, 0, "LSE on, and ready", "low_ready"),
+        Register("CSR", 0x24, 0x0C000000, "LSI on, and ready", "slow_ready"),
+        *stored("AHBSTR", "CFGR2", first=0x28),
+    )
+
+    def _ready(self, name: str, bits: tuple[int, ...]) -> int:
+        value = self.of(name)
+        for bit in bits:
+            value = (value & ~(2 << bit)) | (value >> bit & 1) << bit + 1
+        return value
+
+    def ready(self, _: int) -> int:
+        """HSI, HSE, PLL, PLL2 (PLLI2S), PLL3 (PLLSAI)."""
+        return self._ready("CR", (0, 16, 24, 26, 28))
+
+    def low_ready(self, _: int) -> int:
+        """LSE."""
+        return self._ready("BDCR", (0,))
+
+    def slow_ready(self, _: int) -> int:
+        """LSI."""
+        return self._ready("CSR", (0,))
+
+    def switched(self, _: int) -> int:
+        """SWS is SW."""
+        value = self.of("CFGR")
+        return (value & ~0xC) | (value & 3) << 2
+
+
+class Clocks4(Clocks):
+    """RCC of an F4."""
+
+    REGISTERS = (
+        Register("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
+        Register("PLLCFGR", 0x04, 0x24003010),
+        Register("CFGR", 0x08, 0, "the clock chosen is the clock used", "switched"),
+        *stored("CIR", "AHB1RSTR", "AHB2RSTR", "AHB3RSTR", first=0x0C),
+        *stored("APB1RSTR", "APB2RSTR", first=0x20),
+        *stored("AHB1ENR", "AHB2ENR", "AHB3ENR", first=0x30),
+        *stored("APB1ENR", "APB2ENR", first=0x40),
+        *stored("AHB1LPENR", "AHB2LPENR", "AHB3LPENR", first=0x50),
+        *stored("APB1LPENR", "APB2LPENR", first=0x60),
+        Register("BDCR", 0x70, 0, "LSE on, and ready", "low_ready"),
+        Register("CSR", 0x74, 0x0E000000, "LSI on, and ready", "slow_ready"),
+        *stored("SSCGR", "PLLI2SCFGR", "PLLSAICFGR", "DCKCFGR", first=0x80),
+    )
+
+
+class Port(Block):
+    """GPIO: its data registers work in cpu_link.c, once its clock is on."""
+
+    def __init__(
+        self, machine: Machine, name: str, base: int, clocks: Block, enable: tuple[str, int]
+    ) -> None:
+        super().__init__(machine, name, base)
+        self.bits: Final = PortBits(base=base, number=ord(name[-1]) - ord("A"), off=1)
+        by_name = {row.name: row.offset for row in self.REGISTERS}
+        for field, register in (("input", "IDR"), ("output", "ODR"), ("set", "BSRR"),
+                                ("reset", "BRR")):  # fmt: skip
+            setattr(self.bits, field, by_name.get(register, _NONE))
+        self._clocks: Final = clocks
+        self._enable: Final = enable
+        self.modes()
+        machine.shared.ports[machine.shared.port_count] = ctypes.pointer(self.bits)
+        machine.shared.port_count += 1
+
+    def _on(self, offset: int) -> bool:
+        """Whether the port has its clock; without it a real one does not answer."""
+        register, bit = self._enable
+        on = bool(self._clocks.of(register) >> bit & 1)
+        self.bits.off = not on
+        if not on:
+            at = self.machine.image.place(self.machine.processor.here())
+            self.machine.once(
+                f"clock {self.name}",
+                f"{self.name} has no clock (bit {bit} of RCC {register} is 0): accesses are lost,"
+                f" reads give 0; the first is at offset {offset:02X}h, by the instruction at {at}",
+            )
+        return on
+
+    def read(self, offset: int, size: int) -> int:
+        """Return what is read."""
+        return super().read(offset, size) if self._on(offset) else 0
+
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written."""
+        if self._on(offset):
+            super().write(offset, size, value)
+            self.modes()
+            self.machine.native.cpu_port_moved(ctypes.byref(self.bits))
+
+    def idr(self, _: int) -> int:
+        """Levels at the pins."""
+        return int(self.machine.native.cpu_input(self.bits.number))
+
+    def odr(self, _: int) -> int:
+        """What is driven."""
+        return int(self.bits.level)
+
+    def put_odr(self, _: int, value: int) -> None:
+        """Drive this; a byte of it leaves the other as it is."""
+        self.bits.level = value & 0xFFFF
+
+    def put_bsrr(self, _: int, value: int) -> None:
+        """Set by the low half, reset by the high one; setting wins."""
+        self.bits.level = (self.bits.level & ~(value >> 16)) | (value & 0xFFFF)
+
+    def put_brr(self, _: int, value: int) -> None:
+        """Reset."""
+        self.bits.level &= ~value
+
+    def modes(self) -> None:
+        """Say what the pins are by the configuration."""
+
+    def _mask(self, holds: list[bool]) -> int:
+        return sum(1 << bit for bit, one in enumerate(holds) if one)
+
+
+_DATA: Final = (
+    ("IDR", "levels at the pins", "idr", ""), ("ODR", "what is driven", "odr", "put_odr"),
+    ("BSRR", "set, reset in the high half", "", "put_bsrr"),
+)  # fmt: skip
+
+
+class Port1(Port):
+    """GPIO of an F1: four bits of CRL or CRH for each pin."""
+
+    REGISTERS = (
+        Register("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
+        Register("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
+        *(Register(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
+        Register("BRR", 0x14, 0, "reset", "", "put_brr"),
+        Register("LCKR", 0x18),
+    )
+
+    def modes(self) -> None:
+        """MODE 0 is an input, pulled if CNF is 2; CNF 1 of an output is open drain."""
+        word = self.of("CRL") | self.of("CRH") << 32
+        each = [(word >> 4 * pin & 3, word >> 4 * pin + 2 & 3) for pin in range(16)]
+        self.bits.drive = self._mask([mode > 0 and kind < 2 for mode, kind in each])
+        self.bits.open = self._mask([mode > 0 and kind == 1 for mode, kind in each])
+        self.bits.pulled = self._mask([mode == 0 and kind == 2 for mode, kind in each])
+
+
+class Port4(Port):
+    """GPIO of an F4: two bits of MODER for each pin."""
+
+    REGISTERS = (
+        Register("MODER", 0x00, 0, "0 input, 1 output, 2 another peripheral's, 3 analog"),
+        Register("OTYPER", 0x04, 0, "1: open drain"),
+        Register("OSPEEDR", 0x08),
+        Register("PUPDR", 0x0C, 0, "1: pulled up"),
+        *(Register(*row[:1], 16 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
+        *stored("LCKR", "AFRL", "AFRH", first=0x1C),
+    )
+
+    def modes(self) -> None:
+        """Take what the pins are."""
+        modes, pulls = self.of("MODER"), self.of("PUPDR")
+        self.bits.drive = self._mask([modes >> 2 * pin & 3 == 1 for pin in range(16)])
+        self.bits.open = self.of("OTYPER") & 0xFFFF
+        self.bits.pull = self._mask([pulls >> 2 * pin & 3 == 1 for pin in range(16)])
+
+
+class Choice(Block):
+    """AFIO or SYSCFG: which port's pins EXTI sees."""
+
+    REGISTERS = (
+        *stored("EVCR", "MAPR"),
+        Register("EXTICR", 0x08, 0, "port of each of four lines", count=4),
+        Register("MAPR2", 0x1C),
+        Register("CMPCR", 0x20),
+    )
+
+
+class ExternalInterrupts(Edges):
+    """EXTI: edges at port bits."""
+
+    REGISTERS = (
+        *stored("IMR", "EMR", "RTSR", "FTSR"),
+        Register("SWIER", 0x10, 0, "as if an edge came", write="put_swier"),
+        Register("PR", 0x14, 0, "edges that came; a 1 clears", write="put_pr"),
+    )
+
+    def __init__(
+        self, machine: Machine, name: str, base: int, processor: CortexM, choice: Choice
+    ) -> None:
+        super().__init__(machine, name, base)
+        self._processor: Final = processor
+        self._choice: Final = choice
+        self._levels = 0
+
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written: edges count from now on."""
+        super().write(offset, size, value)
+        self._levels = self._now()
+
+    def _now(self) -> int:
+        levels = 0
+        wanted = (self.of("RTSR") | self.of("FTSR")) & 0xFFFF
+        ports: dict[int, int] = {}
+        for line in range(16):
+            if wanted >> line & 1:
+                port = self._choice.values[8 + (line & ~3)] >> 4 * (line & 3) & 15
+                if port not in ports:
+                    ports[port] = self.machine.native.cpu_input(port) if port < 12 else 0
+                levels |= ports[port] & 1 << line
+        return levels
+
+    def look(self) -> None:
+        """Compare the pins with what they were."""
+        levels = self._now()
+        up, down = levels & ~self._levels, self._levels & ~levels
+        self._levels = levels
+        self._came((up & self.of("RTSR")) | (down & self.of("FTSR")))
+
+    def _came(self, lines: int) -> None:
+        lines &= self.of("IMR")
+        self.values[0x14] |= lines
+        for line in range(16):
+            if lines >> line & 1:
+                self._processor.pend(IRQ + (6 + line if line < 5 else 23 if line < 10 else 40))
+
+    def put_swier(self, _: int, value: int) -> None:
+        """Let lines come."""
+        self._came(value)
+
+    def put_pr(self, _: int, value: int) -> None:
+        """Forget lines."""
+        self.values[0x14] &= ~value
+
+
+class SerialPort(Block):
+    """USART: what is sent goes to stdout at once, and nothing is received."""
+
+    REGISTERS = (
+        Register("SR", 0x00, 0xC0, "TXE and TC are always 1", write="nothing"),
+        Register("DR", 0x04, 0, "the byte to send", write="send"),
+        *stored("BRR", "CR1", "CR2", "CR3", "GTPR", first=0x08),
+    )
+
+    def nothing(self, _: int, __: int) -> None:
+        """Flags are cleared, which are never set."""
+
+    def send(self, _: int, value: int) -> None:
+        """Send a byte."""
+        self.machine.put(bytes((value & 0xFF,)))
+
+
+class Timer(Block):
+    """TIMx: counts up, at the clock divided by PSC + 1, and interrupts when it begins again."""
+
+    REGISTERS = (
+        Register("CR1", 0x00, 0, "CEN counts; OPM stops at the update", write="put_cr1"),
+        *stored("CR2", "SMCR", first=0x04),
+        Register("DIER", 0x0C, 0, "UIE: the update interrupts", write="put_dier"),
+        Register("SR", 0x10, 0, "UIF: the update came", "sr", "put_sr"),
+        Register("EGR", 0x14, 0, "UG: begin again", write="put_egr"),
+        *stored("CCMR1", "CCMR2", "CCER", first=0x18),
+        Register("CNT", 0x24, 0, "the count", "cnt", "put_cnt"),
+        Register("PSC", 0x28, 0, "divides the clock", write="put_psc"),
+        Register("ARR", 0x2C, 0xFFFF, "the last count", write="put_arr"),
+        *stored("RCR", "CCR1", "CCR2", "CCR3", "CCR4", "BDTR", "DCR", "DMAR", "OR", first=0x30),
+    )
+
+    def __init__(
+        self, machine: Machine, name: str, base: int, processor: CortexM, number: int, wide: bool
+    ) -> None:
+        super().__init__(machine, name, base)
+        self._processor: Final = processor
+        self._number: Final = number
+        self._mask: Final = 0xFFFFFFFF if wide else 0xFFFF
+        self.values[0x2C] = self._mask
+        self._counter: Final = machine.counter(base + 0x24, self._mask + 1)
+        self._held = 0
+        """The count while it stands still."""
+
+    def _catch_up(self) -> None:
+        """Notice updates up to now."""
+        counter = self._counter
+        round_ = counter.period * counter.divider
+        past = (self.machine.shared.clock - counter.zero) // round_
+        if not counter.on or past < 1:
+            return
+        counter.zero += past * round_
+        self.values[0x10] |= 1
+        if self.of("DIER") & 1:
+            self._processor.pend(IRQ + self._number)
+        if self.of("CR1") & 8:
+            self.values[0x00] &= ~1
+            self._held = counter.on = 0
+
+    def _change(self, offset: int, value: int, count: int | None = None) -> None:
+        """Put a value where it belongs, from now on."""
+        self._catch_up()
+        count = self.cnt(0) if count is None else count
+        self.values[offset] = value
+        counter = self._counter
+        counter.divider, counter.period = self.of("PSC") + 1, self.of("ARR") + 1
+        self._held, counter.on = count, self.of("CR1") & 1
+        counter.zero = self.machine.shared.clock - count * counter.divider
+        self._plan()
+
+    def _plan(self) -> None:
+        self.machine.events.pop(self, None)
+        counter = self._counter
+        if counter.on and self.of("DIER") & 1:
+            when = counter.zero + counter.period * counter.divider
+            self.machine.events[self] = (when, self._due)
+            self.machine.look()
+
+    def _due(self) -> None:
+        self._catch_up()
+        self._plan()
+
+    def cnt(self, _: int) -> int:
+        """The count."""
+        counter = self._counter
+        return counter.now(self.machine.shared.clock) if counter.on else self._held
+
+    def sr(self, _: int) -> int:
+        """What came."""
+        self._catch_up()
+        return self.of("SR")
+
+    def put_sr(self, _: int, value: int) -> None:
+        """A 0 clears."""
+        self._catch_up()
+        self.values[0x10] &= value
+
+    def put_egr(self, _: int, value: int) -> None:
+        """Begin again; UIF comes, unless URS is set."""
+        if value & 1:
+            self._change(0x14, 0, 0)
+            self.values[0x10] |= not self.of("CR1") & 4
+
+    def put_cr1(self, _: int, value: int) -> None:
+        """Start or stop."""
+        self._change(0x00, value)
+
+    def put_dier(self, _: int, value: int) -> None:
+        """Let the update interrupt."""
+        self._change(0x0C, value)
+
+    def put_cnt(self, _: int, value: int) -> None:
+        """Set the count."""
+        self._change(0x24, value, value & self._mask)
+
+    def put_psc(self, _: int, value: int) -> None:
+        """Divide the clock, from now on."""
+        self._change(0x28, value & 0xFFFF)
+
+    def put_arr(self, _: int, value: int) -> None:
+        """Set the last count."""
+        self._change(0x2C, value & self._mask)
+
+
+class Storage(Block):
+    """Registers that are accepted, and do nothing."""
+
+    REGISTERS = (Register("R", 0x00, count=0x100),)
+
+
+class Device(Block):
+    """What the factory wrote: the size of the flash, and a unique number."""
+
+    REGISTERS = (
+        Register("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
+        Register("UID", 0x3E8, 1, "of an F1", count=3),
+        Register("UID", 0x210, 1, "of an F4", count=3),
+        Register("SIZE", 0x220, 0x0400 << 16, "of an F4"),
+    )
+
+
+class Family(Struct, frozen=True):
+    """Where a family has its peripherals.
+
+    Attributes:
+        timers: base and interrupt of each, by its name.
+        uarts: base of each.
+        storage: base of what is accepted, and does nothing.
+        named: base of what is not modelled; accesses there name it.
+        places: base of RCC, EXTI, AFIO or SYSCFG, the first port, and what the factory wrote.
+        ports: how many ports there are.
+    """
+
+    timers: dict[str, tuple[int, int]]
+    uarts: dict[str, int]
+    storage: dict[str, int]
+    named: dict[str, int]
+    places: tuple[int, int, int, int, int]
+    ports: int
+
+
+_TIMERS: Final = {
+    "TIM2": (0x40000000, 28), "TIM3": (0x40000400, 29), "TIM4": (0x40000800, 30),
+    "TIM5": (0x40000C00, 50), "TIM6": (0x40001000, 54), "TIM7": (0x40001400, 55),
+}  # fmt: skip
+_UARTS: Final = {
+    "USART2": 0x40004400, "USART3": 0x40004800, "UART4": 0x40004C00, "UART5": 0x40005000,
+}  # fmt: skip
+_NAMED: Final = {
+    "RTC": 0x40002800, "WWDG": 0x40002C00, "SPI2": 0x40003800, "SPI3": 0x40003C00,
+    "I2C1": 0x40005400, "I2C2": 0x40005800, "CAN1": 0x40006400, "CAN2": 0x40006800,
+    "DAC": 0x40007400, "SPI1": 0x40013000, "CRC": 0x40023000,
+}  # fmt: skip
+FAMILIES: Final = {
+    "stm32f1": Family(
+        {**_TIMERS, "TIM1": (0x40012C00, 25), "TIM8": (0x40013400, 44)},
+        {**_UARTS, "USART1": 0x40013800},
+        {"IWDG": 0x40003000, "PWR": 0x40007000, "BKP": 0x40006C00, "FLASH": 0x40022000},
+        {
+            **_NAMED, "USB": 0x40005C00, "ADC1": 0x40012400, "ADC2": 0x40012800,
+            "ADC3": 0x40013C00, "DMA1": 0x40020000, "DMA2": 0x40020400,
+        },
+        (0x40021000, 0x40010400, 0x40010000, 0x40010800, 0x1FFFF400),
+        7,
+    ),
+    "stm32f4": Family(
+        {
+            **_TIMERS, "TIM1": (0x40010000, 25), "TIM8": (0x40010400, 44),
+            "TIM9": (0x40014000, 24), "TIM10": (0x40014400, 25), "TIM11": (0x40014800, 26),
+            "TIM12": (0x40001800, 43), "TIM13": (0x40001C00, 44), "TIM14": (0x40002000, 45),
+        },
+        {**_UARTS, "USART1": 0x40011000, "USART6": 0x40011400},
+        {"IWDG": 0x40003000, "PWR": 0x40007000, "FLASH": 0x40023C00},
+        {
+            **_NAMED, "I2C3": 0x40005C00, "ADC": 0x40012000, "SDIO": 0x40012C00,
+            "SPI4": 0x40013400, "SPI5": 0x40015000, "SPI6": 0x40015400, "DMA1": 0x40026000,
+            "DMA2": 0x40026400, "ETH": 0x40028000,
+        },
+        (0x40023800, 0x40013C00, 0x40013800, 0x40020000, 0x1FFF7800),
+        9,
+    ),
+}  # fmt: skip
+
+
+class Unmodelled(Block):
+    """A peripheral of which the name alone is known."""
+
+
+def equip(machine: Machine, processor: CortexM, name: str) -> None:
+    """Give a Cortex-M the peripherals of its family."""
+    family, f4 = FAMILIES[name], name == "stm32f4"
+    rcc, exti, sources, ports, device = family.places
+    clocks = (Clocks4 if f4 else Clocks)(machine, "RCC", rcc)
+    choice = Choice(machine, "SYSCFG" if f4 else "AFIO", sources)
+    for name, base in family.named.items():
+        machine.add(Unmodelled(machine, name, base))
+    for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
+        enable = ("AHB1ENR", number) if f4 else ("APB2ENR", number + 2)
+        base = ports + 0x400 * number
+        machine.add((Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable))
+    for name, (base, number) in family.timers.items():
+        wide = f4 and name in ("TIM2", "TIM5")
+        machine.add(Timer(machine, name, base, processor, number, wide))
+    for name, base in family.uarts.items():
+        machine.add(SerialPort(machine, name, base))
+    for name, base in family.storage.items():
+        machine.add(Storage(machine, name, base))
+    machine.add(clocks)
+    machine.add(choice)
+    machine.add(ExternalInterrupts(machine, "EXTI", exti, processor, choice))
+    machine.add(Device(machine, "DEVICE", device))
+    machine.add(Storage(machine, "DBGMCU", 0xE0042000))
+    machine.add(Storage(machine, "FSMC", 0xA0000000), 0x1000)
+    machine.add(SystemControl(machine, "SCS", 0xE000E000, processor), 0x1000)
+    machine.add(Trace(machine, "DWT", 0xE0001000), 0x1000)
+    machine.add(Storage(machine, "ITM", 0xE0000000), 0x1000)
+    machine.window(0x40000000, 0x80000)
+    machine.window(0x42000000, 0x1000000)
+    machine.window(0xA0000000, 0x1000)
+    machine.window(0xE0000000, 0x100000)
+    machine.window(device & ~0xFFF, 0x1000)
+    machine.translate = _BitBand(machine).access
+
+
+class _BitBand:
+    """Bits of the peripherals as words of their own, from 42000000h on."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine: Final = machine
+
+    def access(self, address: int, size: int, value: int | None) -> int | None:
+        """Read or write a bit; None: the address is none of these."""
+        if not 0x42000000 <= address < 0x43000000:
+            return None
+        place, bit = 0x40000000 + (address - 0x42000000 >> 5 & ~3), address >> 2 & 31
+        word = self._machine.peripheral_read(place, 4)
+        if value is None:
+            return word >> bit & 1
+        word = (word & ~(1 << bit)) | (value & 1) << bit
+        self._machine.peripheral_write(place, 4, word)
+        return 0
+
+
+def build(machine: Machine) -> None:
+    """Make an STM32 of a machine."""
+    section = machine.section
+    processor = machine.processor = CortexM(machine)
+    machine.memory(section.rom, section.rom_size, False, also=0)
+    machine.memory(section.ram, section.ram_size, True)
+    if section.family == "stm32f4":
+        machine.memory(0x10000000, 0x10000, True)  # CCM
+    equip(machine, processor, section.family)
+    machine.card_windows(0xE0000000)

@@ -1,0 +1,265 @@
+"""Runs of a campaign: a program in one world after another, in several processes."""
+
+import io
+import os
+import runpy
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import msgspec
+
+from vbus.board.board import Board
+from vbus.board.build import build
+from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
+from vbus.boardfile.source import Source
+from vbus.campaign.account import Account, Witness
+from vbus.campaign.plan import Planned
+from vbus.campaign.verdict import Result, judge
+from vbus.campaign.world import World, begin, of_world
+from vbus.cli.hosted.program import Ran, run_beside
+from vbus.client.bus import Bus
+from vbus.core.errors import VbusError
+from vbus.core.kernel import SECOND
+from vbus.core.runtime import private_runtime
+from vbus.core.wall_clock import monotonic
+from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
+from vbus.serve.in_process import connect_in_process
+
+_LONGER: Final = 4
+"""A run may take so many times what the reference run takes, and :data:`_PATIENCE` more."""
+_PATIENCE: Final = SECOND
+_CYCLES: Final = 20_000
+_AHEAD: Final = 4
+"""Runs for each process that are asked for before their turn."""
+
+
+class Subject(Protocol):
+    """What a campaign runs."""
+
+    def run(self, world: World, reference: Account | None) -> Account:
+        """Run it in a world; without a reference run, note every bus cycle.
+
+        Raises:
+            VbusError: it cannot be run, or the world cannot be.
+        """
+
+
+def limits_of(reference: Account | None) -> tuple[int, int]:
+    """Return the chip time (ps) and the bus cycles that a run may take."""
+    if reference is None:
+        return 60 * SECOND, 10_000_000
+    return _LONGER * reference.now + _PATIENCE, _LONGER * reference.cycles + _CYCLES
+
+
+class Program:
+    """A program on a board of its own.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        host: what the program reaches.
+        command: gives program and arguments, for the address of the link.
+    """
+
+    def __init__(
+        self,
+        file: BoardFile,
+        source: Source,
+        host: HostSection,
+        command: Callable[[str], list[str]],
+    ) -> None:
+        self.file: BoardFile = msgspec.structs.replace(file, record=RecordSection(), waves=())
+        self.source: Source = source
+        self._host = host
+        self._command = command
+
+    def run(self, world: World, reference: Account | None) -> Account:
+        """Run it in a world."""
+        file, source = of_world(self.file, self.source, world)
+        file = msgspec.structs.replace(file, record=RecordSection(), waves=())
+        limit, cycles = limits_of(reference)
+        seen: list[Witness] = []
+
+        def prepare(board: Board) -> None:
+            seen.append(Witness(board, reference is None))
+            try:
+                begin(board, world)
+            except ValueError as error:
+                raise VbusError(f"{world}: {error}") from None
+
+        with private_runtime(), _said() as said:
+            ran: Ran = run_beside(
+                file, source, self._host, self._command, limit=limit, cycles=cycles, prepare=prepare
+            )
+        stuck = ran.hangs[0] if ran.hangs else ""
+        output, errors = said
+        return seen[0].account(
+            code=ran.code, stuck=stuck, slow=ran.slow, output=output, errors=errors
+        )
+
+
+class Function:
+    """A function of Python that is given a client's bus, on a board in the same process.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        call: the function.
+    """
+
+    def __init__(self, file: BoardFile, source: Source, call: Callable[[Bus], object]) -> None:
+        self.file: BoardFile = file
+        self.source: Source = source
+        self._call = call
+
+    def run(self, world: World, reference: Account | None) -> Account:
+        """Run it in a world."""
+        board = build(*of_world(self.file, self.source, world))
+        limit, cycles = limits_of(reference)
+        witness = Witness(board, reference is None)
+        try:
+            begin(board, world)
+        except ValueError as error:
+            raise VbusError(f"{world}: {error}") from None
+        watch = HostWatch(board, Limits(cycles, board.now + limit, IN_VAIN))
+        code, output, errors = 0, io.StringIO(), io.StringIO()
+        with redirect_stdout(output), redirect_stderr(errors):
+            bus = connect_in_process(board)
+            try:
+                result = self._call(bus)
+                if result is not None:
+                    print(result)
+            except HostStuck:
+                pass
+            except SystemExit as error:
+                code = error.code if isinstance(error.code, int) else int(error.code is not None)
+                errors.write(str(error.code) if code else "")
+            except Exception as error:
+                code = 1
+                errors.write(f"{type(error).__name__}: {error}")
+            finally:
+                bus.close()
+        watch.close()
+        return witness.account(
+            code=code, stuck=watch.stuck, slow=watch.slow, output=output.getvalue(),
+            errors=errors.getvalue(),
+        )  # fmt: skip
+
+
+def function_of(text: str) -> Callable[[Bus], object]:
+    """Return the function that ``FILE.py:NAME`` names.
+
+    Raises:
+        VbusError: there is no such file or function.
+    """
+    path, _, name = text.rpartition(":")
+    if not Path(path).is_file():
+        raise VbusError(f"{text}: there is no file {path or text}; write FILE.py:FUNCTION")
+    sys.path.insert(0, str(Path(path).resolve().parent))
+    found = runpy.run_path(path, run_name="campaign").get(name)
+    if not callable(found):
+        raise VbusError(f"{text}: {path} has no function {name}")
+    call: Callable[[Bus], object] = found
+    return call
+
+
+@contextmanager
+def _said() -> Iterator[list[str]]:
+    """Catch what this process and those that come from it say; what it was is in the list then."""
+    said: list[str] = []
+    sys.stdout.flush()
+    sys.stderr.flush()
+    before = [os.dup(1), os.dup(2)]
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        os.dup2(output.fileno(), 1)
+        os.dup2(errors.fileno(), 2)
+        try:
+            yield said
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for number, kept in enumerate(before, 1):
+                os.dup2(kept, number)
+                os.close(kept)
+            for file in (output, errors):
+                file.seek(0)
+                said.append(file.read().decode(errors="replace"))
+
+
+# -- processes ------------------------------------------------------------------------------------
+
+_SUBJECT: list[tuple[Subject, Account]] = []
+"""What this worker runs, and the reference run."""
+
+
+def _start(subject: Subject, reference: Account) -> None:
+    _SUBJECT.append((subject, reference))
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    os.close(null)
+
+
+def _try(world: World) -> Result:
+    subject, reference = _SUBJECT[-1]
+    return judge(reference, subject.run(world, reference), world)
+
+
+def run_all(
+    subject: Subject,
+    reference: Account,
+    worlds: Iterable[Planned],
+    jobs: int,
+    until: float,
+    told: Callable[[World, Result], None],
+) -> None:
+    """Run a subject in one world after another, until a time is over.
+
+    Args:
+        subject: what is run.
+        reference: its reference run.
+        worlds: in the order in which they are tried.
+        jobs: number of processes.
+        until: instant of the wall clock after which none is begun.
+        told: called with each world and what came of it, in that order.
+
+    Raises:
+        VbusError: a run cannot be made.
+    """
+    # Of `fork` every worker has the board's tables, and the program's, without reading them again.
+    pool = ProcessPoolExecutor(
+        jobs, mp_context=get_context("fork"), initializer=_start,
+        initargs=(subject, msgspec.structs.replace(reference, seen=[], edges=[])),
+    )  # fmt: skip
+    waiting: list[tuple[World, Future[Result]]] = []
+
+    def take(left: int) -> None:
+        while len(waiting) > left:
+            world, future = waiting.pop(0)
+            told(world, future.result())
+
+    try:
+        for one in worlds:
+            if monotonic() >= until:
+                break
+            waiting.append((one.world, pool.submit(_try, one.world)))
+            take(jobs * _AHEAD)
+        take(0)
+    except BrokenProcessPool:
+        raise VbusError("a process of the campaign has died; its world is not known") from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def difference(reference: Account, again: Account) -> str:
+    """Say in what two runs in the same world differ; "" if they do not."""
+    result: Any = judge(reference, again)
+    if reference.cycles != again.cycles and not result.reason:
+        return f"{again.cycles} bus cycles, and not {reference.cycles}"
+    return str(result.reason)

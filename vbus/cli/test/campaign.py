@@ -1,0 +1,387 @@
+"""``vbus campaign``: a program again and again, each time with one thing broken around it."""
+
+import hashlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from vbus.cli.output import complain, duration
+
+if TYPE_CHECKING:
+    from vbus.boardfile.sections import BoardFile, HostSection
+    from vbus.boardfile.source import Source
+    from vbus.campaign.account import Account
+    from vbus.campaign.verdict import Result
+    from vbus.campaign.world import World
+    from vbus.cli.hosted.campaign_runs import Function, Subject
+
+_MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
+_TOLD: Final = 20
+"""Outcomes that are listed one by one; --all lists all of them."""
+
+
+def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Return a time of the wall clock, which may be in minutes and hours (ps)."""
+    from vbus.core.kernel import SECOND
+
+    found = _MINUTES.fullmatch(value or "")
+    if found:
+        return int(found[1]) * (3600 if found[2] == "h" else 60) * SECOND
+    length: int | None = duration(ctx, param, value)
+    return length
+
+
+@click.command("campaign", context_settings={"ignore_unknown_options": True})
+@click.option("--board", metavar="FILE", help="The board file; with pytest, tests have theirs.")
+@click.option("--host", metavar="FILE.py:NAME", help="A function that is given a bus, no PROGRAM.")
+@click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware, as in vbus exec.")
+@click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
+@click.option("--only", metavar="DIMENSION,...", help="Try these dimensions alone.")
+@click.option("--phases", type=click.IntRange(2, 4096), help="How many places in a sample (16).")
+@click.option("--for", "longest", metavar="TIME", callback=_minutes, help="Stop after so long, 5m.")
+@click.option("--worlds", type=click.IntRange(1), metavar="N", help="Stop after so many worlds.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Which of a group come first.")
+@click.option("-j", "--jobs", type=click.IntRange(1), help="Processes; all processors without it.")
+@click.option("--json", metavar="FILE", help="Keep results in FILE, and go on from them.")
+@click.option("--junit", metavar="FILE", help="Write them as JUnit does.")
+@click.option("--page", metavar="FILE", help="Write a page for a browser.")
+@click.option("--baseline", metavar="FILE", help="A file of --json: fail for what it has not.")
+@click.option("--world", metavar="WORLD", help="Run once, in this world; --journal as in exec.")
+@click.option("--journal", metavar="FILE", help="With --world: write every call of the host.")
+@click.option("--all", "every", is_flag=True, help="Tell every outcome, not 20.")
+@click.argument("program", nargs=-1, type=click.UNPROCESSED)
+def command(
+    board: str | None, host: str | None, avr: str | None, pinmap: str | None, only: str | None,
+    phases: int | None, longest: int | None, worlds: int | None, seed: int, jobs: int | None,
+    json: str | None, junit: str | None, page: str | None, baseline: str | None,
+    world: str | None, journal: str | None, every: bool, program: tuple[str, ...],
+) -> int:  # fmt: skip
+    """Run a program in many worlds, in each of which one thing is broken; tell what it notices.
+
+    \b
+    vbus campaign --board board.toml -- ./host
+    vbus campaign --board board.toml --for 5m --json campaign.json -- ./host
+    vbus campaign --board board.toml --host driver.py:move      a function, in this process
+    vbus campaign --for 5m -- pytest tests                      pytest --vbus-campaign=5m tests
+    vbus campaign --board board.toml --only phase --phases 64 -- ./host
+    vbus campaign --board board.toml --world cycle:x.17:flip3 -- ./host    one run, in full
+
+    Dimensions: cycle (a bit of a bus cycle inverted, its strobe lost or doubled, its answer late,
+    busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
+    sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each of
+    vbus fault --list once). The exit code is 1 if a silent outcome is not in the baseline.
+    """
+    if board is None:
+        return _pytest(program, longest, worlds)
+    if (host is None) == (not program):
+        raise click.UsageError("name either a PROGRAM or a function with --host")
+    if journal is not None and world is None:
+        raise click.UsageError("--journal goes with --world: a campaign is many runs")
+    for name, value in (("--json", json), ("--junit", junit), ("--page", page)):
+        if value is not None and world is not None:
+            raise click.UsageError(f"{name} goes with a campaign, and --world is one run")
+    chosen = _dimensions(only)
+
+    def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
+        campaign = Settings(
+            subject, file, source, chosen, phases or 0, seed,
+            jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, avr, pinmap, program),
+            _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
+        )  # fmt: skip
+        return campaign.run(json, junit, page, baseline, every)
+
+    def run(
+        file: "BoardFile",
+        source: "Source",
+        section: "HostSection",
+        made: Callable[[str], list[str]],
+        *_: object,
+    ) -> int:
+        from vbus.cli.hosted.campaign_runs import Program
+
+        if world is not None:
+            return _replay(world, file, source, section, made, journal)
+        return tried(Program(file, source, section, made), file, source)
+
+    if host is not None:
+        from vbus.board.config import read_board_file
+        from vbus.cli.hosted.campaign_runs import Function, function_of
+
+        for option, value in (("--avr", avr), ("--pinmap", pinmap), ("--journal", journal)):
+            if value is not None:
+                raise click.UsageError(f"{option} goes with a PROGRAM")
+        file, source = read_board_file(board)
+        function = Function(file, source, function_of(host))
+        if world is not None:
+            return _replay_function(world, function)
+        return tried(function, file, source)
+    from vbus.cli.run.exec_avr import run_avr
+
+    if avr is not None:
+        if len(program) != 1:
+            raise click.UsageError("--avr takes one firmware file and no arguments")
+        try:
+            return run_avr(avr, program[0], board, None, pinmap, runner=run)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--avr") from None
+    from vbus.cli.run.exec import run_own
+
+    return run_own(board, pinmap, None, True, list(program), {}, "", run)
+
+
+def _dimensions(only: str | None) -> tuple[str, ...]:
+    from vbus.campaign.world import DIMENSIONS
+    from vbus.core.values.settings import among
+
+    if only is None:
+        return DIMENSIONS
+    names = tuple(name.strip() for name in only.split(","))
+    for name in names:
+        if name not in DIMENSIONS:
+            known = among(name, DIMENSIONS, "there are")
+            raise click.BadParameter(
+                f'there is no dimension "{name}"; {known}', param_hint="--only"
+            )
+    return names
+
+
+def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
+    """Let pytest make the campaign."""
+    from vbus.core.kernel import SECOND
+
+    if program[:1] != ("pytest",):
+        raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
+    given = click.get_current_context()
+    for name in ("host", "avr", "pinmap", "only", "phases", "jobs", "json", "junit", "page",
+                 "baseline", "world", "journal"):  # fmt: skip
+        if given.params[name] is not None:
+            raise click.UsageError(f"--{name} does not go with pytest; pytest has its own options")
+    if longest is not None and worlds is not None:
+        raise click.UsageError("with pytest write either --for or --worlds")
+    budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else "=100"
+    words = ["-m", "pytest", f"--vbus-campaign{budget}", *program[1:]]
+    return subprocess.run([sys.executable, *words]).returncode
+
+
+def _words(
+    board: str, host: str | None, avr: str | None, pinmap: str | None, program: tuple[str, ...]
+) -> list[str]:
+    """Return the words after ``vbus campaign`` by which one world is run, but for the world."""
+    words = ["--board", board]
+    if host:
+        return [*words, "--host", host]
+    words += ["--avr", avr] if avr else []
+    words += ["--pinmap", pinmap] if pinmap else []
+    return [*words, "--", *program]
+
+
+def _digest(text: str, program: tuple[str, ...]) -> str:
+    """Return what tells whether results are of this board and this program."""
+    whole = hashlib.sha256(text.encode())
+    for word in program:
+        whole.update(word.encode() + b"\0")
+        if Path(word).is_file():
+            whole.update(Path(word).read_bytes())
+    return whole.hexdigest()
+
+
+def _replay(
+    name: str,
+    file: "BoardFile",
+    source: "Source",
+    host: "HostSection",
+    made: Callable[[str], list[str]],
+    journal: str | None,
+) -> int:
+    """Run a program in one world; say what it was and what came of it."""
+    from vbus.board.board import Board
+    from vbus.campaign.world import begin, of_world, read_world
+    from vbus.cli.hosted.campaign_runs import limits_of
+    from vbus.cli.hosted.program import run_beside
+    from vbus.cli.outcome import AxisOutcomes
+    from vbus.serve.serving import recorded
+
+    try:
+        world = read_world(name)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--world") from None
+    file, source = of_world(file, source, world)
+    file = recorded(file, {"journal": journal} if journal else {}, "")
+
+    def prepare(board: Board) -> None:
+        outcomes.append(AxisOutcomes(board))
+        board.observe(outcomes[0])
+        try:
+            begin(board, world)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--world") from None
+
+    outcomes: list[AxisOutcomes] = []
+    complain(f"world: {world.sentence()}")
+    ran = run_beside(file, source, host, made, limit=limits_of(None)[0], prepare=prepare)
+    outcomes[0].look()
+    for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
+        complain(line)
+    return ran.code
+
+
+def _replay_function(name: str, function: "Function") -> int:
+    """Call a function in one world; say what it was and what came of it."""
+    from vbus.campaign.verdict import judge
+    from vbus.campaign.world import REFERENCE, read_world
+
+    try:
+        world = read_world(name)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--world") from None
+    reference = function.run(REFERENCE, None)
+    run = function.run(world, reference)
+    result = judge(reference, run, world)
+    sys.stdout.write(run.output)
+    sys.stderr.write(run.errors)
+    complain(f"world: {world.sentence()}")
+    complain(f"{result.verdict}: {result.reason}" if result.reason else result.verdict)
+    for finding in result.findings:
+        complain(f"finding: {finding}")
+    return run.code
+
+
+class Settings:
+    """A campaign as the command line has it.
+
+    Args:
+        subject: what is run.
+        file: its board.
+        source: the same as text.
+        only: dimensions.
+        phases: how many phases; 0: as many as usual.
+        seed: of the order.
+        jobs: number of processes.
+        longest: how long it may take (ps); None: until all is tried.
+        most: how many worlds; None: all.
+        words: what runs one world.
+        digest: of board and program.
+    """
+
+    def __init__(
+        self,
+        subject: "Subject",
+        file: "BoardFile",
+        source: "Source",
+        only: tuple[str, ...],
+        phases: int,
+        seed: int,
+        jobs: int,
+        longest: int | None,
+        most: int | None,
+        words: list[str],
+        digest: str,
+    ) -> None:
+        self._subject = subject
+        self._file, self._source = file, source
+        self._only, self._phases, self._seed = only, phases, seed
+        self._jobs, self._longest, self._most = jobs, longest, most
+        self._words, self._digest = words, digest
+
+    def line(self, world: "World") -> str:
+        """Return the line that runs a world again."""
+        return shlex.join(["vbus", "campaign", "--world", str(world), *self._words])
+
+    def run(
+        self,
+        json: str | None,
+        junit: str | None,
+        page: str | None,
+        baseline: str | None,
+        every: bool,
+    ) -> int:
+        """Run it, and write what came of it.
+
+        Raises:
+            VbusError: the reference run fails, or does not repeat; a file cannot be written.
+        """
+        from vbus.board.build import build
+        from vbus.campaign import report
+        from vbus.campaign.plan import PHASES, plan
+        from vbus.campaign.verdict import Campaign
+        from vbus.campaign.world import REFERENCE
+        from vbus.cli.hosted.campaign_runs import run_all
+        from vbus.core.errors import ConfigError
+        from vbus.core.kernel import SECOND
+        from vbus.core.wall_clock import monotonic
+        from vbus.serve.output_file import write_file
+
+        if self._file.board.time == "realtime":
+            raise ConfigError(
+                f"{self._file.path}: in real time no two runs are alike; the board must be lockstep"
+                " or slaved"
+            )
+        known = report.read_baseline(baseline) if baseline else ()
+        begun = monotonic()
+        until = begun + self._longest / SECOND if self._longest else float("inf")
+        reference = self._reference(self._subject.run(REFERENCE, None))
+        board = build(self._file, self._source)
+        planned = plan(reference, self._file, board, self._seed, self._only, self._phases or PHASES)
+        saved = report.read_saved(json, self._digest) if json else report.Saved(self._digest)
+        wanted = planned.worlds[: self._most]
+        left = [one for one in wanted if str(one.world) not in saved.results]
+        before = len(saved.results)
+
+        def take(world: "World", result: "Result") -> None:
+            saved.results[str(world)] = result
+            if json and len(saved.results) % 100 == 0:
+                write_file(json, report.as_json(saved))
+
+        stopped = False
+        try:
+            run_all(self._subject, reference, left, self._jobs, until, take)
+        except KeyboardInterrupt:
+            stopped = True
+        spent = monotonic() - begun
+        names = [str(one.world) for one in wanted]
+        found = {name: saved.results[name] for name in names if name in saved.results}
+        campaign = Campaign(planned, found)
+        saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(report.QUIET)))
+        saved.totals = campaign.totals()
+        new = campaign.new(known)
+        if json:
+            write_file(json, report.as_json(saved))
+        if junit:
+            write_file(junit, report.as_junit(campaign, new, self.line))
+        if page:
+            write_file(page, report.as_page(campaign, shlex.join(self._words), self.line))
+        for line in report.lines(campaign, known, self.line, None if every else _TOLD):
+            click.echo(line)
+        made = len(saved.results) - before
+        pace = f"{made / max(spent, 1e-9):.1f} runs/s, {self._jobs} processes"
+        complain(f"{made} runs in {spent:.1f} s: {pace}")
+        if stopped:
+            again = f"; the same command goes on from {json}" if json else ""
+            complain(f"stopped before the end{again}")
+            return 130
+        return 1 if new else 0
+
+    def _reference(self, reference: "Account") -> "Account":
+        from vbus.campaign.world import REFERENCE
+        from vbus.cli.hosted.campaign_runs import difference
+        from vbus.core.errors import VbusError
+
+        if reference.stuck or reference.code:
+            sys.stdout.write(reference.output)
+            sys.stderr.write(reference.errors)
+            why = reference.stuck or f"it ends with exit code {reference.code}"
+            raise VbusError(f"the reference run, with nothing broken, fails: {why}")
+        unlike = difference(reference, self._subject.run(REFERENCE, reference))
+        if unlike:
+            raise VbusError(
+                f"two runs with nothing broken differ: {unlike}; a campaign compares runs, so the"
+                " program must do the same each time (no wall clock, no random numbers)"
+            )
+        return reference

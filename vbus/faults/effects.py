@@ -1,0 +1,233 @@
+"""What the faults that act do, by what they act on."""
+
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from typing import ClassVar, Final
+
+from vbus.circuit.circuit import Circuit
+from vbus.core.kernel.clock import Course
+from vbus.core.options import Value
+from vbus.core.signals.wire import WireEnd
+from vbus.core.state import Names
+from vbus.faults.armed import ACTING, Armed, LinkActs
+from vbus.faults.axis import AxisFaults
+from vbus.faults.bus import BusFault, Later
+from vbus.faults.clock import CLOCKS, ClockFaults
+from vbus.faults.glue import Placed, glue_fault
+from vbus.faults.row import AXIS, LINK, MESSAGES, ONCE, WIRE, concerned
+from vbus.faults.upsets import upsets_of
+from vbus.faults.wire import WireFault
+
+AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
+"""An axis; whether its plant is wrapped, the counts its pulses hold the encoder off by, and at
+which count each fault has begun."""
+
+
+_PLACED: Final = ("wire", "glue")
+"""Families of faults that are about one wire or one part."""
+
+
+class FaultEffects:
+    """Begins and ends faults on axes, chips, buses, wires and links.
+
+    Args:
+        board: the board.
+        later: sets a timer.
+        armed: every fault that was ever armed, by number.
+
+    Attributes:
+        buses: what is wrong with buses now, by number of fault.
+        wires: the same of wires and parts of glue.
+        links: does the faults of links; None on a board without a server.
+    """
+
+    STATE: ClassVar[Names] = (
+        "courses: list[(str, list[(i64, i64, int, int), ...]), ...]",
+        "axes: list[(str, bool, i64, list[(i64, i64), ...]), ...]",
+    )
+    WIRING: ClassVar[Names] = ("_armed", "_board", "_later", "links")
+    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "buses", "wires")
+
+    def __init__(self, board: Circuit, later: Later, armed: dict[int, Armed]) -> None:
+        self._board: Circuit = board
+        self._later: Later = later
+        self._armed: dict[int, Armed] = armed
+        self._axes: dict[str, AxisFaults] = {}
+        self._clocks: dict[str, ClockFaults] = {}
+        self.buses: dict[int, BusFault] = {}
+        self.wires: dict[int, Placed] = {}
+        self.links: LinkActs | None = None
+
+    def axis(self, place: str) -> AxisFaults:
+        """Return what can be broken behind an axis, ``"x.1"``."""
+        found = self._axes.get(place)
+        if found is None:
+            chip, _, number = place.partition(".")
+            found = AxisFaults(self._board.chip(chip), int(number) - 1, self._board.axes[place])
+            self._axes[place] = found
+        return found
+
+    def clock(self, name: str) -> ClockFaults:
+        """Return what can be wrong with the clock of the chip ``name``."""
+        found = self._clocks.get(name)
+        if found is None:
+            chip = self._board.chip(name)
+            places = [f"{name}.{axis + 1}" for axis in range(chip.axis_count)]
+            plants = [self._board.axes[place] for place in places if place in self._board.axes]
+            found = self._clocks[name] = ClockFaults(chip, plants)
+        return found
+
+    def begin(self, armed: Armed) -> str:
+        """Let a fault act; return what it changes.
+
+        Raises:
+            ValueError: it cannot; says why.
+        """
+        fault = armed.fault
+        if fault.target == AXIS:
+            return self.axis(armed.target).begin(armed.number, armed.name, armed.values)
+        if fault.target == LINK:
+            if self.links is None:
+                raise ValueError("no link is served: this board has no server, or none yet")
+            text = self.links.begin(
+                armed.number, armed.name, armed.target, armed.single, armed.values
+            )
+            return concerned(armed.values) if fault.family == MESSAGES else text
+        if fault.family in _PLACED:
+            wire = self.wires[armed.number] = self._wire(armed)
+            return wire.begin()
+        chip = self._board.chip(armed.target)
+        if fault.family == "bus":
+            bus = BusFault(chip, armed.name, armed.values, self._later)
+            self.buses[armed.number] = bus
+            return bus.begin()
+        if armed.name in CLOCKS:
+            return self.clock(armed.target).begin(armed.number, armed.name, armed.values)
+        return upsets_of(chip).begin(armed.name, armed.values)
+
+    def end(self, armed: Armed) -> str:
+        """Let a fault act no more; return what there is to say about it."""
+        fault = armed.fault
+        if fault.target == AXIS:
+            self.axis(armed.target).end(armed.number)
+        elif fault.target == LINK:
+            if self.links is not None:
+                self.links.end(armed.number)
+        elif fault.family in _PLACED:
+            wire = self.wires.pop(armed.number, None)
+            if wire is not None:
+                wire.end()
+        elif fault.family == "bus":
+            bus = self.buses.pop(armed.number, None)
+            if bus is not None:
+                bus.end()
+        elif armed.name in CLOCKS:
+            return self.clock(armed.target).end(armed.number)
+        elif fault.acts != ONCE:
+            upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
+        return ""
+
+    def serve(self, links: LinkActs | None) -> None:
+        """Let ``links`` do the faults of links from now on, those that act already among them."""
+        self.links = links
+        for armed in self._armed.values() if links is not None else ():
+            if armed.fault.target == LINK and armed.state == ACTING:
+                with suppress(ValueError):  # the link has no host now
+                    self.begin(armed)
+                    armed.fired = max(1, armed.fired)
+
+    def _wire(self, armed: Armed) -> Placed:
+        if armed.fault.target != WIRE:
+            return glue_fault(self._board, armed.name, armed.target, armed.values)
+        end = self._board.nets[armed.target]
+        assert isinstance(end, WireEnd)
+        return WireFault(end, self._board.kernel, armed.name, armed.values)
+
+    # -- state --------------------------------------------------------------------------------
+
+    @property
+    def axes(self) -> list[AxisRow]:
+        """Of each axis, what is no part of the plant's state."""
+        return [
+            (
+                place, axis.wrapper is not None,
+                0 if axis.wrapper is None else axis.wrapper.pulsed,
+                [(number, here) for number, (_, _, here) in axis.acting.items()],
+            )
+            for place, axis in sorted(self._axes.items())
+            if axis.acting or axis.wrapper is not None
+        ]  # fmt: skip
+
+    @axes.setter
+    def axes(self, axes: list[AxisRow]) -> None:
+        wrapped = {place: (is_wrapped, pulsed) for place, is_wrapped, pulsed, _ in axes}
+        begun = {number: here for _, _, _, heres in axes for number, here in heres}
+        for place in sorted({*wrapped, *self._axes}):
+            acting = {
+                one.number: (one.name, _values_now(one), begun.get(one.number, 0))
+                for one in self._acting_on(place)
+            }
+            self.axis(place).restore(acting, *wrapped.get(place, (False, 0)))
+
+    @property
+    def courses(self) -> list[tuple[str, list[Course]]]:
+        """The courses that clocks have taken."""
+        clocks = [(name, one.chip.clock.courses) for name, one in sorted(self._clocks.items())]
+        return [(name, courses) for name, courses in clocks if courses]
+
+    @courses.setter
+    def courses(self, clocks: list[tuple[str, list[Course]]]) -> None:
+        courses = dict(clocks)
+        for name in sorted({*courses, *self._clocks}):
+            off = {
+                one.number: (one.name, one.values)
+                for one in self._acting_on(name)
+                if one.name in CLOCKS
+            }
+            self.clock(name).restore(off, courses.get(name, []))
+
+    def _acting_on(self, target: str) -> list[Armed]:
+        return [one for one in self._armed.values() if one.target == target and one.state == ACTING]
+
+    def wrap(self, places: Collection[str]) -> Callable[[], None]:
+        """Wrap the plants of these axes and no others, so that saved states of them fit.
+
+        Returns:
+            What wraps them as they were.
+        """
+        before = {place: axis.wrapper for place, axis in self._axes.items()}
+        for place in sorted({*places, *self._axes}):
+            self.axis(place).wrap_as(place in places)
+
+        def back() -> None:
+            for place, axis in self._axes.items():
+                axis.put(before.get(place))
+
+        return back
+
+    def go_on(self, acting: list[Armed]) -> None:
+        """Everything is loaded: let what acts on chips, buses and links act again."""
+        for chip in self._board.chips:
+            upsets = upsets_of(chip)
+            for row in upsets.FAULTS:
+                on = any(one.name == row.name and one.target == chip.name for one in acting)
+                upsets.restore(row.name, on)
+        for wire in self.wires.values():
+            wire.leave()
+        self.wires = {one.number: self._wire(one) for one in acting if one.fault.family in _PLACED}
+        for wire in self.wires.values():
+            wire.begin(again=True)
+        for one in acting:
+            if one.fault.family == "bus":
+                bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)
+                self.buses[one.number] = bus
+                bus.begin(again=True)
+        if self.links is not None:
+            self.links.end_all()
+            self.serve(self.links)
+
+
+def _values_now(armed: Armed) -> dict[str, Value]:
+    if armed.name == "limit_bouncing":
+        return {**armed.values, "state": "open" if armed.seen else "closed"}
+    return armed.values

@@ -1,0 +1,369 @@
+"""The part of the pytest plug-in that runs one test in many worlds: parts, specimens, campaigns."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from hashlib import sha256
+from itertools import islice, product
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+if TYPE_CHECKING:
+    from vbus.boardfile.sections import BoardFile
+    from vbus.boardfile.source import Source
+    from vbus.campaign.account import Account
+    from vbus.campaign.verdict import Result
+    from vbus.campaign.world import World
+    from vbus.testing.bench import Bench
+
+WORLD: pytest.StashKey["World"] = pytest.StashKey()
+"""The world in which the test runs now."""
+SEARCHING: pytest.StashKey[bool] = pytest.StashKey()
+"""Whether it runs to find out what comes of it there; its last run is what counts."""
+RUN: pytest.StashKey["tuple[BoardFile, Source, Account | None]"] = pytest.StashKey()
+"""The board that the test ran on, and what became of it."""
+LIMITS: pytest.StashKey["tuple[int, int]"] = pytest.StashKey()
+"""Chip time (ps) and bus cycles that it may take in a world of a campaign."""
+TALLY: pytest.StashKey["Tally"] = pytest.StashKey()
+_USUAL: Final = 100
+"""Worlds of each test, where nothing is said."""
+_MOST: Final = 20
+"""Silent outcomes that the summary tells."""
+_LISTS: Final = ("part", "clock", "time", "seed")
+_TIMES: Final = ("lockstep", "slaved")
+
+
+class Tally:
+    """The worlds that a run of pytest has seen.
+
+    Attributes:
+        tests: runs of each test that has a board.
+        verdicts: of campaigns, how many worlds came to what.
+        left: worlds that were not tried.
+        told: test, world, what was broken, and what came of it: of each silent outcome the first.
+        passed: tests of which no campaign can be made, with the reason.
+    """
+
+    def __init__(self) -> None:
+        self.tests: Counter[str] = Counter()
+        self.verdicts: Counter[str] = Counter()
+        self.left: int = 0
+        self.told: list[tuple[str, str, str]] = []
+        self.passed: list[tuple[str, str]] = []
+
+    def export(self) -> dict[str, Any]:
+        """Return it as pytest-xdist carries it."""
+        return {**vars(self), "tests": dict(self.tests), "verdicts": dict(self.verdicts)}
+
+    def add(self, other: dict[str, Any]) -> None:
+        """Take over what a worker of pytest-xdist has seen."""
+        self.tests.update(other["tests"])
+        self.verdicts.update(other["verdicts"])
+        self.left += other["left"]
+        self.told += other["told"]
+        self.passed += other["passed"]
+
+    def lines(self) -> Iterator[str]:
+        """Say in one line how many worlds there were; of a campaign, what was silent, too."""
+        runs, tests = sum(self.tests.values()), len(self.tests)
+        seen = f"vbus: {tests} test{'s' * (tests != 1)} in {runs} world{'s' * (runs != 1)}"
+        if not self.verdicts and not self.passed:
+            yield seen
+            return
+        from vbus.campaign.verdict import DETECTED, NO_EFFECT, VERDICTS
+
+        effects = sum(self.verdicts.values()) - self.verdicts[NO_EFFECT]
+        share = f"{100 * self.verdicts[DETECTED] / effects:.0f} %" if effects else "-"
+        counts = ", ".join(f"{self.verdicts[one]} {one}" for one in VERDICTS)
+        yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left} not tried"
+        for test, why in self.passed:
+            yield f"  {test}: no campaign: {why}"
+        for test, world, what in self.told[:_MOST]:
+            yield f"  {what}"
+            yield f"    pytest '{test}' --vbus-world='{world}'"
+        if len(self.told) > _MOST:
+            yield f"  {len(self.told) - _MOST} more silent outcomes"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what can be said on the command line."""
+    group = parser.getgroup("vbus")
+    group.addoption(
+        "--vbus-campaign",
+        nargs="?",
+        const=str(_USUAL),
+        metavar="N|TIME",
+        help=f"run each test in N worlds, in each of which one thing is broken ({_USUAL}), or all"
+        " of them for so long, such as 5m",
+    )
+    group.addoption(
+        "--vbus-world", metavar="WORLD", help="run the tests in one world, as a campaign names it"
+    )
+
+
+_TIME: Final = re.compile(r"(\d+(?:\.\d+)?) ?(s|m|min|h)")
+_UNITS: Final = {"s": 1, "m": 60, "min": 60, "h": 3600}
+
+
+def _asked(config: pytest.Config) -> tuple[int | None, float | None] | None:
+    """Return the number of worlds of each test, or the seconds for all; None: no campaign."""
+    text = config.getoption("--vbus-campaign")
+    if text is None:
+        return None
+    found = _TIME.fullmatch(text)
+    if found:
+        return None, float(found[1]) * _UNITS[found[2]]
+    if not text.isdecimal() or not int(text):
+        raise pytest.UsageError(
+            f"--vbus-campaign={text}: write a number of worlds, such as 100, or a time, such as 5m"
+        )
+    return int(text), None
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the marker."""
+    config.stash[TALLY] = Tally()
+    _asked(config)
+    if config.getoption("--vbus-world"):
+        from vbus.campaign.world import read_world
+
+        try:
+            read_world(config.getoption("--vbus-world"))
+        except ValueError as error:
+            raise pytest.UsageError(f"--vbus-world: {error}") from None
+    config.addinivalue_line(
+        "markers",
+        "vbus_matrix(part, clock, time, seed, hostile): run a test once for each of these parts"
+        ' ("PART", or "PART @ 6 MHz"), clocks, time policies and seeds; and on so many'
+        " specimens that the manual allows",
+    )
+
+
+@pytest.fixture
+def vbus_variant(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """What is otherwise in this variant of the test; see ``@pytest.mark.vbus_matrix``."""
+    found: dict[str, Any] = getattr(request, "param", {})
+    return found
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Make the variants of a test."""
+    said: dict[str, Any] = {}
+    for mark in reversed(list(metafunc.definition.iter_markers("vbus_matrix"))):
+        if mark.args:
+            _refuse(metafunc, "write lists by name, such as seed=[1, 2]")
+        said |= mark.kwargs
+    if not said:
+        return
+    if "vbus_variant" not in metafunc.fixturenames:
+        _refuse(metafunc, "the test takes no fixture of vbus that has a board")
+    hostile = said.pop("hostile", 0)
+    if isinstance(hostile, bool) or not isinstance(hostile, int) or hostile < 0:
+        _refuse(metafunc, f"hostile = {hostile!r}: write a number of specimens, such as 30")
+    for key, values in said.items():
+        _check(metafunc, key, values)
+    if "clock" in said and any("@" in part for part in said.get("part", ())):
+        _refuse(metafunc, 'a part has its clock ("PART @ 6 MHz") or the list of clocks, not both')
+    keys = [key for key in _LISTS if key in said]
+    variants = [dict(zip(keys, row, strict=True)) for row in product(*(said[k] for k in keys))]
+    ids = ["-".join([_short(key, row[key]) for key in keys] or ["hostile"]) for row in variants]
+    for row in variants:
+        part, at, clock = str(row.get("part", "")).partition("@")
+        row |= {"part": part.strip()} if part else {}
+        row |= {"clock": clock.strip()} if at else {}
+        row |= {"hostile": hostile} if hostile else {}
+    metafunc.parametrize("vbus_variant", variants, ids=ids, indirect=True)
+
+
+def _check(metafunc: pytest.Metafunc, key: str, values: Any) -> None:
+    if key not in _LISTS:
+        _refuse(metafunc, f"unknown keyword {key!r}; allowed are {', '.join(_LISTS)}, hostile")
+    kind = int if key == "seed" else str
+    some = isinstance(values, list | tuple | range) and values
+    if not some or not all(isinstance(value, kind) for value in values):
+        what = "numbers" if key == "seed" else "texts"
+        _refuse(metafunc, f"{key} = {values!r}: write a list of {what}")
+    for value in values:
+        if key == "time" and value not in _TIMES:
+            _refuse(metafunc, f"time = {value!r}: allowed are {' and '.join(_TIMES)}")
+
+
+def _refuse(metafunc: pytest.Metafunc, sentence: str) -> None:
+    where = metafunc.definition.nodeid
+    pytest.fail(f"{where}: @pytest.mark.vbus_matrix: {sentence}", pytrace=False)
+
+
+def _short(key: str, value: object) -> str:
+    return f"seed{value}" if key == "seed" else str(value).replace(" ", "")
+
+
+# -- worlds ---------------------------------------------------------------------------------------
+
+
+def world_run(item: pytest.Item, bench: "Bench") -> None:
+    """A test is over: note its board, and what became of it."""
+    begun = bench.begun
+    if begun is not None:
+        item.config.stash[TALLY].tests[item.nodeid] += 1
+        item.stash[RUN] = (begun.file, begun.source, bench.account())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Run a test in other worlds first; what is reported is its last run.
+
+    That is the one in the world in which it is weak, if a matrix looks for one; in the world that
+    the command line names; or with nothing broken.
+    """
+    variant = getattr(item, "callspec", None)
+    hostile = variant.params.get("vbus_variant", {}).get("hostile", 0) if variant else 0
+    named, campaign = item.config.getoption("--vbus-world"), _asked(item.config)
+    if "vbus_bench" not in getattr(item, "fixturenames", ()) or not (hostile or named or campaign):
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    if named:
+        from vbus.campaign.world import read_world
+
+        item.stash[WORLD] = read_world(named)
+    elif hostile:
+        item.stash[WORLD] = _weak_on(item, hostile)
+    if campaign and not named:
+        _campaign(item, *campaign)
+    runtestprotocol(item, nextitem=nextitem)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def _in_world(item: pytest.Item, world: "World") -> list[pytest.TestReport]:
+    """Run a test in a world without reporting it; return the reports."""
+    before = item.stash.get(WORLD, None)
+    parent = cast(pytest.Item, item.parent)  # whose fixtures stay from one run to the next
+    item.stash[SEARCHING] = True
+    item.stash[WORLD] = world
+    try:
+        return runtestprotocol(item, log=False, nextitem=parent)
+    finally:
+        item.stash[SEARCHING] = False
+        if before is None:
+            del item.stash[WORLD]
+        else:
+            item.stash[WORLD] = before
+
+
+def _weak_on(item: pytest.Item, examples: int) -> "World":
+    """Return the specimen with the fewest extremes under which a test fails, or nothing otherwise.
+
+    What failed in the last run is tried first, and what is found is kept for the next one.
+    """
+    from vbus.campaign.plan import specimens, weakest
+    from vbus.campaign.world import REFERENCE, possible, read_world
+
+    results: dict[World, bool] = {}
+
+    def fails(world: "World") -> bool:
+        if world not in results:
+            results[world] = any(report.failed for report in _in_world(item, world))
+        return results[world]
+
+    if fails(REFERENCE) or RUN not in item.stash:  # or it was skipped, or has no board after all
+        return REFERENCE
+    file = item.stash[RUN][0]
+    cache = getattr(item.config, "cache", None)
+    key = f"vbus/hostile/{sha256(item.nodeid.encode()).hexdigest()[:16]}"
+    kept = cache.get(key, None) if cache is not None else None
+    worlds = specimens(file, 0, examples)
+    if kept is not None and possible(file, read_world(kept)):
+        worlds = iter([read_world(kept), *worlds])
+    found = weakest(worlds, fails)
+    if cache is not None and (found is not None or kept is not None):
+        cache.set(key, None if found is None else str(found))
+    return found or REFERENCE
+
+
+def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> None:
+    """Run a test in many worlds, and tally what comes of it."""
+    from vbus.board.build import build
+    from vbus.campaign.plan import plan
+    from vbus.campaign.verdict import FOUND, SILENT, Campaign, judge
+    from vbus.campaign.world import REFERENCE
+    from vbus.cli.hosted.campaign_runs import limits_of
+    from vbus.core.wall_clock import monotonic
+
+    tally = item.config.stash[TALLY]
+    until = monotonic() + (seconds or 0) / max(len(item.session.items), 1)
+    reference = _account(item, REFERENCE)
+    why = "its board has nodes, or there is none" if reference is None else ""
+    if reference is not None:
+        again = _account(item, REFERENCE)
+        if reference.code:
+            why = "it fails with nothing broken"
+        elif item.stash[RUN][0].board.time == "realtime":
+            why = "in real time no two runs are alike"
+        elif again is not None and judge(reference, again).reason:
+            why = f"two runs with nothing broken differ: {judge(reference, again).reason}"
+    if reference is None or why:
+        tally.passed.append((item.nodeid, why))
+        return
+    file, source, _ = item.stash[RUN]
+    item.stash[LIMITS] = limits_of(reference)
+    seed = item.config.getoption("--vbus-seed") or 0
+    planned = plan(reference, file, build(file, source), seed)
+    results: dict[str, Result] = {}
+    for one in islice(planned.worlds, most):
+        if seconds is not None and monotonic() >= until:
+            break
+        run = _account(item, one.world)
+        if run is not None:
+            results[str(one.world)] = judge(reference, run, one.world)
+    del item.stash[LIMITS]
+    made = Campaign(planned, results)
+    tally.verdicts.update(one.result.verdict for one in made.tried)
+    tally.left += sum(total.left for total in made.totals())
+    for tried in made.told((SILENT, FOUND)):
+        world, result = tried.planned.world, tried.result
+        what = f"{result.verdict}: {tried.planned.group}, {world.sentence()}: {result.reason}"
+        tally.told.append((item.nodeid, str(world), what))
+
+
+def _account(item: pytest.Item, world: "World") -> "Account | None":
+    """Run a test in a world; return what became of it, None if it has no board there."""
+    item.stash.setdefault(RUN, cast(Any, None))
+    del item.stash[RUN]
+    reports = _in_world(item, world)
+    run = item.stash.get(RUN, None)
+    if run is None or run[2] is None:
+        return None
+    account = run[2]
+    for report in reports:
+        if report.failed:
+            account.code = 1
+            account.errors = report.longreprtext.strip().rpartition("\n")[2]
+    return account
+
+
+# -- the summary ----------------------------------------------------------------------------------
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Take over what a worker of pytest-xdist has seen."""
+    output = getattr(node, "workeroutput", {})
+    if "vbus_worlds" in output:
+        node.config.stash[TALLY].add(output["vbus_worlds"])
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Hand over what this worker of pytest-xdist has seen."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["vbus_worlds"] = session.config.stash[TALLY].export()
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Say how many worlds the tests have seen."""
+    tally = config.stash[TALLY]
+    for line in tally.lines() if tally.tests else ():
+        terminalreporter.line(line)
