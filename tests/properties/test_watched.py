@@ -9,10 +9,11 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.cli.journal_lines import opened, recorded_board
 from vbus.core.kernel import MS, NS
 from vbus.core.signals import Observer, Z
+from vbus.nodes.machine import board_of
 from vbus.protocols.port import PortError
+from vbus.record.format import JournalReader
 from vbus.record.replay import Replay
 
 ROOT = Path(__file__).parents[2]
@@ -100,8 +101,9 @@ def test_hosts_of_cycles_and_of_strobes_get_the_same_bytes_under_a_waveform(part
 @pytest.mark.parametrize("name", ["board-two-hosts-claim-realtime", "board-wired-lines"])
 def test_a_journal_of_several_hosts_is_played_to_its_end_under_a_waveform(name: str) -> None:
     path = ROOT / "tests" / "frozen" / "runs" / f"{name}.vbj"
-    with opened(path) as reader:
-        made = recorded_board(path, reader.header)
+    with path.open("rb") as file:
+        reader = JournalReader(file)
+        made = board_of(reader.header, str(path))
         for net in made.pin_nets:
             net.observe(Observer())
         assert Replay(made, reader, reader.header.families).run().divergence is None
