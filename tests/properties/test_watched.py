@@ -1,6 +1,7 @@
 """A bus that is watched is the bus it would have been: hosts get the same bytes, and break the same
 rules, whether or not a waveform has its lines."""
 
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -10,8 +11,12 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.core.kernel import MS, NS
 from vbus.core.signals import Observer, Z
+from vbus.nodes.machine import board_of
 from vbus.protocols.port import PortError
+from vbus.record.format import JournalReader
+from vbus.record.replay import Replay
 
+ROOT = Path(__file__).parents[2]
 PARTS = {"LM629N-8": "8 MHz", "MCP-1200": "8 MHz", "MC1241A": "25 MHz"}
 SEEDS = 25
 OPERATIONS = 60
@@ -91,3 +96,14 @@ def run(part: str, seed: int, watched: bool) -> tuple[list[object], list[object]
 def test_hosts_of_cycles_and_of_strobes_get_the_same_bytes_under_a_waveform(part: str) -> None:
     for seed in range(SEEDS):
         assert run(part, seed, watched=True) == run(part, seed, watched=False), seed
+
+
+@pytest.mark.parametrize("name", ["board-two-hosts-claim-realtime", "board-wired-lines"])
+def test_a_journal_of_several_hosts_is_played_to_its_end_under_a_waveform(name: str) -> None:
+    path = ROOT / "tests" / "frozen" / "runs" / f"{name}.vbj"
+    with path.open("rb") as file:
+        reader = JournalReader(file)
+        made = board_of(reader.header, str(path))
+        for net in made.pin_nets:
+            net.observe(Observer())
+        assert Replay(made, reader, reader.header.families).run().divergence is None
