@@ -225,25 +225,6 @@ class Chip:
         """
         raise NotImplementedError
 
-    def check_plant(self, axis: int, plant: Plant, *drives: str) -> None:
-        """Refuse a plant for an axis (0-based) that is not there, or that takes no such drive.
-
-        Args:
-            axis: its number.
-            plant: the mechanics.
-            drives: the kinds of drive the chip gives, of which the plant must take one.
-
-        Raises:
-            ValueError: says which axes there are, or what the plant takes.
-        """
-        if not 0 <= axis < self.axis_count:
-            raise ValueError(f"the {self.part} has no axis {axis + 1}; it has {self.axis_count}")
-        if not any(drive in plant.TAKES for drive in drives):
-            given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
-            raise ValueError(
-                f"the {self.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
-            )
-
     # -- what few families answer otherwise --------------------------------------------------
 
     def undriven(self, axis: int) -> str:
@@ -405,3 +386,24 @@ class Chip:
     def _due(self) -> None:
         self.advance()
         self.rearm()
+
+
+def check_drive(chip: "Chip", axis: int, plant: Plant, *drives: str) -> None:
+    """Refuse a plant for an axis (0-based) that is not there, or that takes no such drive.
+
+    Args:
+        chip: the chip that is to drive it.
+        axis: its number.
+        plant: the mechanics.
+        drives: the kinds of drive that chip gives, of which the plant must take one.
+
+    Raises:
+        ValueError: says which axes there are, or what the plant takes.
+    """
+    if not 0 <= axis < chip.axis_count:
+        raise ValueError(f"the {chip.part} has no axis {axis + 1}; it has {chip.axis_count}")
+    if not any(drive in plant.TAKES for drive in drives):
+        given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
+        raise ValueError(
+            f"the {chip.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
+        )

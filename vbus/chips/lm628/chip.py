@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import EDGE, SAMPLE, Chip
+from vbus.chips.base import EDGE, SAMPLE, Chip, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
@@ -144,7 +144,7 @@ class LM628(FrontEndHost):
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach the mechanics; the chip has one axis, number 0."""
-        self.check_plant(axis, plant, "drive")
+        check_drive(self, axis, plant, "drive")
         self.encoder.connect(plant, ds.SAMPLE_CLK / self.clock.hz)
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:

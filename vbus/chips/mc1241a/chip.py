@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import CHANGE, POLL, SAMPLE
+from vbus.chips.base import CHANGE, POLL, SAMPLE, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
@@ -315,7 +315,7 @@ class MC1241A(ChipSet):
         Raises:
             ValueError: no such axis, or a plant that does not take phase currents.
         """
-        self.check_plant(axis, plant, "phases")
+        check_drive(self, axis, plant, "phases")
         self.cycles.connect(axis, plant)
         self._reckon()
 

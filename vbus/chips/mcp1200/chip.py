@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE
+from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
@@ -272,7 +272,7 @@ class MCP1200(HostInterface):
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
-        self.check_plant(axis, plant, "drive", "pulses")
+        check_drive(self, axis, plant, "drive", "pulses")
         home = self.settings["home_switch"] != "none"
         encoder = self.axis.encoder
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
