@@ -24,7 +24,7 @@ _LOOKS: Final = 50
 """For how long a motor may come to rest when the host has ended: so many looks."""
 
 
-class Seen(Struct, frozen=True):
+class SeenCycle(Struct, frozen=True):
     """One bus cycle of the reference run.
 
     Attributes:
@@ -87,7 +87,7 @@ class Account(Struct):
     findings: list[str] = []
     values: dict[str, tuple[float | str, float]] = {}
     axes: dict[str, Axis] = {}
-    seen: list[Seen] = []
+    seen: list[SeenCycle] = []
     edges: list[tuple[str, int, int]] = []
 
 
@@ -98,7 +98,7 @@ class _Groups(PacketReader):
         self._stream = PacketStream.of(board.chips, (self,))
         self._open: dict[str, dict[tuple[int, bool, int], list[int]]] = {}
         self._before: dict[str, str] = {}
-        self.rows: list[Seen] = []
+        self.rows: list[SeenCycle] = []
         self._count: dict[str, int] = {}
         self._buses = {chip.name for chip in board.chips if chip.BUS is not None}
 
@@ -110,7 +110,7 @@ class _Groups(PacketReader):
             number = self._count[name] = self._count.get(name, 0) + 1
             waiting = self._open.setdefault(name, {})
             waiting.setdefault((when, write, address), []).append(len(self.rows))
-            self.rows.append(Seen(name, number, write, when, "part of no packet"))
+            self.rows.append(SeenCycle(name, number, write, when, "part of no packet"))
         self._stream.bus_cycle(when, "", names, write, address, data)
 
     def packet(self, chip: str, packet: Packet) -> None:
@@ -124,11 +124,11 @@ class _Groups(PacketReader):
             for row in rows:
                 seen = self.rows[row]
                 group = f"{packet.name}{of} ({way}) after {before}"
-                self.rows[row] = Seen(chip, seen.number, seen.write, seen.when, group)
+                self.rows[row] = SeenCycle(chip, seen.number, seen.write, seen.when, group)
         if packet.kind != STATUS:
             self._before[chip] = packet.name
 
-    def finish(self) -> list[Seen]:
+    def finish(self) -> list[SeenCycle]:
         """Return all cycles."""
         self._stream.finish()
         return self.rows

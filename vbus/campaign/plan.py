@@ -47,7 +47,7 @@ _STEP: Final = 17 * US
 _STEPS: Final = 32
 
 
-class Planned(Struct, frozen=True):
+class PlannedWorld(Struct, frozen=True):
     """A world, and what it is one of.
 
     Attributes:
@@ -59,7 +59,7 @@ class Planned(Struct, frozen=True):
     group: str
 
 
-class Plan(Struct):
+class WorldPlan(Struct):
     """What a campaign tries.
 
     Attributes:
@@ -68,7 +68,7 @@ class Plan(Struct):
         refused: dimensions that do not apply, with the reason.
     """
 
-    worlds: list[Planned]
+    worlds: list[PlannedWorld]
     left: dict[tuple[str, str], int]
     refused: dict[str, str]
 
@@ -80,7 +80,7 @@ def plan(
     seed: int = 0,
     only: Collection[str] = DIMENSIONS,
     phases: int = PHASES,
-) -> Plan:
+) -> WorldPlan:
     """Return the worlds for a host whose reference run is known.
 
     Args:
@@ -91,7 +91,7 @@ def plan(
         only: dimensions.
         phases: how many phases of the chips' cycle.
     """
-    made = Plan([], defaultdict(int), {})
+    made = WorldPlan([], defaultdict(int), {})
     makers = {
         CYCLE: lambda: _cycles(made, reference, board, seed),
         INTERRUPT: lambda: _interrupts(made, reference),
@@ -108,7 +108,7 @@ def plan(
     return made
 
 
-def in_order(worlds: Iterable[Planned], seed: int) -> list[Planned]:
+def in_order(worlds: Iterable[PlannedWorld], seed: int) -> list[PlannedWorld]:
     """Return worlds so that of each group and way one comes first, then a second one, and so on."""
     groups = defaultdict(list)
     for one in worlds:
@@ -126,7 +126,7 @@ def drawn(seed: int, what: object) -> int:
     return int.from_bytes(sha256(f"{seed} {what}".encode()).digest()[:8], "big")
 
 
-def _cycles(made: Plan, reference: Account, board: Board, seed: int) -> Iterator[Planned]:
+def _cycles(made: WorldPlan, reference: Account, board: Board, seed: int) -> Iterator[PlannedWorld]:
     if not reference.seen:
         made.refused[CYCLE] = "the reference run has no bus cycle at a chip whose bus is known"
     known = faults()
@@ -146,10 +146,10 @@ def _cycles(made: Plan, reference: Account, board: Board, seed: int) -> Iterator
                 made.left[CYCLE, way.rstrip("01234567")] += len(rows) - _EACH
             rows = sorted(rows, key=lambda row: drawn(seed, row.number))[:_EACH]
         for row, way in product(rows, ways):
-            yield Planned(World(CYCLE, f"{chip}.{row.number}", way), f"{chip} {group}")
+            yield PlannedWorld(World(CYCLE, f"{chip}.{row.number}", way), f"{chip} {group}")
 
 
-def _interrupts(made: Plan, reference: Account) -> Iterator[Planned]:
+def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
     if not reference.edges:
         made.refused[INTERRUPT] = "no output that a host looks at has moved in the reference run"
     instants = sorted(row.when for row in reference.seen)
@@ -165,18 +165,18 @@ def _interrupts(made: Plan, reference: Account) -> Iterator[Planned]:
         group = f"{output} {'rises' if level else 'falls'}"
         if when > one:
             world = World(INTERRUPT, f"{output}@{when - one}", f"early{one}-{level}")
-            yield Planned(world, group)
+            yield PlannedWorld(world, group)
         world = World(INTERRUPT, f"{output}@{when}", f"late{one}-{1 - level}")
-        yield Planned(world, group)
+        yield PlannedWorld(world, group)
 
 
-def _phases(made: Plan, board: Board, phases: int) -> Iterator[Planned]:
+def _phases(made: WorldPlan, board: Board, phases: int) -> Iterator[PlannedWorld]:
     cycle = longest_cycle(board)
     if not cycle:
         made.refused[PHASE] = "no family says how long a cycle of these chips is"
     for number in range(1, phases if cycle else 0):
         ahead = format_instant(number * cycle // phases)
-        yield Planned(World(PHASE, f"+{ahead}", "ahead"), "place in the sample")
+        yield PlannedWorld(World(PHASE, f"+{ahead}", "ahead"), "place in the sample")
 
 
 def specimens(file: BoardFile, seed: int, most: int = SPECIMENS) -> Iterator[World]:
@@ -203,22 +203,22 @@ def _text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _specimens(made: Plan, file: BoardFile, seed: int) -> Iterator[Planned]:
+def _specimens(made: WorldPlan, file: BoardFile, seed: int) -> Iterator[PlannedWorld]:
     if not extremes(file):
         made.refused[SPECIMEN] = "the board file fixes all in which silicon may differ"
         return
     for world in dict.fromkeys(specimens(file, seed)):
-        yield Planned(world, world.how.partition("=")[0] or "seeds")
+        yield PlannedWorld(world, world.how.partition("=")[0] or "seeds")
 
 
-def _floating(board: Board) -> Iterator[Planned]:
+def _floating(board: Board) -> Iterator[PlannedWorld]:
     for chip in board.chips:
         if chip.BUS is not None:
             for level in ("0", "1"):
-                yield Planned(World(FLOATING, chip.name, level), f"{chip.name} data lines")
+                yield PlannedWorld(World(FLOATING, chip.name, level), f"{chip.name} data lines")
 
 
-def _faults(made: Plan, reference: Account, board: Board) -> Iterator[Planned]:
+def _faults(made: WorldPlan, reference: Account, board: Board) -> Iterator[PlannedWorld]:
     """Each fault of the table once, on each target, in the middle of the host's cycles."""
     middle = reference.seen[len(reference.seen) // 2].when if reference.seen else 0
     for row in faults().values():
@@ -228,7 +228,7 @@ def _faults(made: Plan, reference: Account, board: Board) -> Iterator[Planned]:
         elif not targets:
             made.refused[row.name] = "nothing on this board can have it"
         for target in targets if row.target != LINK else ():
-            yield Planned(World(FAULT, f"{target}@{middle}", row.name), f"{row.name} {target}")
+            yield PlannedWorld(World(FAULT, f"{target}@{middle}", row.name), f"{row.name} {target}")
 
 
 def _targets(row: Fault, board: Board) -> Iterator[str]:
@@ -243,7 +243,7 @@ def _targets(row: Fault, board: Board) -> Iterator[str]:
             continue
 
 
-def _threads(made: Plan) -> Iterator[Planned]:
+def _threads(made: WorldPlan) -> Iterator[PlannedWorld]:
     made.refused[THREADS] = (
         "where time is virtual the threads of a program take turns in one order, which repeats"
     )

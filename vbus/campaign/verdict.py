@@ -9,7 +9,7 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.campaign.account import FLAGS, Account, Axis
-from vbus.campaign.plan import Plan, Planned
+from vbus.campaign.plan import PlannedWorld, WorldPlan
 from vbus.campaign.world import DIMENSIONS, REFERENCE, SPECIMEN, WAYS, World
 
 DETECTED: Final = "detected"
@@ -143,7 +143,7 @@ def _alike(a: str, b: str) -> bool:
 class Tried(Struct, frozen=True):
     """A world that was tried, and what came of it."""
 
-    planned: Planned
+    planned: PlannedWorld
     result: Result
 
     @property
@@ -197,7 +197,7 @@ class Campaign:
         results: what came of it, by the world as text; others have not been tried.
     """
 
-    def __init__(self, plan: Plan, results: Mapping[str, Result]) -> None:
+    def __init__(self, plan: WorldPlan, results: Mapping[str, Result]) -> None:
         self.plan: Final = plan
         self.tried: Final = [
             Tried(one, results[str(one.world)])

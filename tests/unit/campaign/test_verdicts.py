@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import pytest
 
 from vbus.campaign.account import Account, Axis
-from vbus.campaign.plan import Plan, Planned
+from vbus.campaign.plan import PlannedWorld, WorldPlan
 from vbus.campaign.report import Saved, as_json, as_junit, as_page, lines
 from vbus.campaign.verdict import (
     DETECTED,
@@ -80,14 +80,14 @@ def test_a_run_is_judged_by_the_reference_run(run: Account, verdict: str, reason
     assert (result.verdict, result.reason) == (verdict, reason)
 
 
-def world(number: int, way: str) -> Planned:
+def world(number: int, way: str) -> PlannedWorld:
     """Return a world of chip x."""
-    return Planned(World("cycle", f"x.{number}", way), "x LFIL 1 of 3 (write) after RSTI")
+    return PlannedWorld(World("cycle", f"x.{number}", way), "x LFIL 1 of 3 (write) after RSTI")
 
 
 def campaign() -> Campaign:
     """Return a campaign that has tried four worlds of five."""
-    plan = Plan(
+    plan = WorldPlan(
         [world(9, "flip1"), world(2, "flip0"), world(1, "lost"), world(3, "lost"),
          world(4, "lost")],
         {("cycle", "lost"): 7}, {"threads": "one order", "busy": "one order"},

@@ -4,8 +4,8 @@ import pytest
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.campaign.account import Account, Seen, Witness
-from vbus.campaign.plan import Plan, Planned, in_order, plan, shortened, specimens
+from vbus.campaign.account import Account, SeenCycle, Witness
+from vbus.campaign.plan import PlannedWorld, WorldPlan, in_order, plan, shortened, specimens
 from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
 from vbus.core.errors import ConfigError
 from vbus.serve.in_process import connect_in_process
@@ -14,15 +14,15 @@ from vbus.testing.boards import of_part
 LM629 = of_part("LM629N-8", "ideal").replace("[board]", '[board]\ntime = "lockstep"')
 
 
-def planned(text: str, seen: list[Seen], **more: object) -> Plan:
+def planned(text: str, seen: list[SeenCycle], **more: object) -> WorldPlan:
     """Return the plan for a host of which only bus cycles are known."""
     file, source = read_board_text(text)
     return plan(Account(seen=seen), file, build(file, source), **more)  # type: ignore[arg-type]
 
 
-def row(number: int, group: str, write: bool = True) -> Seen:
+def row(number: int, group: str, write: bool = True) -> SeenCycle:
     """Return a bus cycle of chip x."""
-    return Seen("x", number, write, number * 1_000_000, group)
+    return SeenCycle("x", number, write, number * 1_000_000, group)
 
 
 @pytest.mark.parametrize(
@@ -170,4 +170,4 @@ def test_cycles_are_grouped_by_packet_place_and_what_came_before() -> None:
 
 
 def test_planned_worlds_are_values() -> None:
-    assert Planned(REFERENCE, "") == Planned(World(), "")
+    assert PlannedWorld(REFERENCE, "") == PlannedWorld(World(), "")

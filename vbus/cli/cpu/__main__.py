@@ -9,14 +9,14 @@ from vbus.cli import exit_codes
 from vbus.cli.cpu.image import Image
 from vbus.cli.cpu.machine import Stopped
 from vbus.cli.cpu.processors import PROCESSORS, machine_of
-from vbus.cli.cpu.settings import Settings
+from vbus.cli.cpu.settings import CpuSettings
 from vbus.core.errors import ProgramError
 
 
 def main() -> int:
     """Run an image on a board; return its exit code."""
     library, link, told, path = sys.argv[1:]
-    settings = msgspec.json.decode(told, type=Settings)
+    settings = msgspec.json.decode(told, type=CpuSettings)
     kind = PROCESSORS[settings.processor]
     image: Image = kind.read(path)
     native = ctypes.CDLL(library)

@@ -6,8 +6,8 @@ from typing import Final
 from unicorn import arm_const as arm
 
 from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import Machine, Processor, Stopped
-from vbus.cli.cpu.registers import Block, Register, stored
+from vbus.cli.cpu.machine import CpuMachine, Processor, Stopped
+from vbus.cli.cpu.registers import IoRegister, RegisterBlock, stored
 
 HARD_FAULT, SVC, PENDSV, SYSTICK, IRQ = 3, 11, 14, 15, 16
 _SWI, _BKPT, _RETURN = 2, 7, 8
@@ -35,7 +35,7 @@ class CortexM(Processor):
     SPIN, WAKES_MASKED = b"\xfe\xe7", True
     PC, SP, RESULT = arm.UC_ARM_REG_PC, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_R0
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: CpuMachine) -> None:
         super().__init__(machine)
         self.pending: Final[set[int]] = set()
         self.active: Final[list[int]] = []
@@ -228,7 +228,7 @@ class CortexM(Processor):
     def levels(self) -> None:
         """Pass the look on to EXTI."""
         for block in self.machine.blocks.values():
-            if isinstance(block, Edges):
+            if isinstance(block, ExtiLines):
                 block.look()
                 return
 
@@ -240,42 +240,42 @@ def _named(number: int) -> str:
     return f" ({names[number]})" if number in names else ""
 
 
-class Edges(Block):
+class ExtiLines(RegisterBlock):
     """A peripheral that sees edges at pins."""
 
     def look(self) -> None:
         """Look at the pins."""
 
 
-class SystemControl(Block):
+class SystemControl(RegisterBlock):
     """SysTick, NVIC and the system control block, at E000E000h."""
 
     REGISTERS = (
-        Register("ICTR", 0x004, 1),
-        Register("ACTLR", 0x008),
-        Register("SYST_CSR", 0x010, 0, "SysTick on, its interrupt, COUNTFLAG", "csr", "put_csr"),
-        Register("SYST_RVR", 0x014, 0, "reload value", write="put_rvr"),
-        Register("SYST_CVR", 0x018, 0, "counts down; a write clears it", "cvr", "put_cvr"),
-        Register("SYST_CALIB", 0x01C),
-        Register("NVIC_ISER", 0x100, 0, "enable interrupts", "iser", "put_iser", 8),
-        Register("NVIC_ICER", 0x180, 0, "disable them", "iser", "put_icer", 8),
-        Register("NVIC_ISPR", 0x200, 0, "let them wait", "ispr", "put_ispr", 8),
-        Register("NVIC_ICPR", 0x280, 0, "forget them", "ispr", "put_icpr", 8),
-        Register("NVIC_IABR", 0x300, 0, "which are active", "iabr", count=8),
-        Register("NVIC_IPR", 0x400, 0, "priorities, a byte each", count=60),
-        Register("CPUID", 0xD00, 0x412FC231),
-        Register("ICSR", 0xD04, 0, "let PendSV and SysTick wait", "icsr", "put_icsr"),
-        Register("VTOR", 0xD08, 0, "address of the vector table", "vtor", "put_vtor"),
-        Register("AIRCR", 0xD0C, 0xFA050000, "SYSRESETREQ ends the run", write="put_aircr"),
+        IoRegister("ICTR", 0x004, 1),
+        IoRegister("ACTLR", 0x008),
+        IoRegister("SYST_CSR", 0x010, 0, "SysTick on, its interrupt, COUNTFLAG", "csr", "put_csr"),
+        IoRegister("SYST_RVR", 0x014, 0, "reload value", write="put_rvr"),
+        IoRegister("SYST_CVR", 0x018, 0, "counts down; a write clears it", "cvr", "put_cvr"),
+        IoRegister("SYST_CALIB", 0x01C),
+        IoRegister("NVIC_ISER", 0x100, 0, "enable interrupts", "iser", "put_iser", 8),
+        IoRegister("NVIC_ICER", 0x180, 0, "disable them", "iser", "put_icer", 8),
+        IoRegister("NVIC_ISPR", 0x200, 0, "let them wait", "ispr", "put_ispr", 8),
+        IoRegister("NVIC_ICPR", 0x280, 0, "forget them", "ispr", "put_icpr", 8),
+        IoRegister("NVIC_IABR", 0x300, 0, "which are active", "iabr", count=8),
+        IoRegister("NVIC_IPR", 0x400, 0, "priorities, a byte each", count=60),
+        IoRegister("CPUID", 0xD00, 0x412FC231),
+        IoRegister("ICSR", 0xD04, 0, "let PendSV and SysTick wait", "icsr", "put_icsr"),
+        IoRegister("VTOR", 0xD08, 0, "address of the vector table", "vtor", "put_vtor"),
+        IoRegister("AIRCR", 0xD0C, 0xFA050000, "SYSRESETREQ ends the run", write="put_aircr"),
         *stored("SCR", "CCR", first=0xD10),
-        Register("SHPR", 0xD18, 0, "priorities of exceptions 4 to 15", count=3),
+        IoRegister("SHPR", 0xD18, 0, "priorities of exceptions 4 to 15", count=3),
         *stored("SHCSR", "CFSR", "HFSR", "DFSR", "MMFAR", "BFAR", "AFSR", first=0xD24),
-        Register("CPACR", 0xD88, 0, "floating point on"),
-        Register("STIR", 0xF00, 0, "let an interrupt wait", write="put_stir"),
-        Register("FPCCR", 0xF34),
+        IoRegister("CPACR", 0xD88, 0, "floating point on"),
+        IoRegister("STIR", 0xF00, 0, "let an interrupt wait", write="put_stir"),
+        IoRegister("FPCCR", 0xF34),
     )
 
-    def __init__(self, machine: Machine, name: str, base: int, processor: CortexM) -> None:
+    def __init__(self, machine: CpuMachine, name: str, base: int, processor: CortexM) -> None:
         super().__init__(machine, name, base)
         self._processor: Final = processor
         self._counter: Final = machine.counter(base + 0x18, 1, down=True)
@@ -416,17 +416,17 @@ class SystemControl(Block):
             raise Stopped(exit_codes.FAILURE, f"the firmware resets the processor (AIRCR), at {at}")
 
 
-class Trace(Block):
+class Trace(RegisterBlock):
     """DWT: the counter of clock cycles."""
 
     REGISTERS = (
-        Register("DWT_CTRL", 0x000, 0x40000000, "CYCCNTENA", write="control"),
-        Register("DWT_CYCCNT", 0x004, 0, "clock cycles", write="put_count"),
+        IoRegister("DWT_CTRL", 0x000, 0x40000000, "CYCCNTENA", write="control"),
+        IoRegister("DWT_CYCCNT", 0x004, 0, "clock cycles", write="put_count"),
         *stored("DWT_CPICNT", "DWT_EXCCNT", "DWT_SLEEPCNT", "DWT_LSUCNT", first=0x008),
-        Register("DWT_LAR", 0xFB0),
+        IoRegister("DWT_LAR", 0xFB0),
     )
 
-    def __init__(self, machine: Machine, name: str, base: int) -> None:
+    def __init__(self, machine: CpuMachine, name: str, base: int) -> None:
         super().__init__(machine, name, base)
         self._counter: Final = machine.counter(base + 4, 1 << 32)
 

@@ -6,8 +6,8 @@ from typing import Final
 from unicorn import m68k_const as m68k
 
 from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import INTERRUPTS, Machine, Processor, Stopped
-from vbus.cli.cpu.registers import Block, Register
+from vbus.cli.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
+from vbus.cli.cpu.registers import IoRegister, RegisterBlock
 
 _SUPERVISOR, _TRACES, _MASK = 0x2000, 0xC000, 0x0700
 _AUTOVECTOR: Final = 24
@@ -31,7 +31,7 @@ class M68000(Processor):
     SPIN = b"\x60\xfe"
     PC, SP, RESULT = m68k.UC_M68K_REG_PC, m68k.UC_M68K_REG_A7, m68k.UC_M68K_REG_D0
 
-    def __init__(self, machine: Machine, format_word: bool) -> None:
+    def __init__(self, machine: CpuMachine, format_word: bool) -> None:
         super().__init__(machine)
         self._format_word: Final = format_word
         self._level = 0
@@ -131,16 +131,16 @@ class M68000(Processor):
         machine.set(self.PC, back)
 
 
-class Duart(Block):
+class Duart(RegisterBlock):
     """MC68681, channel A: what is sent goes to stdout at once, and nothing is received."""
 
     SIZE = 2
     REGISTERS = (
-        Register("MRA", 0), Register("SRA", 2, 0x0C, "TxRDY and TxEMT are 1", write="nothing"),
-        Register("CRA", 4), Register("TBA", 6, 0, "the byte to send", write="send"),
-        Register("ACR", 8), Register("IMR", 10), Register("CTUR", 12), Register("CTLR", 14),
-        Register("IVR", 24, 0x0F), Register("OPCR", 26), Register("SOPBC", 28),
-        Register("ROPBC", 30),
+        IoRegister("MRA", 0), IoRegister("SRA", 2, 0x0C, "TxRDY and TxEMT are 1", write="nothing"),
+        IoRegister("CRA", 4), IoRegister("TBA", 6, 0, "the byte to send", write="send"),
+        IoRegister("ACR", 8), IoRegister("IMR", 10), IoRegister("CTUR", 12), IoRegister("CTLR", 14),
+        IoRegister("IVR", 24, 0x0F), IoRegister("OPCR", 26), IoRegister("SOPBC", 28),
+        IoRegister("ROPBC", 30),
     )  # fmt: skip
 
     def nothing(self, _: int, __: int) -> None:
@@ -151,7 +151,7 @@ class Duart(Block):
         self.machine.put(bytes((value & 0xFF,)))
 
 
-def build(machine: Machine) -> None:
+def build(machine: CpuMachine) -> None:
     """Make a computer with a 68000 of a machine."""
     section = machine.section
     machine.shared.big_endian = True

@@ -143,7 +143,7 @@ class Processor(ABC):
     SP: int
     RESULT: int
 
-    def __init__(self, machine: "Machine") -> None:
+    def __init__(self, machine: "CpuMachine") -> None:
         self.machine: Final = machine
 
     @abstractmethod
@@ -183,7 +183,7 @@ class Processor(ABC):
         return self.here()
 
 
-class Machine:
+class CpuMachine:
     """A processor, its memory and its peripherals, as a session of a board.
 
     Args:

@@ -13,7 +13,7 @@ from typing import Final
 from unicorn import x86_const as x86
 
 from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import INTERRUPTS, Machine, Processor, Stopped
+from vbus.cli.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
 
 _STUBS, _STUB = 0xF000, 8
 _PSP, _TOP = 0x0100, 0x9FFF
@@ -33,7 +33,7 @@ class Pc(Processor):
     SPIN = b"\xeb\xfe"
     PC, SP, RESULT = x86.UC_X86_REG_IP, x86.UC_X86_REG_SP, x86.UC_X86_REG_AX
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: CpuMachine) -> None:
         super().__init__(machine)
         self._request: int = 0
         self._service: int = 0
@@ -332,7 +332,7 @@ class Pc(Processor):
 _SERVED: Final = (0x02, 0x06, 0x09, 0x0B, 0x0C, 0x25, 0x2A, 0x2C, 0x30, 0x35, 0x40, 0x4A)
 
 
-def build(machine: Machine) -> None:
+def build(machine: CpuMachine) -> None:
     """Make a PC of a machine."""
     from unicorn.unicorn_const import UC_HOOK_INSN
 

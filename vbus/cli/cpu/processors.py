@@ -10,10 +10,10 @@ from msgspec.structs import replace
 
 from vbus.boardfile.cpu import CpuSection
 from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
-from vbus.cli.cpu.machine import Machine
+from vbus.cli.cpu.machine import CpuMachine
 
 
-class Kind(Struct, frozen=True):
+class ProcessorKind(Struct, frozen=True):
     """A processor.
 
     Attributes:
@@ -51,23 +51,23 @@ _MEMORY: Final = ("rom", "rom_size", "ram", "ram_size", "vectors")
 _M_KEYS: Final = (*_MEMORY, "family")
 _VME_KEYS: Final = (*_MEMORY, "uart")
 PROCESSORS: Final = {
-    "cortex-m3": Kind(
+    "cortex-m3": ProcessorKind(
         "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M3", _arm, _M, _M_KEYS, "stm32f1"
     ),
-    "cortex-m4": Kind(
+    "cortex-m4": ProcessorKind(
         "stm32", "ARM", ("THUMB", "MCLASS"), "CPU_ARM_CORTEX_M4", _arm, _M, _M_KEYS, "stm32f4"
     ),
-    "68000": Kind(
+    "68000": ProcessorKind(
         "m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68000", _m68k, _VME, _VME_KEYS, "68000"
     ),
-    "68020": Kind(
+    "68020": ProcessorKind(
         "m68k", "M68K", ("BIG_ENDIAN",), "CPU_M68K_M68020", _m68k, _VME, _VME_KEYS, "68020"
     ),
-    "8086": Kind("pc", "X86", ("16",), "", read_dos, (0, 0, 0, 0)),
+    "8086": ProcessorKind("pc", "X86", ("16",), "", read_dos, (0, 0, 0, 0)),
 }
 
 
-def with_defaults(kind: Kind, section: CpuSection) -> CpuSection:
+def with_defaults(kind: ProcessorKind, section: CpuSection) -> CpuSection:
     """Return a section in which everything has its usual value that the file leaves out."""
     rom, rom_size, ram, ram_size = kind.memory
     return replace(
@@ -80,15 +80,20 @@ def with_defaults(kind: Kind, section: CpuSection) -> CpuSection:
     )
 
 
-def foreign(kind: Kind, section: CpuSection) -> list[str]:
+def foreign(kind: ProcessorKind, section: CpuSection) -> list[str]:
     """Return the keys of a section that mean nothing to a processor."""
     keys = {*_M_KEYS, *_VME_KEYS} - set(kind.keys)
     return sorted(key for key in keys if getattr(section, key))
 
 
 def machine_of(
-    kind: Kind, section: CpuSection, image: Image, native: ctypes.CDLL, ends: int, until: str
-) -> Machine:
+    kind: ProcessorKind,
+    section: CpuSection,
+    image: Image,
+    native: ctypes.CDLL,
+    ends: int,
+    until: str,
+) -> CpuMachine:
     """Return a machine with its processor, memory, peripherals and image."""
     import unicorn
 
@@ -96,7 +101,7 @@ def machine_of(
     mode = sum(getattr(unicorn, f"UC_MODE_{name}") for name in kind.modes)
     model = getattr(names, f"UC_{kind.model}") if kind.model else None
     arch = getattr(unicorn, f"UC_ARCH_{kind.arch}")
-    machine = Machine(native, section, arch, mode, model, ends, until)
+    machine = CpuMachine(native, section, arch, mode, model, ends, until)
     machine.image = image
     import_module(f"vbus.cli.cpu.{kind.built}").build(machine)
     return machine

@@ -5,10 +5,10 @@ from typing import Any, ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.cli.cpu.machine import Machine, Peripheral
+from vbus.cli.cpu.machine import CpuMachine, Peripheral
 
 
-class Register(Struct, frozen=True):
+class IoRegister(Struct, frozen=True):
     """A register of a peripheral, or several of the same kind one behind the other.
 
     Attributes:
@@ -30,12 +30,12 @@ class Register(Struct, frozen=True):
     count: int = 1
 
 
-def stored(*names: str, first: int = 0) -> tuple[Register, ...]:
+def stored(*names: str, first: int = 0) -> tuple[IoRegister, ...]:
     """Return rows of storage, one behind the other."""
-    return tuple(Register(name, first + 4 * place) for place, name in enumerate(names))
+    return tuple(IoRegister(name, first + 4 * place) for place, name in enumerate(names))
 
 
-class Block(Peripheral):
+class RegisterBlock(Peripheral):
     """A peripheral: its registers, the lowest byte of each at the lowest address.
 
     Args:
@@ -48,15 +48,15 @@ class Block(Peripheral):
         SIZE: of one register in bytes.
     """
 
-    REGISTERS: ClassVar[tuple[Register, ...]] = ()
+    REGISTERS: ClassVar[tuple[IoRegister, ...]] = ()
     SIZE: ClassVar[int] = 4
 
-    def __init__(self, machine: Machine, name: str, base: int) -> None:
+    def __init__(self, machine: CpuMachine, name: str, base: int) -> None:
         super().__init__(base)
         self.machine: Final = machine
         self.name: Final = name
         self.values: Final[dict[int, int]] = {}
-        self._rows: Final[dict[int, Register]] = {}
+        self._rows: Final[dict[int, IoRegister]] = {}
         for row in self.REGISTERS:
             for number in range(row.count):
                 place = row.offset + number * self.SIZE

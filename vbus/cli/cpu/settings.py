@@ -5,7 +5,7 @@ from msgspec import Struct
 from vbus.boardfile.cpu import CpuSection
 
 
-class Settings(Struct):
+class CpuSettings(Struct):
     """All of it.
 
     Attributes:

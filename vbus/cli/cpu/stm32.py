@@ -9,22 +9,22 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.cli.cpu.cortex_m import IRQ, CortexM, Edges, SystemControl, Trace
-from vbus.cli.cpu.machine import Machine, PortBits
-from vbus.cli.cpu.registers import Block, Register, stored
+from vbus.cli.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
+from vbus.cli.cpu.machine import CpuMachine, PortBits
+from vbus.cli.cpu.registers import IoRegister, RegisterBlock, stored
 
 _NONE: Final = 0xFFFFFFFF
 
 
-class Clocks(Block):
+class Clocks(RegisterBlock):
     """RCC: an oscillator that is turned on is ready at once."""
 
     REGISTERS = (
-        Register("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
-        Register("CFGR", 0x04, 0, "the clock chosen is the clock used", "switched"),
+        IoRegister("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
+        IoRegister("CFGR", 0x04, 0, "the clock chosen is the clock used", "switched"),
         *stored("CIR", "APB2RSTR", "APB1RSTR", "AHBENR", "APB2ENR", "APB1ENR", first=0x08),
-        Register("BDCR", 0x20, 0, "LSE on, and ready", "low_ready"),
-        Register("CSR", 0x24, 0x0C000000, "LSI on, and ready", "slow_ready"),
+        IoRegister("BDCR", 0x20, 0, "LSE on, and ready", "low_ready"),
+        IoRegister("CSR", 0x24, 0x0C000000, "LSI on, and ready", "slow_ready"),
         *stored("AHBSTR", "CFGR2", first=0x28),
     )
 
@@ -56,26 +56,31 @@ class Clocks4(Clocks):
     """RCC of an F4."""
 
     REGISTERS = (
-        Register("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
-        Register("PLLCFGR", 0x04, 0x24003010),
-        Register("CFGR", 0x08, 0, "the clock chosen is the clock used", "switched"),
+        IoRegister("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
+        IoRegister("PLLCFGR", 0x04, 0x24003010),
+        IoRegister("CFGR", 0x08, 0, "the clock chosen is the clock used", "switched"),
         *stored("CIR", "AHB1RSTR", "AHB2RSTR", "AHB3RSTR", first=0x0C),
         *stored("APB1RSTR", "APB2RSTR", first=0x20),
         *stored("AHB1ENR", "AHB2ENR", "AHB3ENR", first=0x30),
         *stored("APB1ENR", "APB2ENR", first=0x40),
         *stored("AHB1LPENR", "AHB2LPENR", "AHB3LPENR", first=0x50),
         *stored("APB1LPENR", "APB2LPENR", first=0x60),
-        Register("BDCR", 0x70, 0, "LSE on, and ready", "low_ready"),
-        Register("CSR", 0x74, 0x0E000000, "LSI on, and ready", "slow_ready"),
+        IoRegister("BDCR", 0x70, 0, "LSE on, and ready", "low_ready"),
+        IoRegister("CSR", 0x74, 0x0E000000, "LSI on, and ready", "slow_ready"),
         *stored("SSCGR", "PLLI2SCFGR", "PLLSAICFGR", "DCKCFGR", first=0x80),
     )
 
 
-class Port(Block):
+class Port(RegisterBlock):
     """GPIO: its data registers work in cpu_link.c, once its clock is on."""
 
     def __init__(
-        self, machine: Machine, name: str, base: int, clocks: Block, enable: tuple[str, int]
+        self,
+        machine: CpuMachine,
+        name: str,
+        base: int,
+        clocks: RegisterBlock,
+        enable: tuple[str, int],
     ) -> None:
         super().__init__(machine, name, base)
         self.bits: Final = PortBits(base=base, number=ord(name[-1]) - ord("A"), off=1)
@@ -151,11 +156,11 @@ class Port1(Port):
     """GPIO of an F1: four bits of CRL or CRH for each pin."""
 
     REGISTERS = (
-        Register("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
-        Register("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
-        *(Register(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
-        Register("BRR", 0x14, 0, "reset", "", "put_brr"),
-        Register("LCKR", 0x18),
+        IoRegister("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
+        IoRegister("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
+        *(IoRegister(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
+        IoRegister("BRR", 0x14, 0, "reset", "", "put_brr"),
+        IoRegister("LCKR", 0x18),
     )
 
     def modes(self) -> None:
@@ -171,11 +176,11 @@ class Port4(Port):
     """GPIO of an F4: two bits of MODER for each pin."""
 
     REGISTERS = (
-        Register("MODER", 0x00, 0, "0 input, 1 output, 2 another peripheral's, 3 analog"),
-        Register("OTYPER", 0x04, 0, "1: open drain"),
-        Register("OSPEEDR", 0x08),
-        Register("PUPDR", 0x0C, 0, "1: pulled up"),
-        *(Register(*row[:1], 16 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
+        IoRegister("MODER", 0x00, 0, "0 input, 1 output, 2 another peripheral's, 3 analog"),
+        IoRegister("OTYPER", 0x04, 0, "1: open drain"),
+        IoRegister("OSPEEDR", 0x08),
+        IoRegister("PUPDR", 0x0C, 0, "1: pulled up"),
+        *(IoRegister(*row[:1], 16 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
         *stored("LCKR", "AFRL", "AFRH", first=0x1C),
     )
 
@@ -187,28 +192,28 @@ class Port4(Port):
         self.bits.pull = self._mask([pulls >> 2 * pin & 3 == 1 for pin in range(16)])
 
 
-class Choice(Block):
+class Choice(RegisterBlock):
     """AFIO or SYSCFG: which port's pins EXTI sees."""
 
     REGISTERS = (
         *stored("EVCR", "MAPR"),
-        Register("EXTICR", 0x08, 0, "port of each of four lines", count=4),
-        Register("MAPR2", 0x1C),
-        Register("CMPCR", 0x20),
+        IoRegister("EXTICR", 0x08, 0, "port of each of four lines", count=4),
+        IoRegister("MAPR2", 0x1C),
+        IoRegister("CMPCR", 0x20),
     )
 
 
-class ExternalInterrupts(Edges):
+class ExternalInterrupts(ExtiLines):
     """EXTI: edges at port bits."""
 
     REGISTERS = (
         *stored("IMR", "EMR", "RTSR", "FTSR"),
-        Register("SWIER", 0x10, 0, "as if an edge came", write="put_swier"),
-        Register("PR", 0x14, 0, "edges that came; a 1 clears", write="put_pr"),
+        IoRegister("SWIER", 0x10, 0, "as if an edge came", write="put_swier"),
+        IoRegister("PR", 0x14, 0, "edges that came; a 1 clears", write="put_pr"),
     )
 
     def __init__(
-        self, machine: Machine, name: str, base: int, processor: CortexM, choice: Choice
+        self, machine: CpuMachine, name: str, base: int, processor: CortexM, choice: Choice
     ) -> None:
         super().__init__(machine, name, base)
         self._processor: Final = processor
@@ -255,12 +260,12 @@ class ExternalInterrupts(Edges):
         self.values[0x14] &= ~value
 
 
-class SerialPort(Block):
+class SerialPort(RegisterBlock):
     """USART: what is sent goes to stdout at once, and nothing is received."""
 
     REGISTERS = (
-        Register("SR", 0x00, 0xC0, "TXE and TC are always 1", write="nothing"),
-        Register("DR", 0x04, 0, "the byte to send", write="send"),
+        IoRegister("SR", 0x00, 0xC0, "TXE and TC are always 1", write="nothing"),
+        IoRegister("DR", 0x04, 0, "the byte to send", write="send"),
         *stored("BRR", "CR1", "CR2", "CR3", "GTPR", first=0x08),
     )
 
@@ -272,24 +277,24 @@ class SerialPort(Block):
         self.machine.put(bytes((value & 0xFF,)))
 
 
-class Timer(Block):
+class Stm32Timer(RegisterBlock):
     """TIMx: counts up, at the clock divided by PSC + 1, and interrupts when it begins again."""
 
     REGISTERS = (
-        Register("CR1", 0x00, 0, "CEN counts; OPM stops at the update", write="put_cr1"),
+        IoRegister("CR1", 0x00, 0, "CEN counts; OPM stops at the update", write="put_cr1"),
         *stored("CR2", "SMCR", first=0x04),
-        Register("DIER", 0x0C, 0, "UIE: the update interrupts", write="put_dier"),
-        Register("SR", 0x10, 0, "UIF: the update came", "sr", "put_sr"),
-        Register("EGR", 0x14, 0, "UG: begin again", write="put_egr"),
+        IoRegister("DIER", 0x0C, 0, "UIE: the update interrupts", write="put_dier"),
+        IoRegister("SR", 0x10, 0, "UIF: the update came", "sr", "put_sr"),
+        IoRegister("EGR", 0x14, 0, "UG: begin again", write="put_egr"),
         *stored("CCMR1", "CCMR2", "CCER", first=0x18),
-        Register("CNT", 0x24, 0, "the count", "cnt", "put_cnt"),
-        Register("PSC", 0x28, 0, "divides the clock", write="put_psc"),
-        Register("ARR", 0x2C, 0xFFFF, "the last count", write="put_arr"),
+        IoRegister("CNT", 0x24, 0, "the count", "cnt", "put_cnt"),
+        IoRegister("PSC", 0x28, 0, "divides the clock", write="put_psc"),
+        IoRegister("ARR", 0x2C, 0xFFFF, "the last count", write="put_arr"),
         *stored("RCR", "CCR1", "CCR2", "CCR3", "CCR4", "BDTR", "DCR", "DMAR", "OR", first=0x30),
     )
 
     def __init__(
-        self, machine: Machine, name: str, base: int, processor: CortexM, number: int, wide: bool
+        self, machine: CpuMachine, name: str, base: int, processor: CortexM, number: int, wide: bool
     ) -> None:
         super().__init__(machine, name, base)
         self._processor: Final = processor
@@ -380,24 +385,24 @@ class Timer(Block):
         self._change(0x2C, value & self._mask)
 
 
-class Storage(Block):
+class Storage(RegisterBlock):
     """Registers that are accepted, and do nothing."""
 
-    REGISTERS = (Register("R", 0x00, count=0x100),)
+    REGISTERS = (IoRegister("R", 0x00, count=0x100),)
 
 
-class Device(Block):
+class Device(RegisterBlock):
     """What the factory wrote: the size of the flash, and a unique number."""
 
     REGISTERS = (
-        Register("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
-        Register("UID", 0x3E8, 1, "of an F1", count=3),
-        Register("UID", 0x210, 1, "of an F4", count=3),
-        Register("SIZE", 0x220, 0x0400 << 16, "of an F4"),
+        IoRegister("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
+        IoRegister("UID", 0x3E8, 1, "of an F1", count=3),
+        IoRegister("UID", 0x210, 1, "of an F4", count=3),
+        IoRegister("SIZE", 0x220, 0x0400 << 16, "of an F4"),
     )
 
 
-class Family(Struct, frozen=True):
+class Stm32Family(Struct, frozen=True):
     """Where a family has its peripherals.
 
     Attributes:
@@ -430,7 +435,7 @@ _NAMED: Final = {
     "DAC": 0x40007400, "SPI1": 0x40013000, "CRC": 0x40023000,
 }  # fmt: skip
 FAMILIES: Final = {
-    "stm32f1": Family(
+    "stm32f1": Stm32Family(
         {**_TIMERS, "TIM1": (0x40012C00, 25), "TIM8": (0x40013400, 44)},
         {**_UARTS, "USART1": 0x40013800},
         {"IWDG": 0x40003000, "PWR": 0x40007000, "BKP": 0x40006C00, "FLASH": 0x40022000},
@@ -441,7 +446,7 @@ FAMILIES: Final = {
         (0x40021000, 0x40010400, 0x40010000, 0x40010800, 0x1FFFF400),
         7,
     ),
-    "stm32f4": Family(
+    "stm32f4": Stm32Family(
         {
             **_TIMERS, "TIM1": (0x40010000, 25), "TIM8": (0x40010400, 44),
             "TIM9": (0x40014000, 24), "TIM10": (0x40014400, 25), "TIM11": (0x40014800, 26),
@@ -460,11 +465,11 @@ FAMILIES: Final = {
 }  # fmt: skip
 
 
-class Unmodelled(Block):
+class Unmodelled(RegisterBlock):
     """A peripheral of which the name alone is known."""
 
 
-def equip(machine: Machine, processor: CortexM, name: str) -> None:
+def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     """Give a Cortex-M the peripherals of its family."""
     family, f4 = FAMILIES[name], name == "stm32f4"
     rcc, exti, sources, ports, device = family.places
@@ -478,7 +483,7 @@ def equip(machine: Machine, processor: CortexM, name: str) -> None:
         machine.add((Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable))
     for name, (base, number) in family.timers.items():
         wide = f4 and name in ("TIM2", "TIM5")
-        machine.add(Timer(machine, name, base, processor, number, wide))
+        machine.add(Stm32Timer(machine, name, base, processor, number, wide))
     for name, base in family.uarts.items():
         machine.add(SerialPort(machine, name, base))
     for name, base in family.storage.items():
@@ -503,7 +508,7 @@ def equip(machine: Machine, processor: CortexM, name: str) -> None:
 class _BitBand:
     """Bits of the peripherals as words of their own, from 42000000h on."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: CpuMachine) -> None:
         self._machine: Final = machine
 
     def access(self, address: int, size: int, value: int | None) -> int | None:
@@ -519,7 +524,7 @@ class _BitBand:
         return 0
 
 
-def build(machine: Machine) -> None:
+def build(machine: CpuMachine) -> None:
     """Make an STM32 of a machine."""
     section = machine.section
     processor = machine.processor = CortexM(machine)

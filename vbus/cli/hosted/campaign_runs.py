@@ -20,7 +20,7 @@ from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
 from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
-from vbus.campaign.plan import Planned
+from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import World, begin, of_world
 from vbus.cli.hosted.program import Ran, run_beside
@@ -58,7 +58,7 @@ def limits_of(reference: Account | None) -> tuple[int, int]:
     return _LONGER * reference.now + _PATIENCE, _LONGER * reference.cycles + _CYCLES
 
 
-class Program:
+class ProgramSubject:
     """A program on a board of its own.
 
     Args:
@@ -105,7 +105,7 @@ class Program:
         )
 
 
-class Function:
+class FunctionSubject:
     """A function of Python that is given a client's bus, on a board in the same process.
 
     Args:
@@ -214,7 +214,7 @@ def _try(world: World) -> Result:
 def run_all(
     subject: Subject,
     reference: Account,
-    worlds: Iterable[Planned],
+    worlds: Iterable[PlannedWorld],
     jobs: int,
     until: float,
     told: Callable[[World, Result], None],

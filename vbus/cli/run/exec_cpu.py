@@ -12,7 +12,7 @@ import msgspec
 from vbus.board.config import read_board_file
 from vbus.boardfile.cpu import CpuSection
 from vbus.cli.cpu.processors import PROCESSORS, foreign, with_defaults
-from vbus.cli.cpu.settings import Settings
+from vbus.cli.cpu.settings import CpuSettings
 from vbus.cli.hosted.program import run_on_board
 from vbus.cli.run.exec_avr import built, host_of_firmware, parse
 from vbus.core.errors import ConfigError, VbusError
@@ -24,7 +24,7 @@ KEYS: Final = {"cycles": "cycles", "until": "until"}
 FLAGS: Final = {"stats": "stats"}
 
 
-def settings_of(spec: str) -> Settings:
+def settings_of(spec: str) -> CpuSettings:
     """Return what ``cortex-m3,until=done,stats`` asks for.
 
     Raises:
@@ -38,7 +38,7 @@ def settings_of(spec: str) -> Settings:
     cycles = values.get("cycles", "0")
     if not cycles.isdecimal():
         raise ValueError(f'cycles={cycles}: write a number of clock cycles, such as "cycles=1000"')
-    return Settings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in told)
+    return CpuSettings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in told)
 
 
 def run_cpu(

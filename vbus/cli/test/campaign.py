@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vbus.campaign.account import Account
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
-    from vbus.cli.hosted.campaign_runs import Function, Subject
+    from vbus.cli.hosted.campaign_runs import FunctionSubject, Subject
 
 _MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
 _TOLD: Final = 20
@@ -91,7 +91,7 @@ def command(
     chosen = _dimensions(only)
 
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
-        campaign = Settings(
+        campaign = CampaignSettings(
             subject, file, source, chosen, phases or 0, seed,
             jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, avr, pinmap, program),
             _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
@@ -105,21 +105,21 @@ def command(
         made: Callable[[str], list[str]],
         *_: object,
     ) -> int:
-        from vbus.cli.hosted.campaign_runs import Program
+        from vbus.cli.hosted.campaign_runs import ProgramSubject
 
         if world is not None:
             return _replay(world, file, source, section, made, journal)
-        return tried(Program(file, source, section, made), file, source)
+        return tried(ProgramSubject(file, source, section, made), file, source)
 
     if host is not None:
         from vbus.board.config import read_board_file
-        from vbus.cli.hosted.campaign_runs import Function, function_of
+        from vbus.cli.hosted.campaign_runs import FunctionSubject, function_of
 
         for option, value in (("--avr", avr), ("--pinmap", pinmap), ("--journal", journal)):
             if value is not None:
                 raise click.UsageError(f"{option} goes with a PROGRAM")
         file, source = read_board_file(board)
-        function = Function(file, source, function_of(host))
+        function = FunctionSubject(file, source, function_of(host))
         if world is not None:
             return _replay_function(world, function)
         return tried(function, file, source)
@@ -233,7 +233,7 @@ def _replay(
     return ran.code
 
 
-def _replay_function(name: str, function: "Function") -> int:
+def _replay_function(name: str, function: "FunctionSubject") -> int:
     """Call a function in one world; say what it was and what came of it."""
     from vbus.campaign.verdict import judge
     from vbus.campaign.world import REFERENCE, read_world
@@ -254,7 +254,7 @@ def _replay_function(name: str, function: "Function") -> int:
     return run.code
 
 
-class Settings:
+class CampaignSettings:
     """A campaign as the command line has it.
 
     Args:
