@@ -377,3 +377,32 @@ def test_who_does_not_use_it_does_not_import_it() -> None:
     code = f"import sys, {names}; print([n for n in sys.modules if 'unicorn' in n or '.cpu.' in n])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_a_campaign_breaks_cycles_of_an_image(bench: Bench) -> None:
+    """A bit of the status that nobody checks is silent; the exit code of one that is, detected."""
+    body = (
+        READ
+        + """int main(void) { int n; begin();
+        for (n = 0; n < 40000; n++) __asm__ volatile("nop");
+        return status() & 1; }"""
+    )
+    image = bench.image(body)
+    bench.run_image(image)
+    worlds = ("cycle:x.1:flip0", "cycle:x.1:flip6")
+    command = [
+        sys.executable,
+        "-m",
+        "vbus",
+        "campaign",
+        "--board",
+        str(bench.folder / "board.toml"),
+    ]
+    command += ["--cpu", "cortex-m3"]
+    codes = [
+        subprocess.run([*command, "--world", world, "--", str(image)], capture_output=True)
+        for world in worlds
+    ]
+    assert [done.returncode for done in codes] == [1, 0], codes
+    refused = subprocess.run([*command, "--", str(image), "x"], capture_output=True, text=True)
+    assert "--cpu takes one firmware file and no arguments" in refused.stderr

@@ -42,6 +42,7 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--board", metavar="FILE", help="The board file; with pytest, tests have theirs.")
 @click.option("--host", metavar="FILE.py:NAME", help="A function that is given a bus, no PROGRAM.")
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware, as in vbus exec.")
+@click.option("--cpu", metavar="SPEC", help="PROGRAM is a firmware image, as in vbus exec.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--only", metavar="DIMENSION,...", help="Try these dimensions alone.")
 @click.option("--phases", type=click.IntRange(2, 4096), help="How many places in a sample (16).")
@@ -58,7 +59,8 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--all", "every", is_flag=True, help="Tell every outcome, not 20.")
 @click.argument("program", nargs=-1, type=click.UNPROCESSED)
 def command(
-    board: str | None, host: str | None, avr: str | None, pinmap: str | None, only: str | None,
+    board: str | None, host: str | None, avr: str | None, cpu: str | None,
+    pinmap: str | None, only: str | None,
     phases: int | None, longest: int | None, worlds: int | None, seed: int, jobs: int | None,
     json: str | None, junit: str | None, page: str | None, baseline: str | None,
     world: str | None, journal: str | None, every: bool, program: tuple[str, ...],
@@ -93,7 +95,7 @@ def command(
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
         campaign = CampaignSettings(
             subject, file, source, chosen, phases or 0, seed,
-            jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, avr, pinmap, program),
+            jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, program),
             _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
         )  # fmt: skip
         return campaign.run(json, junit, page, baseline, every)
@@ -115,7 +117,12 @@ def command(
         from vbus.board.config import read_board_file
         from vbus.cli.hosted.campaign_runs import FunctionSubject, function_of
 
-        for option, value in (("--avr", avr), ("--pinmap", pinmap), ("--journal", journal)):
+        for option, value in (
+            ("--avr", avr),
+            ("--cpu", cpu),
+            ("--pinmap", pinmap),
+            ("--journal", journal),
+        ):
             if value is not None:
                 raise click.UsageError(f"{option} goes with a PROGRAM")
         file, source = read_board_file(board)
@@ -124,14 +131,20 @@ def command(
             return _replay_function(world, function)
         return tried(function, file, source)
     from vbus.cli.run.exec_avr import run_avr
+    from vbus.cli.run.exec_cpu import run_cpu
 
-    if avr is not None:
+    if avr is not None and cpu is not None:
+        raise click.UsageError("write --avr or --cpu, not both")
+    if avr is not None or cpu is not None:
+        option = "--avr" if avr is not None else "--cpu"
         if len(program) != 1:
-            raise click.UsageError("--avr takes one firmware file and no arguments")
+            raise click.UsageError(f"{option} takes one firmware file and no arguments")
         try:
-            return run_avr(avr, program[0], board, None, pinmap, runner=run)
+            if avr is not None:
+                return run_avr(avr, program[0], board, None, pinmap, runner=run)
+            return run_cpu(cpu or "", program[0], board, pinmap, runner=run)
         except ValueError as error:
-            raise click.BadParameter(str(error), param_hint="--avr") from None
+            raise click.BadParameter(str(error), param_hint=option) from None
     from vbus.cli.run.exec import run_own
 
     return run_own(board, pinmap, None, True, list(program), {}, "", run)
@@ -160,7 +173,7 @@ def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -
     if program[:1] != ("pytest",):
         raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
     given = click.get_current_context()
-    for name in ("host", "avr", "pinmap", "only", "phases", "jobs", "json", "junit", "page",
+    for name in ("host", "avr", "cpu", "pinmap", "only", "phases", "jobs", "json", "junit", "page",
                  "baseline", "world", "journal"):  # fmt: skip
         if given.params[name] is not None:
             raise click.UsageError(f"--{name} does not go with pytest; pytest has its own options")
@@ -171,15 +184,14 @@ def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -
     return subprocess.run([sys.executable, *words]).returncode
 
 
-def _words(
-    board: str, host: str | None, avr: str | None, pinmap: str | None, program: tuple[str, ...]
-) -> list[str]:
+def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
     """Return the words after ``vbus campaign`` by which one world is run, but for the world."""
     words = ["--board", board]
     if host:
         return [*words, "--host", host]
-    words += ["--avr", avr] if avr else []
-    words += ["--pinmap", pinmap] if pinmap else []
+    given = click.get_current_context().params
+    for name in ("avr", "cpu", "pinmap"):
+        words += [f"--{name}", given[name]] if given[name] else []
     return [*words, "--", *program]
 
 
