@@ -117,7 +117,7 @@ def test_a_move_that_cannot_begin_is_not_in_motion(bench: Bench, vel: int, acc: 
     bench.next_cycle(7)
     assert bench.seen("target") == 20
     assert bench.status() == 0x0301
-    assert bench.rules() == ["without-current"]
+    assert bench.rules() == ["no-rate", "without-current"]
 
 
 @spec("PMD-CMD-64")
