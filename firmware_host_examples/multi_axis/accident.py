@@ -113,7 +113,7 @@ class _Run:
             print(line)
         print(plotted(picture, picture_file))
         hashes = [
-            read_traces([str(file) for file in files])[0] for files in (disturbed, [undisturbed])
+            read_traces([str(file) for file in files])[1] for files in (disturbed, [undisturbed])
         ]
         print(f"trace hash: {hashes[0]}")
         if hashes[0] != hashes[1]:

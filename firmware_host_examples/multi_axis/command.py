@@ -218,7 +218,7 @@ def _all(demo: Demo, asked: argparse.Namespace) -> None:
                 said = "\n".join(f"  {part.name} {part.end()}" for part in failed)
                 raise VbusError(f"the run has failed\n{said}")
         files = sorted(traces.glob("*.trace"))
-        digest, _ = read_traces([str(file) for file in files])
+        _, digest = read_traces([str(file) for file in files])
         if not asked.real_time:
             print(f"trace hash: {digest}")
 

@@ -67,7 +67,7 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
     expected = (page.parent / "expected.txt").read_text()
     assert expected in typist.printed or "diff" in page.read_text()
     if page.parent.name == "firmware_project":
-        whole, broken, *reported = re.split(r"(?<= in )\d.*s\b", typist.printed)
+        whole, broken, *reported = re.split(r"(?<=ed in )\d.*s\b", typist.printed)
         assert whole.endswith("\n9 passed in ")
         assert broken.endswith("\n4 failed, 5 deselected in ")
         assert broken.count("\nx broke lm628.busy-write at 21") == 4

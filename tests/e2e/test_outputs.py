@@ -77,7 +77,25 @@ def _machine(verb: str, option: str) -> Make:
     return lambda path: [verb, "machine.toml", "--scenario", "scenario", option, path]
 
 
+def _campaign(option: str) -> Make:
+    return lambda path: [
+        "campaign", "--board", "other.toml", "--only", "cycle", "--worlds", "4", "-j", "1", option,
+        path, "--", sys.executable, "-c", PROGRAM,
+    ]  # fmt: skip
+
+
+def _world(path: Path) -> list[str | Path]:
+    return [
+        "campaign", "--board", "other.toml", "--world", "cycle:x.1:flip0", "--journal", path, "--",
+        sys.executable, "-c", PROGRAM,
+    ]  # fmt: skip
+
+
 OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
+    ("campaign", "--journal"): ("w.vbj", _world),
+    ("campaign", "--json"): ("c.json", _campaign("--json")),
+    ("campaign", "--junit"): ("c.xml", _campaign("--junit")),
+    ("campaign", "--page"): ("c.html", _campaign("--page")),
     ("coverage", "--output"): ("c.json", lambda p: [
         "coverage", "run.vbj", "--format", "json", "--output", p,
     ]),
@@ -108,7 +126,8 @@ OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
 PASSED = {("up", option) for option in ("--journal", "--report", "--coverage", "--wave")}
 """Options of ``vbus up``: the processes it starts take them."""
 INPUTS = {
-    "--suppress", "--from", "--scenario", "--board", "--map", "--certificate", "--key",
+    "--suppress", "--from", "--baseline", "--host", "--scenario", "--board", "--map",
+    "--certificate", "--key",
     "capture", "files", "first", "second", "scenario", "journal", "journals", "sources", "what",
     "file",
 }  # fmt: skip
@@ -211,7 +230,7 @@ def test_a_full_disk_is_told_and_leaves_no_half_result(
     name, make = OUTPUTS[verb, option]
     path = folder / name
     whole = option not in ("--journal", "--transcript") and (verb, option) not in (
-        ("exec", "--wave"), ("run", "--wave"),
+        ("exec", "--wave"), ("run", "--wave"), ("campaign", "--json"),
     )  # fmt: skip
     if whole:
         path.write_text("of an earlier run")

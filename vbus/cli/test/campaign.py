@@ -6,7 +6,8 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
     from vbus.cli.hosted.campaign_runs import FunctionSubject, Subject
+    from vbus.serve.output_file import OutputFile
 
 _MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
 _TOLD: Final = 20
@@ -315,11 +317,28 @@ class CampaignSettings:
         baseline: str | None,
         every: bool,
     ) -> int:
-        """Run it, and write what came of it.
+        """Run it, and write what came of it into files that are its own from before the first run.
 
         Raises:
             VbusError: the reference run fails, or does not repeat; a file cannot be written.
         """
+        from vbus.serve.output_file import OutputFile
+
+        with ExitStack() as stack:
+            files = {name: OutputFile(name) for name in (json, junit, page) if name}
+            for file in files.values():
+                stack.callback(file.close)
+            return self._run(files, json, junit, page, baseline, every)
+
+    def _run(
+        self,
+        files: Mapping[str, "OutputFile"],
+        json: str | None,
+        junit: str | None,
+        page: str | None,
+        baseline: str | None,
+        every: bool,
+    ) -> int:
         from vbus.board.build import build
         from vbus.campaign import report
         from vbus.campaign.plan import PHASES, plan
@@ -329,7 +348,6 @@ class CampaignSettings:
         from vbus.core.errors import ConfigError
         from vbus.core.kernel import SECOND
         from vbus.core.wall_clock import monotonic
-        from vbus.serve.output_file import write_file
 
         if self._file.board.time == "realtime":
             raise ConfigError(
@@ -350,7 +368,7 @@ class CampaignSettings:
         def take(world: "World", result: "Result") -> None:
             saved.results[str(world)] = result
             if json and len(saved.results) % 100 == 0:
-                write_file(json, report.as_json(saved))
+                files[json].write(report.as_json(saved))
 
         stopped = False
         try:
@@ -365,11 +383,11 @@ class CampaignSettings:
         saved.totals = campaign.totals()
         new = campaign.new(known)
         if json:
-            write_file(json, report.as_json(saved))
+            files[json].write(report.as_json(saved))
         if junit:
-            write_file(junit, report.as_junit(campaign, new, self.line))
+            files[junit].write(report.as_junit(campaign, new, self.line))
         if page:
-            write_file(page, report.as_page(campaign, shlex.join(self._words), self.line))
+            files[page].write(report.as_page(campaign, shlex.join(self._words), self.line))
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
         made = len(saved.results) - before
