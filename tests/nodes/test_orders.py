@@ -77,14 +77,15 @@ def made(strobes: bool) -> tuple[Board, Seen]:
 
 def by_host(strobes: bool) -> tuple[Board, Seen]:
     board, seen = made(strobes)
-    ports = {name: board.open_port(name, [name]) for name in "xm"}
+    port = board.open_port("host")  # one host, as orders have one
     for when, chip, kind, address, data in SPACED if strobes else SCRIPT:
         board.run_until(max(board.now, when - 400_000))
-        ports[chip].at(when)
+        port.select(1 << "xm".index(chip))
+        port.at(when)
         if kind == WRITE:
-            ports[chip].write(address, data)
+            port.write(address, data)
         else:
-            ports[chip].read(address)
+            port.read(address)
     board.run_until(300 * US)
     return board, seen
 
