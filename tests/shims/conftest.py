@@ -32,6 +32,12 @@ def require(program: str) -> str:
     return found
 
 
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boards of one name may run in several tests at a time."""
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+
+
 @cache
 def _printed(shim: str) -> tuple[str, ...]:
     command = [sys.executable, "-m", "vbus", "cflags", "--shim", shim]

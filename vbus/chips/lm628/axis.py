@@ -90,7 +90,7 @@ class ServoAxis:
         self.breakpoint_armed: bool = False
         self.stuck: bool = False
         self.interrupts_wanted: bool = False
-        """MSKI has enabled a flag last; no part of the saved state."""
+        """MSKI has enabled a flag, and no RSTI has let HI fall since; no part of saved state."""
 
     # -- what the host sees -------------------------------------------------------------------
 

@@ -452,7 +452,7 @@ class LM628(FrontEndHost):
         code, step, word = host.next_step() if host.busy else (-1, 0, 0)
         flags = axis.kept_flags(word) if code == ds.RSTI and step else int(axis.flags)
         found = []
-        if flags & axis.mask and (self._hi.net.heard or (axis.interrupts_wanted and self._unseen)):
+        if flags & axis.mask and (self._hi.net.heard or axis.interrupts_wanted):
             unseen = ", and no status byte was read since it rose" if self._unseen else ""
             names = flag_names(int(flags & axis.mask))
             text = f"HI is high at the end{unseen}: {names}; RSTI lets it fall"

@@ -215,6 +215,8 @@ class AxisCommands:
         axis = self._axis
         before = axis.flags
         axis.flags = axis.kept_flags(keep)
+        if before & axis.mask and not axis.flags & axis.mask:
+            axis.interrupts_wanted = False
         if keep & ds.INTERRUPTS == ds.INTERRUPTS:
             self._report(ds.RESETS_NOTHING, f"RSTI {keep:04X}H: a 0 clears a flag, and none is 0")
         elif before & keep == before != 0:
