@@ -462,7 +462,8 @@ class HostBus(HostPort):
             self.board.player.flush()
             self.strobes.before()
             self.pins.unsolder()
-            self.board.player.hosts.remove(self.pins)
+            if self.pins in self.board.player.hosts:  # a session may be closed twice
+                self.board.player.hosts.remove(self.pins)
             self.strobes.after()
             self.strobes.passes_glue_by()
         finally:  # whatever happens on the board: others may wait for the claim

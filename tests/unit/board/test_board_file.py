@@ -260,8 +260,8 @@ MISTAKES = [
     (
         "", "[chip.y]\n",
         'b.toml:8: chip: unknown section; did you mean "chips"? allowed are board, violations,'
-        " chips, plants, nets, glue, buses, cards, pinmaps, nodes, hosts, record, waves, zenoh,"
-        " metrics, scope, faults",
+        " chips, plants, nets, glue, buses, cards, pinmaps, cpu, nodes, hosts, record, waves,"
+        " zenoh, metrics, scope, faults",
     ),
     ("[chips.x]", "board = 3\n[chips.x]", "b.toml:1: board: found 3; this is a table of keys"),
     ("[chips.x]", "[[chips.x]]", 'b.toml:1: chips.x: found [{part = "ACME-1", clock = "8 MHz", '
