@@ -83,7 +83,7 @@ def _noted() -> str:
 
 
 def _extension_there() -> bool:
-    path = os.path.join(_PACKAGE, "kernel", "kernel")
+    path = os.path.join(_PACKAGE, "core", "kernel", "kernel")
     return any(os.path.exists(path + suffix) for suffix in EXTENSION_SUFFIXES)
 
 
