@@ -1,5 +1,6 @@
 """Planted mistakes: how many make the driver's own test red, or are named by a rule."""
 
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -15,10 +16,13 @@ MISTAKES: Final[dict[str, list[dict[str, str]]]] = tomllib.loads(
 )
 RED: Final = "red"
 SILENT: Final = "silent"
+STEP: Final = 1 if os.environ.get("VBUS_PLANTED") == "all" else 3
+"""All rows take two minutes of a processor: a usual run takes every third of a driver."""
 ROWS: Final = [
     pytest.param(driver, number, row, id=f"{driver}: {row['what']}")
     for driver, rows in MISTAKES.items()
     for number, row in enumerate(rows, 1)
+    if number % STEP == 0
 ]
 
 UNUSUAL: Final = re.findall(r"^def (test_\w+)", (DRIVERS / "unusual.py").read_text(), re.M)
