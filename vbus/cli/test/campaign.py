@@ -6,8 +6,8 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -132,9 +132,6 @@ def command(
         if world is not None:
             return _replay_function(world, function)
         return tried(function, file, source)
-    from vbus.cli.run.exec_avr import run_avr
-    from vbus.cli.run.exec_cpu import run_cpu
-
     if avr is not None and cpu is not None:
         raise click.UsageError("write --avr or --cpu, not both")
     if avr is not None or cpu is not None:
@@ -143,7 +140,11 @@ def command(
             raise click.UsageError(f"{option} takes one firmware file and no arguments")
         try:
             if avr is not None:
+                from vbus.cli.run.exec_avr import run_avr
+
                 return run_avr(avr, program[0], board, None, pinmap, runner=run)
+            from vbus.cli.run.exec_cpu import run_cpu
+
             return run_cpu(cpu or "", program[0], board, pinmap, runner=run)
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint=option) from None
@@ -207,6 +208,16 @@ def _digest(text: str, program: tuple[str, ...]) -> str:
     return whole.hexdigest()
 
 
+def _world(name: str) -> "World":
+    """Return the world of a name."""
+    from vbus.campaign.world import read_world
+
+    try:
+        return read_world(name)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--world") from None
+
+
 def _replay(
     name: str,
     file: "BoardFile",
@@ -217,16 +228,13 @@ def _replay(
 ) -> int:
     """Run a program in one world; say what it was and what came of it."""
     from vbus.board.board import Board
-    from vbus.campaign.world import begin, of_world, read_world
+    from vbus.campaign.world import begin, of_world
     from vbus.cli.hosted.campaign_runs import limits_of
     from vbus.cli.hosted.program import run_beside
     from vbus.cli.outcome import AxisOutcomes
     from vbus.serve.serving import recorded
 
-    try:
-        world = read_world(name)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--world") from None
+    world = _world(name)
     file, source = of_world(file, source, world)
     file = recorded(file, {"journal": journal} if journal else {}, "")
 
@@ -250,12 +258,9 @@ def _replay(
 def _replay_function(name: str, function: "FunctionSubject") -> int:
     """Call a function in one world; say what it was and what came of it."""
     from vbus.campaign.verdict import judge
-    from vbus.campaign.world import REFERENCE, read_world
+    from vbus.campaign.world import REFERENCE
 
-    try:
-        world = read_world(name)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--world") from None
+    world = _world(name)
     reference = function.run(REFERENCE, None)
     run = function.run(world, reference)
     result = judge(reference, run, world)
@@ -325,17 +330,17 @@ class CampaignSettings:
         from vbus.serve.output_file import OutputFile
 
         with ExitStack() as stack:
-            files = {name: OutputFile(name) for name in (json, junit, page) if name}
-            for file in files.values():
-                stack.callback(file.close)
-            return self._run(files, json, junit, page, baseline, every)
+
+            def claimed(name: str | None) -> OutputFile | None:
+                return stack.enter_context(closing(OutputFile(name))) if name else None
+
+            return self._run(claimed(json), claimed(junit), claimed(page), baseline, every)
 
     def _run(
         self,
-        files: Mapping[str, "OutputFile"],
-        json: str | None,
-        junit: str | None,
-        page: str | None,
+        json: "OutputFile | None",
+        junit: "OutputFile | None",
+        page: "OutputFile | None",
         baseline: str | None,
         every: bool,
     ) -> int:
@@ -360,7 +365,7 @@ class CampaignSettings:
         reference = self._reference(self._subject.run(REFERENCE, None))
         board = build(self._file, self._source)
         planned = plan(reference, self._file, board, self._seed, self._only, self._phases or PHASES)
-        saved = report.read_saved(json, self._digest) if json else report.Saved(self._digest)
+        saved = report.read_saved(json.path, self._digest) if json else report.Saved(self._digest)
         wanted = planned.worlds[: self._most]
         left = [one for one in wanted if str(one.world) not in saved.results]
         before = len(saved.results)
@@ -368,7 +373,7 @@ class CampaignSettings:
         def take(world: "World", result: "Result") -> None:
             saved.results[str(world)] = result
             if json and len(saved.results) % 100 == 0:
-                files[json].write(report.as_json(saved))
+                json.write(report.as_json(saved))
 
         stopped = False
         try:
@@ -383,18 +388,18 @@ class CampaignSettings:
         saved.totals = campaign.totals()
         new = campaign.new(known)
         if json:
-            files[json].write(report.as_json(saved))
+            json.write(report.as_json(saved))
         if junit:
-            files[junit].write(report.as_junit(campaign, new, self.line))
+            junit.write(report.as_junit(campaign, new, self.line))
         if page:
-            files[page].write(report.as_page(campaign, shlex.join(self._words), self.line))
+            page.write(report.as_page(campaign, shlex.join(self._words), self.line))
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
         made = len(saved.results) - before
         pace = f"{made / max(spent, 1e-9):.1f} runs/s, {self._jobs} processes"
         complain(f"{made} runs in {spent:.1f} s: {pace}")
         if stopped:
-            again = f"; the same command goes on from {json}" if json else ""
+            again = f"; the same command goes on from {json.path}" if json else ""
             complain(f"stopped before the end{again}")
             return 130
         return 1 if new else 0
