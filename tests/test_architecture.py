@@ -30,8 +30,8 @@ def texts(*folders: Path) -> list[Path]:
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
 ORDER = (
     "version", "core", "native", "compiled", "protocols", "chips", "plant", "glue", "plugins",
-    "network", "client", "circuit", "events", "faults", "boardfile", "board", "record", "views",
-    "nodes", "campaign", "transports", "serve", "cli", "testing", "__init__", "__main__",
+    "network", "client", "circuit", "events", "faults", "boardfile", "cpu", "board", "record",
+    "views", "nodes", "campaign", "transports", "serve", "cli", "testing", "__init__", "__main__",
 )  # fmt: skip
 """Rooms, the lowest first: a room imports those before it, for type checkers and in functions too.
 A folder is a room, a file beside the folders too; see :data:`ROLES` for the folder of a chip."""

@@ -18,7 +18,7 @@ def main() -> None:
 
             keep_what_is_made()
     except KeyboardInterrupt:
-        from vbus.cli.exit_codes import INTERRUPTED
+        from vbus.core.exit_codes import INTERRUPTED
 
         sys.exit(INTERRUPTED)
     run()

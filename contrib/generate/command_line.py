@@ -7,9 +7,9 @@ from typing import Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.cli import cli
 from vbus.cli.generate.layout import table
+from vbus.core import exit_codes
 
 _HEAD: Final = """\
 # The command line

@@ -18,9 +18,9 @@ from click.testing import CliRunner
 import vbus as package
 from tests.e2e.command import BOARD, plug_in, running, start, vbus
 from tests.waiting import until
-from vbus.cli import exit_codes
 from vbus.cli.cli import _COMMANDS, cli
 from vbus.compiled import core
+from vbus.core import exit_codes
 
 
 @pytest.fixture(autouse=True)

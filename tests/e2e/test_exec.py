@@ -101,6 +101,8 @@ def test_an_interrupt_is_passed_on(board: Path) -> None:
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf", "b"], 2, "--avr takes one firmware file"),
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf"], 3, "chip time must follow the AVR"),
         (["--link", "unix:/nowhere", "true"], 4, "/nowhere"),
+        (["--link", "l", "--pinmap", "p", "true"], 2, "--pinmap goes with --board; a link of a"),
+        (["--join", "b", "--cpu", "cortex-m3", "a.elf"], 2, "--cpu goes with --board"),
     ],
 )
 def test_what_is_wrong_is_said(board: Path, arguments: list[str], code: int, message: str) -> None:

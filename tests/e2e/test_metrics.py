@@ -18,7 +18,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from tests.e2e.command import vbus
 from vbus import connect
 from vbus.board.build import load_board_text
-from vbus.cli import exit_codes
+from vbus.core import exit_codes
 from vbus.serve.registry import running
 
 BOARD = """

@@ -9,7 +9,7 @@ from tests.e2e.command import running, vbus
 from vbus import connect
 from vbus.board import snapshot
 from vbus.board.build import load_board_text
-from vbus.cli import exit_codes
+from vbus.core import exit_codes
 from vbus.core.kernel import END, MS, SECOND
 from vbus.serve.time.pacer import DAY
 

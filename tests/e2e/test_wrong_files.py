@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from vbus.board.build import load_board_text
-from vbus.cli import cli, exit_codes
+from vbus.cli import cli
+from vbus.core import exit_codes
 from vbus.record.journal import Journal
 from vbus.serve.output_file import write_file
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import pytest
 
-from vbus.cli.exit_codes import INTERRUPTED
+from vbus.core.exit_codes import INTERRUPTED
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
 

@@ -17,9 +17,9 @@ from tests.waiting import until
 from vbus import connect
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketTaker
-from vbus.cli import exit_codes
 from vbus.cli.look.sigrok_server import CHANNELS
 from vbus.client.lm628 import Lm628
+from vbus.core import exit_codes
 from vbus.record.format import JournalReader
 from vbus.record.view import play
 

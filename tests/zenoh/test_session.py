@@ -8,7 +8,7 @@ import pytest
 
 from tests.e2e.command import vbus
 from tests.ports import free_endpoint
-from vbus.cli import exit_codes
+from vbus.core import exit_codes
 from vbus.core.errors import TransportError
 from vbus.network.session import close_session, open_session
 

@@ -9,17 +9,9 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.compiled import version_line
-from vbus.core.errors import (
-    CaptureError,
-    ConfigError,
-    PluginError,
-    ProgramError,
-    TimeEndedError,
-    TransportError,
-    VbusError,
-)
+from vbus.core import exit_codes
+from vbus.core.errors import ConfigError, VbusError
 from vbus.version import __version__
 
 _GROUPS: Final = {
@@ -87,13 +79,6 @@ _EXITS: Final = (
     "Exit codes: 0 it worked, 1 it did not; wrong: 2 command line, 3 board file,",
     "4 link, 5 plug-in, 6 capture; 7 chip time is over; 126, 127 of exec; 130 Ctrl-C.",
 )
-_CODES: Final = {
-    ConfigError: exit_codes.BAD_BOARD,
-    TransportError: exit_codes.NO_LINK,
-    PluginError: exit_codes.NO_PLUGIN,
-    CaptureError: exit_codes.BAD_CAPTURE,
-    TimeEndedError: exit_codes.TIME_ENDED,
-}
 
 
 class _Lazy(click.Group):
@@ -148,7 +133,7 @@ def cli() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run ``vbus`` and exit with one of :data:`~vbus.cli.exit_codes.MEANINGS`."""
+    """Run ``vbus`` and exit with one of :data:`~vbus.core.exit_codes.MEANINGS`."""
     sys.exit(_run(arguments))
 
 
@@ -164,10 +149,7 @@ def _run(arguments: list[str] | None) -> int:
     except VbusError as error:
         # Mistakes of board files begin with their place.
         click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
-        if isinstance(error, ProgramError):
-            return exit_codes.NO_PROGRAM if error.missing else exit_codes.NOT_RUNNABLE
-        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
-        return next(codes, exit_codes.FAILURE)
+        return exit_codes.code_of(error)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:

@@ -11,8 +11,8 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Final
 
-from vbus.cli import exit_codes
 from vbus.cli.output import bar, complain, reading
+from vbus.core import exit_codes
 from vbus.core.errors import TransportError, VbusError
 
 if TYPE_CHECKING:

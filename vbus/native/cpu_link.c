@@ -1,6 +1,6 @@
-/* cpu_link.c - the fast part of vbus.cli.cpu: clock, bus and port bits of a processor that an emulator runs.
+/* cpu_link.c - the fast part of vbus.cpu: clock, bus and port bits of a processor that an emulator runs.
  *
- * vbus.cli.cpu builds a library of it, and gives its functions to the emulator (unicorn): cpu_tick before
+ * vbus.cpu builds a library of it, and gives its functions to the emulator (unicorn): cpu_tick before
  * each instruction, cpu_read and cpu_write for accesses to peripherals and cards. It knows nothing of
  * the emulator and is not linked with it. License: Apache-2.0.
  */
@@ -14,7 +14,7 @@
 #define PAGE 0x400
 #define SECOND UINT64_C(1000000000000)
 
-/* The registers of a port that firmware moves all the time; vbus.cli.cpu keeps the others. */
+/* The registers of a port that firmware moves all the time; vbus.cpu keeps the others. */
 struct cpu_port {
     uint32_t base, number;
     uint32_t input, output, set, reset; /* offsets; ~0: the port has no such register */

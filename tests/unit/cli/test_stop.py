@@ -4,8 +4,8 @@ import subprocess
 
 import pytest
 
-from vbus.cli import exit_codes
 from vbus.cli.run.running import stop
+from vbus.core import exit_codes
 from vbus.serve import registry
 
 

@@ -16,7 +16,7 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.card.cards import outputs_of
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
-from vbus.cli import child_processes, exit_codes
+from vbus.cli import child_processes
 from vbus.cli.hosted import preload
 from vbus.cli.hosted.at_rest import LOOK, AtRest
 from vbus.cli.look.scope import place_of
@@ -25,6 +25,7 @@ from vbus.cli.outcome import AxisOutcomes
 from vbus.cli.output import complain, scope_address
 from vbus.cli.proc import what_hangs
 from vbus.cli.transcript import Transcript
+from vbus.core import exit_codes
 from vbus.core.errors import ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, looks_like
 from vbus.core.runtime import private_runtime

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import no_progress
 from vbus.cli.sources import opened
+from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     from vbus.circuit.stream import PacketReader

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.look.scope_process import start_scope
 from vbus.cli.output import SCOPE_ADDRESS, duration, no_progress
 from vbus.cli.sources import boards_of, opened, replay_code
+from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 
 if TYPE_CHECKING:

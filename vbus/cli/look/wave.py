@@ -10,9 +10,9 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, duration, no_progress, show
 from vbus.cli.sources import Feed, opened, replay_code
+from vbus.core import exit_codes
 from vbus.core.errors import VbusError, write_errors
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, show
+from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     from vbus.serve.attach.attachment import AttachRequest

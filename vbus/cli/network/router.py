@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.status_lines import READY
+from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     import asyncio

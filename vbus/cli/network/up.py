@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import (
     complain,
     from_option,
@@ -20,6 +19,7 @@ from vbus.cli.output import (
     scope_option,
     show,
 )
+from vbus.core import exit_codes
 from vbus.serve.output_file import OutputFile
 
 if TYPE_CHECKING:

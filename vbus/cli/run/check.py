@@ -12,8 +12,8 @@ from msgspec import structs
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.cli import exit_codes
 from vbus.cli.output import show
+from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 from vbus.serve.recording import ALONE
 from vbus.views.findings.suppress import suppressions_of

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, scope_address, scope_options, show
 from vbus.cli.run.demo_host import NAMES, demo_of
+from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     from vbus.board.board import Board

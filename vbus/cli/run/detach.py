@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from vbus.cli import exit_codes
+from vbus.core import exit_codes
 from vbus.serve.registry import log_path
 
 

@@ -14,9 +14,9 @@ from typing import Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import show
 from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis
+from vbus.core import exit_codes
 
 OLDEST_PYTHON: Final = (3, 11)
 LONGEST_LATENCY: Final = 3600

@@ -14,11 +14,11 @@ import msgspec
 from vbus.boardfile.cpu import CpuSection
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import absent
-from vbus.cli.cpu.processors import PROCESSORS, CpuSettings, foreign, with_defaults
 from vbus.cli.hosted.compiler import built
 from vbus.core.errors import ConfigError, ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 from vbus.core.values.settings import among, listed
+from vbus.cpu.processors import PROCESSORS, CpuSettings, foreign, with_defaults
 from vbus.native import include_dir
 
 AVR_KEYS: Final = {
@@ -160,7 +160,7 @@ def cpu_command(settings: CpuSettings, image: str, file: BoardFile) -> Callable[
     library = built(
         "libvbus-cpu.so", Path(include_dir()) / "cpu_link.c", options, "see its message"
     )
-    words = [sys.executable, "-m", "vbus.cli.cpu", str(library)]
+    words = [sys.executable, "-m", "vbus.cpu", str(library)]
     told = msgspec.json.encode(settings).decode()
     return lambda link: [*words, link, told, image]
 

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import (
     complain,
     from_option,
@@ -17,6 +16,7 @@ from vbus.cli.output import (
     show,
 )
 from vbus.cli.status_lines import READY, ready_lines
+from vbus.core import exit_codes
 from vbus.core.collection import collection_held
 
 if TYPE_CHECKING:

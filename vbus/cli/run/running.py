@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, show
+from vbus.core import exit_codes
 from vbus.core.errors import TransportError
 from vbus.serve import registry
 

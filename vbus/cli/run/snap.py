@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import reading, seconds, show
 from vbus.cli.sources import opened
+from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 from vbus.serve import registry
 from vbus.serve.output_file import write_file

@@ -11,8 +11,8 @@ from typing import Any, BinaryIO, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import bar, duration, no_progress, reading, show
+from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 
 _QUANTITY: Final = "PIN=CHANNEL"

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, reading
 from vbus.cli.sources import opened
+from vbus.core import exit_codes
 from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli import exit_codes
 from vbus.cli.output import complain, no_progress, show
 from vbus.cli.sources import opened
+from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     from vbus.record.format import Header

@@ -7,10 +7,10 @@ from typing import Any
 import click
 
 from vbus.board.board import Board
-from vbus.cli import exit_codes
 from vbus.cli.journal_lines import instant
 from vbus.cli.output import no_progress, show
 from vbus.cli.sources import opened
+from vbus.core import exit_codes
 from vbus.nodes.machine import board_of, trace_hash
 from vbus.nodes.node import Node
 from vbus.record.replay import Outcome, Replay

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.cli.cpu.machine import CpuMachine, Peripheral
+from vbus.cpu.machine import CpuMachine, Peripheral
 
 
 class IoRegister(Struct, frozen=True):

@@ -15,8 +15,8 @@ from time import perf_counter
 from typing import Any, ClassVar, Final
 
 from vbus.boardfile.cpu import CpuSection
-from vbus.cli import exit_codes
-from vbus.cli.cpu.image import Image
+from vbus.core import exit_codes
+from vbus.cpu.image import Image
 
 SLICE: Final = 100_000
 """Instructions after which the emulator stops at the latest, to look for the end."""

@@ -1,16 +1,13 @@
 """The processors that there are: what each is to the emulator, and where its memory usually is."""
 
-import ctypes
 from collections.abc import Callable
-from importlib import import_module
 from typing import Final
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from vbus.boardfile.cpu import CpuSection
-from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
-from vbus.cli.cpu.machine import CpuMachine
+from vbus.cpu.image import ARM, M68K, Image, read_dos, read_elf
 
 
 class CpuSettings(Struct):
@@ -102,18 +99,3 @@ def foreign(kind: ProcessorKind, section: CpuSection) -> list[str]:
     """Return the keys of a section that mean nothing to a processor."""
     keys = {*_M_KEYS, *_VME_KEYS} - set(kind.keys)
     return sorted(key for key in keys if getattr(section, key))
-
-
-def machine_of(settings: CpuSettings, image: Image, native: ctypes.CDLL) -> CpuMachine:
-    """Return a machine with its processor, memory, peripherals and image."""
-    import unicorn
-
-    kind = PROCESSORS[settings.processor]
-    names = import_module(f"unicorn.{kind.arch.lower()}_const")
-    mode = sum(getattr(unicorn, f"UC_MODE_{name}") for name in kind.modes)
-    model = getattr(names, f"UC_{kind.model}") if kind.model else None
-    arch = getattr(unicorn, f"UC_ARCH_{kind.arch}")
-    machine = CpuMachine(native, settings.cpu, arch, mode, model, settings.cycles, settings.until)
-    machine.image = image
-    import_module(f"vbus.cli.cpu.{kind.built}").build(machine)
-    return machine

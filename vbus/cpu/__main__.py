@@ -2,13 +2,15 @@
 
 import ctypes
 import sys
+from importlib import import_module
 
 import msgspec
 
-from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import Stopped
-from vbus.cli.cpu.processors import PROCESSORS, CpuSettings, machine_of
+from vbus.core import exit_codes
 from vbus.core.errors import ProgramError
+from vbus.cpu.image import Image
+from vbus.cpu.machine import CpuMachine, Stopped
+from vbus.cpu.processors import PROCESSORS, CpuSettings
 
 
 def main() -> int:
@@ -31,6 +33,21 @@ def main() -> int:
     if settings.stats:
         print(machine.statistics(), file=sys.stderr)
     return code
+
+
+def machine_of(settings: CpuSettings, image: Image, native: ctypes.CDLL) -> CpuMachine:
+    """Return a machine with its processor, memory, peripherals and image."""
+    import unicorn
+
+    kind = PROCESSORS[settings.processor]
+    names = import_module(f"unicorn.{kind.arch.lower()}_const")
+    mode = sum(getattr(unicorn, f"UC_MODE_{name}") for name in kind.modes)
+    model = getattr(names, f"UC_{kind.model}") if kind.model else None
+    arch = getattr(unicorn, f"UC_ARCH_{kind.arch}")
+    machine = CpuMachine(native, settings.cpu, arch, mode, model, settings.cycles, settings.until)
+    machine.image = image
+    import_module(f"vbus.cpu.{kind.built}").build(machine)
+    return machine
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ from typing import Final
 
 from unicorn import x86_const as x86
 
-from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
+from vbus.core import exit_codes
+from vbus.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
 
 _STUBS, _STUB = 0xF000, 8
 _PSP, _TOP = 0x0100, 0x9FFF

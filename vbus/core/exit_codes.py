@@ -2,6 +2,16 @@
 
 from typing import Final
 
+from vbus.core.errors import (
+    CaptureError,
+    ConfigError,
+    PluginError,
+    ProgramError,
+    TimeEndedError,
+    TransportError,
+    VbusError,
+)
+
 OK: Final = 0
 FAILURE: Final = 1
 USAGE: Final = 2
@@ -27,3 +37,18 @@ MEANINGS: Final = {
     NO_PROGRAM: "vbus exec: there is no such program",
     INTERRUPTED: "interrupted by Ctrl-C before it was done",
 }
+
+_CODES: Final = {
+    ConfigError: BAD_BOARD,
+    TransportError: NO_LINK,
+    PluginError: NO_PLUGIN,
+    CaptureError: BAD_CAPTURE,
+    TimeEndedError: TIME_ENDED,
+}
+
+
+def code_of(error: VbusError) -> int:
+    """Return the exit code of a command that an error has ended."""
+    if isinstance(error, ProgramError):
+        return NO_PROGRAM if error.missing else NOT_RUNNABLE
+    return next((code for kind, code in _CODES.items() if isinstance(error, kind)), FAILURE)

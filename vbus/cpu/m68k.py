@@ -5,9 +5,9 @@ from typing import Final
 
 from unicorn import m68k_const as m68k
 
-from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
-from vbus.cli.cpu.registers import IoRegister, RegisterBlock
+from vbus.core import exit_codes
+from vbus.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
+from vbus.cpu.registers import IoRegister, RegisterBlock
 
 _SUPERVISOR, _TRACES, _MASK = 0x2000, 0xC000, 0x0700
 _AUTOVECTOR: Final = 24

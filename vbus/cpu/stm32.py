@@ -9,9 +9,9 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.cli.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
-from vbus.cli.cpu.machine import CpuMachine, PortBits
-from vbus.cli.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
+from vbus.cpu.machine import CpuMachine, PortBits
+from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
 _NONE: Final = 0xFFFFFFFF
 

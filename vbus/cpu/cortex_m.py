@@ -5,9 +5,9 @@ from typing import Final
 
 from unicorn import arm_const as arm
 
-from vbus.cli import exit_codes
-from vbus.cli.cpu.machine import CpuMachine, Processor, Stopped
-from vbus.cli.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.core import exit_codes
+from vbus.cpu.machine import CpuMachine, Processor, Stopped
+from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
 HARD_FAULT, SVC, PENDSV, SYSTICK, IRQ = 3, 11, 14, 15, 16
 _SWI, _BKPT, _RETURN = 2, 7, 8
