@@ -1,6 +1,6 @@
 """AC limits: the manual's timing table, and the check of measured intervals."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
@@ -52,6 +52,11 @@ class AcTable:
                 for symbol, row in self._rows.items()
             }
         return limits
+
+
+def rules_in(names: Mapping[str, object]) -> tuple[Rule, ...]:
+    """Return the rules among the names of a module, in the order in which it states them."""
+    return tuple([rule for rule in names.values() if isinstance(rule, Rule)])
 
 
 class AcLimits:

@@ -8,7 +8,7 @@ from typing import Final
 
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcTable, rules_in
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
@@ -500,13 +500,8 @@ ERRORS_STAND: Final = Rule(
     "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
 )
 
-RULES: Final = (
-    *AC["5 V"].rules.values(),
-    CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
-    EXTENDED_OFF, LISTED_RANGE, NO_FORCE, SPLIT_POSITION, PART_POSITION, NO_WAY, PID_UNUSED,
-    NO_INTEGRAL, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY, OTHER_VELOCITY,
-    NO_RATE, ERRORS_STAND,
-)  # fmt: skip
+RULES: Final = (*AC["5 V"].rules.values(), *rules_in(globals()))
+"""What a host can break: each AC limit, and each rule above."""
 
 # -- board file keys ----------------------------------------------------------------------------
 
