@@ -16,14 +16,14 @@ from vbus.core.values.settings import among
 from vbus.glue import logic
 from vbus.glue.card_buses import BUSES, DATA, BusRow
 from vbus.glue.part import bundled
-from vbus.glue.table import THREE_STATE, Block, run
+from vbus.glue.table import THREE_STATE, Block, pins
 
 _READ, _WRITE, _RESET = ".read", ".write", "RESET"
 """Inside a register: the strobes where it is selected, and its reset."""
 _BITS: Final = bundled(DATA)
-_INPUTS: Final = run("I", 8)
-_OUTPUTS: Final = run("Q", 8)
-_ENABLES: Final = run("E", 8)
+_INPUTS: Final = pins("I0-I7")
+_OUTPUTS: Final = pins("Q0-Q7")
+_ENABLES: Final = pins("E0-E7")
 INT: Final = "INT"
 
 _PINS: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
