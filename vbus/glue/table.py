@@ -88,7 +88,7 @@ def _row(
     """Return a part of equal units; ``#`` in the name of a pin is the number of its unit."""
     blocks = [
         Block(
-            *(pins(text.replace("#", str(unit))) for text in (inputs, outputs)),
+            pins(inputs.replace("#", str(unit))), pins(outputs.replace("#", str(unit))),
             function, kind, None if through is None else pins(through), holds,
         )
         for unit in range(1, units + 1)
