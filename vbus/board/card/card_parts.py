@@ -181,12 +181,6 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
 
 def _check(row: CardRegisterSection, path: Path, size: int, known: tuple[str, ...]) -> None:
     inputs, _ = _PINS[row.kind]
-    for key, given, kind in (
-        ("reset", row.reset != 0, "latch"), ("read_back", not row.read_back, "latch"),
-        ("values", bool(row.values), "fixed"), ("sense", row.sense != "edge", "pending"),
-    ):  # fmt: skip
-        if given and row.kind != kind:
-            raise CardPartError((*path, key), f'"{key}" is for kind = "{kind}"')
     length = 1
     if row.kind == "fixed":
         try:
