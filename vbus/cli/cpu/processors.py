@@ -8,7 +8,7 @@ from typing import Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
 from vbus.cli.cpu.machine import CpuMachine
 

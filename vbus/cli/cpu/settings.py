@@ -2,7 +2,7 @@
 
 from msgspec import Struct
 
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 
 
 class CpuSettings(Struct):

@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 
 from vbus.board.config import read_board_file
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 from vbus.cli.cpu.processors import PROCESSORS, foreign, with_defaults
 from vbus.cli.cpu.settings import CpuSettings
 from vbus.cli.hosted.program import run_on_board
