@@ -1,7 +1,6 @@
 """All hosts of one board: listening, serving, telling about itself, stopping."""
 
 import asyncio
-import json
 import logging
 import os
 from collections.abc import Callable, Coroutine, Iterable, Iterator
@@ -21,15 +20,14 @@ from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, f
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
-from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
+from vbus.serve.local_socket import Connection, Control, LocalSocket
 from vbus.serve.loop import done_before, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
-from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.orders.fault_orders import FaultOrders
 from vbus.serve.orders.snapshots import SnapshotOrders
 from vbus.serve.recording import Recording, no_journal
-from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
+from vbus.serve.registry import own_board, runs_already, socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.spin_policy import SpinTurn
@@ -39,7 +37,7 @@ from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
 
 if TYPE_CHECKING:
-    from vbus.serve.orders.watching import RemoteWatcher, Watched
+    from vbus.serve.orders.watching import BoardView, Watched
     from vbus.views.scope.lanes import Lateness
 
 log = logging.getLogger("vbus")
@@ -123,6 +121,7 @@ class Server:
         self._watched: Watched | None = None
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
+        self.control.orders["status"] = lambda request: self.statistics()
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._turns: SpinTurn = SpinTurn()
         self.detached: DetachedWaits = DetachedWaits(self.pacer)
@@ -137,7 +136,7 @@ class Server:
         """Gives the parts of the detailed status report that others add."""
         self.skew: Callable[[], int | None] = lambda: None
         """Gives the clock skew between nodes; None on a board without nodes."""
-        self.local_sockets: tuple[LocalSocket, ...] = ()
+        self.local_socket: LocalSocket = LocalSocket(self.control, self._view)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
 
@@ -168,7 +167,12 @@ class Server:
         self._loop = loop
         self.board.serve_links(self.faults)
         try:
-            self._open_local_sockets(loop)
+            self._closing.enter_context(own_board(self.board.name))
+            self._closing.callback(self.local_socket.close)
+            try:
+                self.local_socket.open(loop, socket_path(self.board.name))
+            except NameInUseError as error:
+                raise runs_already(self.board.name, error) from error
             disconnects = DisconnectPoller(loop)
             disconnects.open()
             self._closing.callback(disconnects.close)
@@ -191,21 +195,6 @@ class Server:
                 raise TransportError(f"board {self.board.name}: {error.strerror}") from error
             raise
 
-    def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
-        name = self.board.name
-        self._closing.enter_context(own_board(name))
-        self.local_sockets = (
-            LocalSocket(status_path(name), partial(Telling, tell=self.status)),
-            LocalSocket(watch_path(name), self._watcher),
-            LocalSocket(control_path(name), partial(ControlConnection, control=self.control)),
-        )
-        for local in self.local_sockets:
-            self._closing.callback(local.close)
-            try:
-                local.open(loop)
-            except NameInUseError as error:
-                raise runs_already(name, error) from error
-
     def _mark_pause(self, paused: bool) -> None:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self._hosts:
@@ -214,21 +203,20 @@ class Server:
         for session in self.sessions():
             session.tell_pause(paused)
 
-    def _watcher(
-        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
-    ) -> "RemoteWatcher":
+    def _view(self, connection: Connection, given: dict[str, Any]) -> "BoardView":
+        """Return what a connection asks to watch."""
+        # Whatever records is imported by the first who watches: a board starts without.
         from vbus.serve.orders.jump import JumpBack
-        from vbus.serve.orders.watching import RemoteWatcher, Watched
+        from vbus.serve.orders.watching import Watched, view_of
 
         if self._watched is None:
             jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
             jump.recording = self._recording
             self._watched = Watched(self.board, self._late, self.control, self.steps, jump)
-        return RemoteWatcher(loop, link, on_end, self.status(), self._watched)
+        return view_of(self._watched, connection, given)
 
     def _onlookers(self) -> list[Any]:
-        views = [one.view for one in self.local_sockets[1].connections]  # type: ignore[attr-defined]
-        return [view for view in views if view is not None]
+        return [one.view for one in self.local_socket.connections if one.view is not None]
 
     def _look_for_hosts(self, disconnects: DisconnectPoller) -> None:
         sessions = [session for session in self.sessions() if session.link.fd >= 0]
@@ -361,21 +349,12 @@ class Server:
             self.stop()
         self.pacer.check_over()
 
-    @property
-    def watched(self) -> bool:
-        """Whether the board has watchers in other processes."""
-        return any(local.connections for local in self.local_sockets[1:2])
-
     # -- telling about itself -------------------------------------------------------------------
 
     def _late(self) -> "Lateness":
         from vbus.views.scope.lanes import Lateness
 
         return Lateness(self.pacer.lag, self.pacer.overload.times, self.skew())
-
-    def status(self) -> bytes:
-        """Return the statistics as JSON."""
-        return json.dumps(self.statistics()).encode()
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of this board; times in ps."""

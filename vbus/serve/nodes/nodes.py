@@ -21,6 +21,7 @@ from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
 from vbus.nodes.node import Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
+from vbus.serve.local_socket import Control
 from vbus.serve.loop import done_before, first_of, run_until_signal, tell_ready
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.nodes.node_link import NodeLink
@@ -28,7 +29,6 @@ from vbus.serve.nodes.node_records import join_waves, recording_of
 from vbus.serve.nodes.peers import Group, Peers
 from vbus.serve.nodes.realtime_nodes import RealTime
 from vbus.serve.nodes.timebase import Timebase
-from vbus.serve.orders.control import Control
 from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
@@ -344,7 +344,7 @@ class _NodesRun:
     def _use_orders(self, node: Node, control: Control) -> None:
         """Leave of a board's orders those that a node can follow: faults happen in its own time."""
         for name in control.orders:
-            if not name.startswith(("fault.", "journal.")):
+            if not name.startswith(("fault.", "journal.", "status")):
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
 
