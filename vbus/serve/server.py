@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import os
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -21,7 +21,7 @@ from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import Connection, Control, LocalSocket
-from vbus.serve.loop import done_before, run_until_signal
+from vbus.serve.loop import done_before, first_of, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.orders.fault_orders import FaultOrders
@@ -319,7 +319,7 @@ class Server:
         self,
         stop: asyncio.Event,
         ready: Callable[[], None] | None = None,
-        before: Callable[[], Coroutine[Any, Any, None]] | None = None,
+        before: Callable[[], Awaitable[None]] | None = None,
         patience: float = PATIENCE_SECONDS,
     ) -> None:
         """Serve until ``stop`` is set; what hosts that have gone had sent is carried out then.
@@ -336,18 +336,9 @@ class Server:
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
         """
-        self.pacer.on_end = stop.set
-        self.start(asyncio.get_running_loop())
-        try:
-            begun = before is None or await done_before((stop,), before())
-            if begun and ready is not None and not stop.is_set():
-                ready()
-            await stop.wait()
-            last = asyncio.get_running_loop().time() + patience
-            await self.finish(lambda: asyncio.get_running_loop().time() > last, not self.pacer.real)
-        finally:
-            self.stop()
-        self.pacer.check_over()
+        run = Run(before, patience)
+        run.servers.append(self)
+        await run.serve(stop, ready)
 
     # -- telling about itself -------------------------------------------------------------------
 
@@ -398,6 +389,78 @@ class Server:
         }
 
 
+class Run:
+    """Boards that are served in this process, from their start to their end.
+
+    Args:
+        before: what is waited for before the run is ready; cancelled by its end.
+        patience: how long hosts that have gone keep a board (s of wall time), where hosts are
+            masters of time.
+
+    Attributes:
+        servers: a board's, or one for each node.
+        over: set when the run ends by itself.
+    """
+
+    def __init__(
+        self,
+        before: Callable[[], Awaitable[None]] | None = None,
+        patience: float = PATIENCE_SECONDS,
+    ) -> None:
+        self.servers: list[Server] = []
+        self.over: asyncio.Event = asyncio.Event()
+        self._before: Callable[[], Awaitable[None]] | None = before
+        self._patience: float = patience
+
+    async def serve(self, stop: asyncio.Event, ready: Callable[[], object] | None = None) -> None:
+        """Run until ``stop`` is set, or the run is over.
+
+        Args:
+            stop: ends the run.
+            ready: called once all is open and ``before`` has returned.
+
+        Raises:
+            TimeEndedError: chip time has come to its end; every link has been closed.
+        """
+        self.stop: asyncio.Event = stop
+        ends = (stop, self.over)
+        try:
+            if await done_before(ends, self.begin(asyncio.get_running_loop())):
+                if ready is not None and not stop.is_set():
+                    ready()
+                await first_of(ends)
+            await self.finish()
+        finally:
+            self.end()
+        for server in self.servers:
+            server.pacer.check_over()
+
+    async def begin(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open every link, and wait for what is to come before the run is ready."""
+        for server in self.servers:
+            self.open(server, loop)
+        if self._before is not None:
+            await self._before()
+
+    def open(self, server: Server, loop: asyncio.AbstractEventLoop) -> None:
+        """Open the links of a board; the run stops when its time has ended."""
+        server.pacer.on_end = self.stop.set
+        server.start(loop)
+
+    async def finish(self) -> None:
+        """Carry out what hosts that have gone had sent."""
+        loop = asyncio.get_running_loop()
+        last = loop.time() + self._patience
+        for server in self.servers:
+            await server.finish(lambda: loop.time() > last, not server.pacer.real)
+
+    def end(self) -> None:
+        """Close every link; may be called again."""
+        with ExitStack() as stopping:  # each, whatever the others raise
+            for server in self.servers:
+                stopping.callback(server.stop)
+
+
 def run(
     board: Board,
     links: list[LinkSpec],
@@ -406,7 +469,7 @@ def run(
     report: Callable[[str], None] | None = None,
     metrics: tuple[str, int] | None = None,
     settle: Callable[[], bool] | None = None,
-    before: "Callable[[Server], Coroutine[Any, Any, None]] | None" = None,
+    before: "Callable[[Server], Awaitable[None]] | None" = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 

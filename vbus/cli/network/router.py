@@ -115,10 +115,10 @@ def _tell_until_signal(network: "Network", listed: bool) -> None:
     from vbus.serve.local_socket import Control, LocalSocket
     from vbus.serve.loop import run_until_signal, tell_ready
     from vbus.serve.registry import socket_path
-    from vbus.serve.time.time_source import nothing
+    from vbus.transports.base import ignore
 
     found = {"listen": network.listen, "connect": network.connect}
-    control = Control(nothing, "a router takes no orders")
+    control = Control(ignore, "a router takes no orders")
     control.orders["status"] = lambda _: {"board": NAME, "pid": os.getpid(), "router": found}
 
     async def serve(stop: "asyncio.Event") -> None:

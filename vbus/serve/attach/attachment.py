@@ -22,8 +22,8 @@ from vbus.serve.registry import socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.serve.time.time_source import TimeSource, nothing
-from vbus.transports.base import Link
+from vbus.serve.time.time_source import TimeSource
+from vbus.transports.base import Link, ignore
 from vbus.transports.runtime import mark_pause
 
 LOOK_SECONDS: Final = 1.0
@@ -127,7 +127,7 @@ class Attachment:
     def _open_local_socket(self, loop: asyncio.AbstractEventLoop, closing: ExitStack) -> None:
         name = self.wanted.name
         control = Control(
-            nothing,
+            ignore,
             f"this is an attachment to {self.wanted.where}, which takes no orders; give them on the"
             " computer where that board runs",
         )
