@@ -44,6 +44,7 @@ _GROUPS: Final = {
         "conform": "Compare a capture of a chip.",
         "fault": "Break a board on schedule.",
         "campaign": "A program in broken worlds.",
+        "fit": "A motor's data from a move.",
     },
     "Network": {
         "attach": "A board elsewhere as a PTY.",

@@ -6,7 +6,7 @@ from typing import Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 from vbus.cpu.image import ARM, M68K, Image, read_dos, read_elf
 
 

@@ -11,8 +11,7 @@ from typing import Final
 
 import msgspec
 
-from vbus.boardfile.cpu import CpuSection
-from vbus.boardfile.sections import BoardFile, HostSection
+from vbus.boardfile.sections import BoardFile, CpuSection, HostSection
 from vbus.boardfile.source import absent
 from vbus.cli.hosted.compiler import built
 from vbus.core.errors import ConfigError, ProgramError, VbusError
