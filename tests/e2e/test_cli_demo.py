@@ -16,14 +16,14 @@ import pytest
 from tests.e2e.command import start, vbus
 from vbus.chips.lm628 import demo as lm629
 from vbus.cli.run import demo
-from vbus.cli.run.demo_host import NAMES
+from vbus.client.demo import demos
 
 pytestmark = pytest.mark.slow
 
 SLOW = "more moves than this machine can follow"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", demos())
 def test_a_demo_moves_its_motors_from_another_process_and_says_so(name: str, runtime: Path) -> None:
     done = vbus("demo", name, "--headless")
     # That the machine is too slow at the moment says nothing of the demo.
@@ -126,5 +126,5 @@ def test_an_unknown_demo_is_answered_with_the_known_ones() -> None:
     with pytest.raises(click.BadParameter) as caught:
         demo.command.main(["lm692"], standalone_mode=False)
     assert caught.value.message == (
-        f'there is no demo "lm692"; did you mean "lm629"? there are {", ".join(NAMES)}'
+        f'there is no demo "lm692"; did you mean "lm629"? there are {", ".join(demos())}'
     )

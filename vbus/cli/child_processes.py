@@ -43,6 +43,7 @@ class ChildProcesses:
     def die_with_parent(self) -> None:
         """Have the system kill this process, the program's, once its parent is no more."""
         _ask(_DEATH_SIGNAL, signal.SIGKILL)
+        # The parent may have ended before the request: no signal would come then.
         if os.getppid() != self._parent:
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -53,6 +54,7 @@ class ChildProcesses:
     def reap(self, program: int = 0) -> None:
         """Take notice of the ends of orphans; the end of the program is awaited elsewhere."""
         for child in children(os.getpid()):
+            # Not the program: the loop waits for it, and its exit code is there once.
             if child not in self._others and child != program:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
@@ -103,6 +105,7 @@ def end_with_parent() -> Callable[[], None]:
 
 def _ask(what: int, value: int) -> None:
     if sys.platform == "linux":
+        # Python has no prctl.
         ctypes.CDLL(None).prctl(what, value, 0, 0, 0)
 
 

@@ -28,9 +28,9 @@ def _faults() -> Iterable[str]:
 
 
 def _demos() -> Iterable[str]:
-    from vbus.cli.run.demo_host import NAMES
+    from vbus.client.demo import demos
 
-    return NAMES
+    return demos()
 
 
 class NameChoice(click.ParamType):  # type: ignore[type-arg]

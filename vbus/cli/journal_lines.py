@@ -199,6 +199,7 @@ class _Lines(PacketReader):
         self._wait(v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
 
     def _wait(self, when: int, text: str, times: int = 1, last: int = 0) -> None:
+        # The count keeps lines of one instant in the order in which they came.
         heappush(self._waiting, (when, self._count, text, times, last or when))
         self._count += 1
 

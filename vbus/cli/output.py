@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -12,9 +13,6 @@ import click
 from vbus.core.errors import VbusError, read_errors
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
-
-SCOPE_ADDRESS: Final = "127.0.0.1:0"
-"""Where the scope's page is served by default: any free port, for this computer alone."""
 
 _RECORDS: Final = (
     ("--journal", "FILE", "Write every call of every host to FILE."),
@@ -26,51 +24,24 @@ _RECORDS: Final = (
 )
 
 
+_KEYS: Final = [name[2:] for name, _, _ in _RECORDS if name != "--metrics"]
+
+
 def record_options(verb: Callable[..., int]) -> Callable[..., int]:
-    """Give a verb that has a board of its own the options for what is recorded of it."""
+    """Give a verb that has a board of its own the options for what is recorded of it.
+
+    It gets ``record``, what is to replace keys of ``[record]``, and ``metrics``, which may be "".
+    """
+
+    @wraps(verb)
+    def with_records(metrics: str | None, **given: Any) -> int:
+        record = {key: given.pop(key) for key in _KEYS}
+        record = {key: value for key, value in record.items() if value is not None}
+        return verb(record=record, metrics=metrics or "", **given)
+
     for name, metavar, text in reversed(_RECORDS):
-        verb = click.option(name, metavar=metavar, help=text)(verb)
-    return verb
-
-
-scope_option = click.option(
-    "--scope", is_flag=False, flag_value=SCOPE_ADDRESS, metavar="[HOST:PORT]",
-    help="Show the board in a browser; prints a link.",
-)  # fmt: skip
-
-
-def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
-    """Give a verb that has a board of its own the options for its scope."""
-    verb = click.option(
-        "--scope-control", is_flag=True,
-        help="And let who has the link pause and step it, break it, and use its bus and pins.",
-    )(verb)  # fmt: skip
-    verb = click.option(
-        "--open", "open_page", is_flag=True,
-        help="And open it in a browser here; begin when it is there.",
-    )(verb)  # fmt: skip
-    return scope_option(verb)
-
-
-def scope_address(scope: str | None, meant: bool, of_file: str = "") -> str | None:
-    """Return where a scope is wanted, if it is.
-
-    Args:
-        scope: what ``--scope`` says.
-        meant: whether an option was given that makes sense with a scope alone.
-        of_file: where the board file wants it.
-    """
-    return of_file or SCOPE_ADDRESS if scope is None and meant else scope
-
-
-def refuse_detached(scope: str | None, detach: bool) -> None:
-    """Refuse a scope beside a run in the background.
-
-    Raises:
-        click.UsageError: both are asked for.
-    """
-    if scope is not None and detach:
-        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+        with_records = click.option(name, metavar=metavar, help=text)(with_records)
+    return with_records
 
 
 def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:

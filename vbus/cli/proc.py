@@ -124,11 +124,13 @@ def _syscall(pid: int, task: int) -> str:
 
 
 def _call(pid: int, text: str) -> SystemCall | None:
+    # Number, six arguments, stack pointer, program counter; or "running" (proc_pid_syscall(5)).
     number, *numbers = (text or "running").split()
     if len(numbers) != 8:
         return None
     head = b""
     with suppress(OSError), open(f"/proc/{pid}/exe", "rb") as file:
+        # The machine stands at byte 18: a program of 32 bits has other numbers on the same kernel.
         head = file.read(20)
     if len(head) < 20 or head[:4] != b"\x7fELF":
         return None

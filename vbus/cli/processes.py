@@ -154,6 +154,7 @@ class Processes:
         child = Child(name, what, popen, taken)
         self.children.append(child)
         os.set_blocking(child.output, False)
+        # The end of a process is an event beside its lines: no handler of SIGCHLD is needed.
         ended = os.pidfd_open(child.pid)
         self._stack.callback(os.close, ended)
         if popen.stdout is not None:

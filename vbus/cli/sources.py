@@ -94,6 +94,7 @@ class Feed:
 
     def messages(self) -> Iterator[bytes]:
         """Give messages, until the board ends."""
+        # Each message has its length before it, 4 bytes, the lowest first.
         while len(head := self._file.read(4)) == 4:
             size = int.from_bytes(head, "little")
             data = self._file.read(size)
@@ -106,6 +107,7 @@ class Feed:
         Raises:
             OSError: the board has gone, or does not read for long.
         """
+        # A board that is stopped or busy does not read: the loop of a page must not wait for it.
         if self._unsent is None:
             sent = 0
             with suppress(BlockingIOError):
@@ -215,6 +217,7 @@ class Together:
                 if len(heard) < self._running:
                     continue
                 heard.clear()
+                # The earliest of their instants: until then every node has told.
                 values = {chip: one for _, each in self._told for chip, one in each.items()}
                 yield ["t", min(now for now, _ in self._told), values]
             else:

@@ -2,13 +2,21 @@
 
 ``{"step": ...}`` when it begins something, ``{"done": ...}`` with what it expected and what it
 found. Judging is the business of who runs it.
+
+``python -m vbus.client.demo NAME LINK`` is the host, which knows its link alone. The exit code
+is 0 if all went through, whether or not the results are right.
 """
 
 import json
+import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from vbus import plugins
+from vbus.client import connect
 from vbus.client.bus import Bus
+from vbus.core.errors import VbusError
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,3 +79,33 @@ class Step:
             done=self._title, what=what, expected=expected, found=found, tolerance=tolerance,
             digits=digits, seconds=round(seconds, 6),
         )  # fmt: skip
+
+
+def demos() -> tuple[str, ...]:
+    """Return the names of the demonstrations; the first is the default."""
+    return tuple(family.demo_name for family in plugins.families() if family.demo)
+
+
+def demo_of(name: str) -> Demo:
+    """Return the demonstration called ``name``."""
+    families = {family.demo_name: family for family in plugins.families() if family.demo}
+    row: Demo = families[name].object("demo")
+    return row
+
+
+def main(name: str, link: str) -> int:
+    """Do it; return the exit code."""
+    try:
+        with connect(link) as bus:
+            chips = [f"{chip.name} ({chip.part})" for chip in bus.info.chips]
+            tell(hello=link, pid=os.getpid(), chips=chips)
+            demo_of(name).host(bus)
+    except VbusError as error:
+        tell(failed=str(error))
+        return 1
+    tell(end=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:3]))

@@ -1,16 +1,9 @@
 """What the exit code of ``vbus`` says; documented in ``vbus --help`` and kept stable."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from vbus.core.errors import (
-    CaptureError,
-    ConfigError,
-    PluginError,
-    ProgramError,
-    TimeEndedError,
-    TransportError,
-    VbusError,
-)
+if TYPE_CHECKING:
+    from vbus.core.errors import VbusError
 
 OK: Final = 0
 FAILURE: Final = 1
@@ -38,17 +31,19 @@ MEANINGS: Final = {
     INTERRUPTED: "interrupted by Ctrl-C before it was done",
 }
 
-_CODES: Final = {
-    ConfigError: BAD_BOARD,
-    TransportError: NO_LINK,
-    PluginError: NO_PLUGIN,
-    CaptureError: BAD_CAPTURE,
-    TimeEndedError: TIME_ENDED,
-}
 
-
-def code_of(error: VbusError) -> int:
+def code_of(error: "VbusError") -> int:
     """Return the exit code of a command that an error has ended."""
-    if isinstance(error, ProgramError):
+    # Not above: Ctrl-C may come while the errors are imported, and has a code of its own.
+    from vbus.core import errors
+
+    if isinstance(error, errors.ProgramError):
         return NO_PROGRAM if error.missing else NOT_RUNNABLE
-    return next((code for kind, code in _CODES.items() if isinstance(error, kind)), FAILURE)
+    codes = {
+        errors.ConfigError: BAD_BOARD,
+        errors.TransportError: NO_LINK,
+        errors.PluginError: NO_PLUGIN,
+        errors.CaptureError: BAD_CAPTURE,
+        errors.TimeEndedError: TIME_ENDED,
+    }
+    return next((code for kind, code in codes.items() if isinstance(error, kind)), FAILURE)

@@ -117,17 +117,13 @@ class CortexM(Processor):
         self.pending.discard(number)
         xpsr = get(arm.UC_ARM_REG_XPSR)
         stack = get(self.SP)
+        # Frames begin at multiples of 8; bit 9 of the saved xPSR says that 4 bytes were left out
+        # for that (ARMv7-M, B1.5.7).
         frame = (stack - 32) & ~7
         values = [get(register) for register in _FRAME]
         saved = (xpsr & ~_ALIGNED) | (_ALIGNED if (stack - 32) & 4 else 0) | _THUMB
-        if not self.machine.poke(frame, struct.pack("<8I", *values, self.here(), saved)):
-            at = self.machine.image.place(self.here())
-            raise Stopped(
-                exit_codes.FAILURE,
-                f"stack overflow: an exception has no RAM for its frame at {frame:08X}h; the"
-                f" instruction at {at}",
-            )
-        put(self.SP, frame)
+        self.machine.push(frame, struct.pack("<8I", *values, self.here(), saved))
+        # EXC_RETURN: F1h to a handler, F9h to a thread on the main stack, FDh on the process stack.
         back = 0xFFFFFFF1
         if not self.active:
             process = bool(get(arm.UC_ARM_REG_CONTROL) & 2)
@@ -218,10 +214,10 @@ class CortexM(Processor):
             answer = 1
         elif what != 2:  # SYS_CLOSE
             answer = 0xFFFFFFFF
-            at = machine.image.place(self.here())
             machine.once(
                 f"semihosting {what}",
-                f"semihosting call {what:02X}h is not modelled: the answer is -1; at {at}",
+                f"semihosting call {what:02X}h is not modelled: the answer is -1; at"
+                f" {machine.at()}",
             )
         machine.set(arm.UC_ARM_REG_R0, answer)
 
@@ -323,6 +319,7 @@ class SystemControl(RegisterBlock):
         """Begin again."""
         counter, control = self._counter, self.of("SYST_CSR")
         counter.on = bool(control & 1 and self.of("SYST_RVR"))
+        # CLKSOURCE: the clock of the processor, or an eighth of it, as STM32s have it.
         counter.divider, counter.period = 1 if control & 4 else 8, self.of("SYST_RVR") + 1
         counter.zero, self._seen = self.machine.shared.clock, 0
         self._plan()
@@ -390,6 +387,7 @@ class SystemControl(RegisterBlock):
         active = processor.active[-1] if processor.active else 0
         waits = min(processor.pending & processor.enabled, default=0)
         return (
+            # VECTACTIVE, VECTPENDING, PENDSVSET, PENDSTSET.
             active | waits << 12 | (PENDSV in processor.pending) << 28
             | (SYSTICK in processor.pending) << 26
         )  # fmt: skip
@@ -411,9 +409,10 @@ class SystemControl(RegisterBlock):
 
     def put_aircr(self, _: int, value: int) -> None:
         """A request for a reset ends the run."""
+        # VECTKEY: without it a write of AIRCR is ignored.
         if value >> 16 == 0x05FA and value & 4:
-            at = self.machine.image.place(self._processor.here())
-            raise Stopped(exit_codes.FAILURE, f"the firmware resets the processor (AIRCR), at {at}")
+            why = f"the firmware resets the processor (AIRCR), at {self.machine.at()}"
+            raise Stopped(exit_codes.FAILURE, why)
 
 
 class Trace(RegisterBlock):

@@ -104,6 +104,7 @@ def _read(path: str, program: Elf) -> Image:
     functions: dict[int, tuple[str, int]] = {}
     for name, value, size in program.functions():
         functions.setdefault(value & ~1, (name, size))  # bit 0 says Thumb
+    # Sorted: an address is looked up by halves for each message.
     places = sorted(functions)
     return Image(
         path, program.entry, segments, end, places, [functions[at][0] for at in places],

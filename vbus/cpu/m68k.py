@@ -96,7 +96,7 @@ class M68000(Processor):
             what = _NAMES.get(number, f"exception {number}")
             raise Stopped(
                 exit_codes.FAILURE,
-                f"{what} comes at {machine.image.place(self.here())}, and its vector at"
+                f"{what} comes at {machine.at()}, and its vector at"
                 f" {place:08X}h is {handler:08X}h, where no instruction is",
             )
         status = machine.get(m68k.UC_M68K_REG_SR)
@@ -105,22 +105,17 @@ class M68000(Processor):
             now = (now & ~_MASK) | level << 8
         machine.set(m68k.UC_M68K_REG_SR, now)
         frame = struct.pack(">HI", status, back)
+        # From the 68010 on a frame ends with a format, 0 here, and the offset of its vector.
         if self._format_word:
             frame += struct.pack(">H", 4 * number)
-        stack = machine.get(self.SP) - len(frame)
-        if not machine.poke(stack, frame):
-            raise Stopped(
-                exit_codes.FAILURE,
-                f"stack overflow: an exception has no RAM for its frame at {stack:08X}h; the"
-                f" instruction at {machine.image.place(self.here())}",
-            )
-        machine.set(self.SP, stack)
+        machine.push(machine.get(self.SP) - len(frame), frame)
         machine.set(self.PC, handler)
 
     def trap(self, number: int) -> None:
         """Return from an exception, or begin one."""
         machine = self.machine
         if number != _RETURN:
+            # TRAP #n: the frame has the address of the instruction behind it.
             self._begin(number, self.here() + (2 if number >= 32 else 0))
             return
         stack = machine.get(self.SP)

@@ -254,6 +254,7 @@ class CpuMachine:
     def _hook(self, kind: int, function: Any) -> None:
         handle = ctypes.c_size_t()
         self._kept.append(handle)
+        # Past unicorn's own hook_add, which calls Python at each instruction.
         self._uclib.uc_hook_add(
             self.engine._uch, ctypes.byref(handle), kind, ctypes.cast(function, ctypes.c_void_p),
             None, ctypes.c_uint64(1), ctypes.c_uint64(0),
@@ -266,6 +267,7 @@ class CpuMachine:
         from unicorn.unicorn_const import UC_PROT_EXEC, UC_PROT_READ, UC_PROT_WRITE
 
         size = -(-size // _PAGE) * _PAGE
+        # The emulator maps whole pages, from the boundary of one on.
         buffer = (ctypes.c_ubyte * (size + _PAGE))()
         address = -(-ctypes.addressof(buffer) // _PAGE) * _PAGE
         self._kept.append(buffer)
@@ -290,6 +292,20 @@ class CpuMachine:
         except self.error:
             return False
         return True
+
+    def push(self, stack: int, frame: bytes) -> None:
+        """Put the frame of an exception where the stack ends now.
+
+        Raises:
+            Stopped: there is no RAM.
+        """
+        if not self.poke(stack, frame):
+            raise Stopped(
+                exit_codes.FAILURE,
+                f"stack overflow: an exception has no RAM for its frame at {stack:08X}h; the"
+                f" instruction at {self.at()}",
+            )
+        self.set(self.processor.SP, stack)
 
     def wired_levels(self, port: int) -> int:
         """Return the levels at those bits of a port to which anything is wired."""
@@ -336,6 +352,7 @@ class CpuMachine:
     def window(self, start: int, size: int, card: bool = False) -> None:
         """Let accesses to these addresses reach peripherals, or the card."""
         window = _Window(start, card)
+        # The emulator has its address alone.
         self._kept.append(window)
         pointer = ctypes.cast(ctypes.pointer(window), ctypes.c_void_p)
         read = ctypes.cast(self.native.cpu_read, ctypes.c_void_p)
@@ -442,11 +459,15 @@ class CpuMachine:
         return False
 
     def _nothing(self, verb: str, address: int) -> str:
-        at = self.image.place(self.processor.here())
-        if verb != "jumps to" and self._is_stack(address):
-            return f"stack overflow: the stack has reached {address:08X}h; the instruction at {at}"
         what = "which is program memory" if self.peek(address, 1) else "where nothing is"
-        return f"the firmware {verb} {address:08X}h, {what}; the instruction at {at}"
+        text = f"the firmware {verb} {address:08X}h, {what}"
+        if verb != "jumps to" and self._is_stack(address):
+            text = f"stack overflow: the stack has reached {address:08X}h"
+        return f"{text}; the instruction at {self.at()}"
+
+    def at(self) -> str:
+        """Return where the processor is: the next instruction, and its function if it is known."""
+        return self.image.place(self.processor.here())
 
     def _is_stack(self, address: int) -> bool:
         return abs(address - int(self.get(self.processor.SP))) < _NEAR
@@ -470,16 +491,14 @@ class CpuMachine:
             raise Stopped(exit_codes.FAILURE, self._nothing("writes", address))
         what = f"{name} ({address:08X}h)" if name else f"{address:08X}h"
         then = "is written, to no effect" if written else "is read; the answer is 0"
-        at = self.image.place(self.processor.here())
-        self.once(what, f"{what} is not modelled: it {then}; the instruction at {at}")
+        self.once(what, f"{what} is not modelled: it {then}; the instruction at {self.at()}")
         return 0
 
     def nobody(self, address: int, written: int) -> None:
         """Say that no chip of the card answers."""
         then = "is written, to no effect" if written else "is read; the answer is FFh"
-        at = self.image.place(self.processor.here())
-        text = f"no chip of the card answers at {address:X}h: it {then}; the instruction at {at}"
-        self.once(f"card {written} {address:X}", text)
+        text = f"no chip of the card answers at {address:X}h: it {then}"
+        self.once(f"card {written} {address:X}", f"{text}; the instruction at {self.at()}")
 
     def put(self, data: bytes) -> None:
         """Take what firmware sends."""
@@ -568,8 +587,8 @@ class CpuMachine:
 
     def _limit(self) -> None:
         """Tell the board that time goes on, which ends the run."""
-        at = self.image.place(self.processor.here())
-        self.once("limit", f"the limit of chip time is over; the next instruction is at {at}")
+        text = "the limit of chip time is over; the next instruction is at"
+        self.once("limit", f"{text} {self.at()}")
         self.events["limit"] = (self.shared.clock + self.section.clock, self._limit)
         self.native.cpu_sync()
         self.check()
@@ -601,11 +620,10 @@ class CpuMachine:
             self.engine.emu_start(processor.where(), NEVER)
         except self.error as error:
             if self.failure is None:
-                at = self.image.place(processor.here())
                 what = str(error)
                 if error.errno == UC_ERR_INSN_INVALID:
                     what = "an instruction that this processor does not know"
-                self.failure = Stopped(exit_codes.FAILURE, f"{what}, at {at}")
+                self.failure = Stopped(exit_codes.FAILURE, f"{what}, at {self.at()}")
         if self.failure is not None:
             raise self.failure
         if shared.moved:
@@ -635,10 +653,9 @@ class CpuMachine:
                 if spins:
                     raise Stopped(self.get(processor.RESULT) & 0xFF)
                 if deaf or "limit" not in self.events:
-                    at = self.image.place(processor.here())
                     raise Stopped(
                         exit_codes.FAILURE,
-                        f"the firmware waits for an interrupt that cannot come, at {at}",
+                        f"the firmware waits for an interrupt that cannot come, at {self.at()}",
                     )
             due = min(when for when, _ in self.events.values())
             behind = max(0, due - shared.clock)

@@ -19,6 +19,7 @@ _STUBS, _STUB = 0xF000, 8
 _PSP, _TOP = 0x0100, 0x9FFF
 """Segments: where a program is loaded, and where its memory ends."""
 _ENABLED, _CARRY, _ZERO = 0x0200, 0x0001, 0x0040
+# The timer's clock is 14.31818 MHz, divided by 12.
 _TICKS, _TIMER_HZ, _DAY = 0x46C, 1193182, 0x1800B0
 _ORDER: Final[tuple[int, ...]] = (0, 1, *range(8, 16), *range(3, 8))
 """Lines of the interrupt controllers, the most urgent first."""
@@ -107,6 +108,7 @@ class Pc(Processor):
     def levels(self) -> None:
         """Notice edges at IRQ 0 to 15."""
         levels = self.machine.wired_levels(INTERRUPTS)
+        # The 8259 of a PC notices edges, not levels.
         self._raise(levels & ~self._levels)
         self._levels = levels
 
@@ -141,6 +143,7 @@ class Pc(Processor):
             line = self._next()
             self._request &= ~(1 << line)
             self._service |= 1 << line
+            # IRQ 0 to 7 are interrupts 08h to 0Fh, IRQ 8 to 15 are 70h to 77h.
             self._begin(line + (8 if line < 8 else 0x68))
 
     def _begin(self, number: int) -> None:
@@ -153,7 +156,7 @@ class Pc(Processor):
             raise Stopped(
                 exit_codes.FAILURE,
                 f"stack overflow: SP is {stack:04X}h, and the program is there; the instruction"
-                f" at {machine.image.place(self.here())}",
+                f" at {machine.at()}",
             )
         machine.poke(place, struct.pack("<HHH", *frame))
         machine.set(self.SP, stack)
@@ -213,6 +216,7 @@ class Pc(Processor):
         if port in (0x21, 0xA1):
             self._mask = (self._mask & ~(0xFF << shift)) | (value & 0xFF) << shift
         elif port in (0x20, 0xA0):
+            # OCW2: 60h + n ends line n, 20h the most urgent of those in service.
             if value & 0xE0 == 0x60:
                 self._ends((value & 7) + shift)
             elif value & 0xE0 == 0x20:
@@ -220,6 +224,7 @@ class Pc(Processor):
                 self._service &= ~((mine & -mine) << shift)
         elif port == 0x43:
             self._half = -1
+            # Below 10h: the command that latches counter 0.
             self._latch = list(self._count().to_bytes(2, "little")) if value < 0x10 else []
         elif port == 0x40:
             if self._half < 0:

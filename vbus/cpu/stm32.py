@@ -31,6 +31,7 @@ class Clocks(RegisterBlock):
     def _ready(self, name: str, bits: tuple[int, ...]) -> int:
         value = self.of(name)
         for bit in bits:
+            # The RDY bit of each oscillator stands above its ON bit.
             value = (value & ~(2 << bit)) | (value >> bit & 1) << bit + 1
         return value
 
@@ -100,11 +101,11 @@ class Port(RegisterBlock):
         on = bool(self._clocks.of(register) >> bit & 1)
         self.bits.off = not on
         if not on:
-            at = self.machine.image.place(self.machine.processor.here())
             self.machine.once(
                 f"clock {self.name}",
                 f"{self.name} has no clock (bit {bit} of RCC {register} is 0): accesses are lost,"
-                f" reads give 0; the first is at offset {offset:02X}h, by the instruction at {at}",
+                f" reads give 0; the first is at offset {offset:02X}h, by the instruction at"
+                f" {self.machine.at()}",
             )
         return on
 
@@ -249,6 +250,7 @@ class ExternalInterrupts(ExtiLines):
         self.values[0x14] |= lines
         for line in range(16):
             if lines >> line & 1:
+                # Lines 0 to 4 have interrupts 6 to 10, lines 5 to 9 share 23, the others 40.
                 self._processor.pend(IRQ + (6 + line if line < 5 else 23 if line < 10 else 40))
 
     def put_swier(self, _: int, value: int) -> None:
@@ -316,6 +318,7 @@ class Stm32Timer(RegisterBlock):
         self.values[0x10] |= 1
         if self.of("DIER") & 1:
             self._processor.pend(IRQ + self._number)
+        # OPM: the timer stops at its update.
         if self.of("CR1") & 8:
             self.values[0x00] &= ~1
             self._held = counter.on = 0
@@ -515,6 +518,7 @@ class _BitBand:
         """Read or write a bit; None: the address is none of these."""
         if not 0x42000000 <= address < 0x43000000:
             return None
+        # The word at 42000000h + 32 * byte + 4 * bit is that bit (ARMv7-M, bit-banding).
         place, bit = 0x40000000 + (address - 0x42000000 >> 5 & ~3), address >> 2 & 31
         word = self._machine.peripheral_read(place, 4)
         if value is None:

@@ -90,16 +90,13 @@ def serve(
     serve_read(file, source, rate, on_ready, report, snapshot)
 
 
-def recorded(
-    file: BoardFile, record: Mapping[str, object], metrics: str, scope: str = ""
-) -> BoardFile:
-    """Return a board file with what a command line wants recorded and shown; see :func:`serve`.
+def recorded(file: BoardFile, record: Mapping[str, object], metrics: str) -> BoardFile:
+    """Return a board file with what a command line wants recorded; see :func:`serve`.
 
     Args:
         file: the board file.
         record: replaces keys of its ``[record]``.
         metrics: replaces ``listen`` of its ``[metrics]``.
-        scope: replaces ``listen`` of its ``[scope]``.
     """
     wanted = dict(record)
     waves = file.waves
@@ -107,8 +104,7 @@ def recorded(
         waves = (*waves, WaveSection(name="command line", file=str(wanted.pop("wave"))))
     records = msgspec.structs.replace(file.record, **wanted)
     counted = msgspec.structs.replace(file.metrics, listen=metrics or file.metrics.listen)
-    shown = msgspec.structs.replace(file.scope, listen=scope or file.scope.listen)
-    return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted, scope=shown)
+    return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted)
 
 
 def paced(file: BoardFile, rate: float | None) -> BoardFile:

@@ -16,8 +16,8 @@ import pytest
 import trustme
 from aiohttp import ClientSession, CookieJar, WSServerHandshakeError
 
-from vbus.cli.look.scope import PagePlace
 from vbus.cli.look.scope_bookmarks import Bookmarks
+from vbus.cli.look.scope_page import PagePlace
 from vbus.cli.look.scope_server import ScopeServer
 from vbus.core.errors import TransportError, VbusError
 from vbus.views.scope.frames import ALL, NOW, frame
@@ -178,7 +178,7 @@ async def test_bookmarks_of_one_page_wait_for_no_other(
     """A page that reads nothing is dropped after a while; others have every answer before."""
     monkeypatch.setattr("vbus.cli.look.scope_server.HEARTBEAT_SECONDS", 2.0)
     async with served() as (made, browser):
-        made.server._bookmarks = Bookmarks(tmp_path / "b.json", "run")
+        made.server.bookmarks = Bookmarks(tmp_path / "b.json", "run")
         await made.enter(browser)
         stuck = _stuck(made, browser)
         async with (
@@ -331,8 +331,8 @@ async def test_whatever_a_page_says_it_is_answered_in_words(
     caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
     async with served() as (made, browser):
-        made.server._order = _echo
-        made.server._bookmarks = Bookmarks(tmp_path / "b.json", "run")
+        made.server.order = _echo
+        made.server.bookmarks = Bookmarks(tmp_path / "b.json", "run")
         await made.enter(browser)
         async with browser.ws_connect(f"{made.url}live", headers=made.own) as page:
             await page.receive_str()

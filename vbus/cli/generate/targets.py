@@ -1,14 +1,49 @@
-"""What is made for one chip family, and from what."""
+"""What is made for one chip family, and from what; the types of its calls (``calls.pyi``)."""
 
+import inspect
+from collections.abc import Iterator
 from functools import partial
+from types import FunctionType
 from typing import Final
 
 from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
-from vbus.cli.generate import chip_pages, registers, sigrok, stubs
-from vbus.cli.generate.layout import ROOT, Target, folder_of
+from vbus.cli.generate import chip_pages, registers, sigrok
+from vbus.cli.generate.layout import ROOT, Target, docstring, folder_of, formatted
 
 _GENERATED: Final = '"""Made from the tables of the chip by vbus.cli.generate."""\n'
+
+
+def calls(family: Family) -> str:
+    """Return the stub of what ``calls_of`` makes of a family's tables."""
+    cls = calls_class(family)
+    assert cls is not None
+    base = cls.__bases__[0].__name__
+    lines = [f'"""The calls of the {family.title}, for asyncio."""']
+    lines += [f"from {family.home}.host import {base}", "", f"class {cls.__name__}({base}):"]
+    lines += docstring(*_paragraphs(cls), indent=4)
+    lines += [line for call in vars(cls).values() if inspect.isfunction(call)
+              for line in _call(call)]  # fmt: skip
+    head = "# Made from the chip's tables by vbus.cli.generate; change that.\n"
+    return formatted(head + "\n".join(lines), str(folder_of(family) / "calls.pyi"))
+
+
+def calls_class(family: Family) -> type | None:
+    """Return what ``calls_of`` has made of a family's tables for its client; None: nothing."""
+    host = family.object("host")
+    made = [cls for cls in host.__mro__ if cls.__name__.endswith("Calls")] if host else []
+    return made[0] if made else None
+
+
+def _call(call: FunctionType) -> Iterator[str]:
+    yield ""
+    yield f"    async def {call.__name__}{inspect.signature(call, eval_str=True)}:"
+    yield from docstring(*_paragraphs(call))
+
+
+def _paragraphs(what: object) -> tuple[str, list[str]]:
+    summary, *rest = (inspect.getdoc(what) or "").split("\n\n")
+    return summary, rest
 
 
 def client_targets(family: Family) -> list[Target]:
@@ -20,8 +55,8 @@ def client_targets(family: Family) -> list[Target]:
     place = f"{folder.relative_to(ROOT) if folder.is_relative_to(ROOT) else folder}"
     made = f"{place}/generated"
     found: list[Target] = []
-    if stubs.calls_class(family) is not None:
-        found.append((f"{place}/calls.pyi", partial(stubs.calls, family)))
+    if calls_class(family) is not None:
+        found.append((f"{place}/calls.pyi", partial(calls, family)))
     counted = any(row.counts for row in family.registers)
     if counted or family.bits:
         found.append((f"{made}/__init__.py", lambda: _GENERATED))

@@ -19,10 +19,9 @@ from vbus.boardfile.source import Source
 from vbus.cli import child_processes
 from vbus.cli.hosted import preload
 from vbus.cli.hosted.at_rest import LOOK, AtRest
-from vbus.cli.look.scope import place_of
-from vbus.cli.look.scope_process import show_board
+from vbus.cli.look.scope_page import PageRequest
 from vbus.cli.outcome import AxisOutcomes
-from vbus.cli.output import complain, scope_address
+from vbus.cli.output import complain
 from vbus.cli.proc import what_hangs
 from vbus.cli.transcript import Transcript
 from vbus.core import exit_codes
@@ -37,7 +36,7 @@ from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import LinkSpec, Server
-from vbus.serve.serving import links_of, metrics_of, recorded
+from vbus.serve.serving import links_of, metrics_of
 
 Show = Callable[[str], Coroutine[Any, Any, None]]
 
@@ -154,9 +153,7 @@ def run_on_board(
     transcript: str | None = None,
     summary: bool = True,
     limit: int | None = None,
-    scope: str | None = None,
-    control: bool = False,
-    open_page: bool = False,
+    page: PageRequest = PageRequest(),  # noqa: B008
 ) -> int:
     """Run a program on a board that lives as long as the program; return its exit code.
 
@@ -170,9 +167,7 @@ def run_on_board(
         summary: whether violations are listed.
         limit: chip time it may take (ps), and it may not poll in vain either; None: it may go on
             as it likes.
-        scope: where the board is shown in a browser; else where its file says.
-        control: whether who looks there may pause and step it.
-        open_page: whether a browser is started there, and the program begins when it has come.
+        page: what is asked of the board's page.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -181,12 +176,7 @@ def run_on_board(
     """
     file = program.file
     files = _files(file, transcript)
-    address = scope_address(scope, control or open_page, file.scope.listen)
-    shown = recorded(file, {}, "", address or "").scope
-    show = None
-    if shown.listen:
-        place_of(shown)
-        show = partial(show_board, scope=shown, control=control, open_page=open_page)
+    show = partial(page.show, section=page.of(file.scope))
     ran = run_beside(program, transcript, limit=limit, show=show)
     for line in ran.hangs:
         complain(line)
@@ -264,6 +254,7 @@ def run_beside(
         opened = stack.enter_context(closing(OutputFile(name, whole=False))) if name else None
         recording.open(file.record, file.waves)
         if opened is not None:
+            # An earlier transcript goes only once every file of the run can be written.
             into = opened.begin_text()
         written = None if into is None else Transcript(into)
         if written is not None:
@@ -271,6 +262,7 @@ def run_beside(
         links, stall = [mine, *others], file.board.stall
         server = Server(board, links, stall, complain, address, settle=recording.settle)
         if prepare is not None:
+            # After the observers: what it changes is in the record.
             prepare(board)
         watch = None
         if limit is not None:
@@ -279,10 +271,12 @@ def run_beside(
             watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
         running = _run_beside(
             server, recording, program.command(link), environment, note, watch,
+            # Firmware ends by its own clock (VBUS_LIMIT_PS); in real time a wait may end by itself.
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
             mine.card.interrupt if mine.card is not None else "",
             show,
         )  # fmt: skip
+        # Sessions are served inside the selector, as those of vbus run: a bus cycle is cheaper so.
         with asyncio.Runner(loop_factory=HostLoop) as runner:
             code = runner.run(running)
         for found in board.left_over():

@@ -103,8 +103,10 @@ def places(pid: int, stack: bytes, wide: bool) -> Place:
     for (word,) in struct.iter_unpack("<Q" if wide else "<I", stack[:whole]):
         for begin, end, offset, path in mappings:
             if begin < word < end:
+                # In a container the file is below the root of that process.
                 root = Path(f"/proc/{pid}/root{path}")
                 name, address = _program(str(root if root.exists() else path)).at(
+                    # A return address is behind the call, which may be the last of its function.
                     word - 1 - begin + offset
                 )
                 if path == program:

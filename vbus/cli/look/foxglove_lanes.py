@@ -7,8 +7,9 @@ is chip time in nanoseconds.
 import asyncio
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from vbus.core.errors import PluginError, listen_errors
 from vbus.core.kernel import NS
@@ -177,35 +178,30 @@ class _Listener(ServerListener):  # type: ignore[misc]
         self._subscribed(channel.topic)
 
 
+@dataclass(eq=False)
 class FoxgloveServer:
     """Serves the lanes of a running board by the protocol of Foxglove's WebSocket.
 
-    Args:
+    Attributes:
         description: the description that comes before the first frame.
         host: address to listen on.
         port: 0 is any free one.
         report: takes the address, once it listens.
         tls: certificate and key (PEM), where other computers are let in.
+        pages: how many clients are waited for when the board has ended: none.
     """
 
-    def __init__(
-        self,
-        description: dict[str, Any],
-        host: str,
-        port: int,
-        report: Callable[[str], None],
-        tls: tuple[bytes, bytes] | None = None,
-    ) -> None:
-        self.pages: int = 0
-        """Do not wait for clients when the board has ended."""
-        self._name: str = description["board"]
-        self._rows: Rows = Rows(description)
+    description: dict[str, Any]
+    host: str
+    port: int
+    report: Callable[[str], None]
+    tls: tuple[bytes, bytes] | None = None
+    pages: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        self._rows: Rows = Rows(self.description)
         self._context: Any = foxglove.Context()
         self._channels: Channels = Channels(self._rows, self._context)
-        self._host: str = host
-        self._port: int = port
-        self._report: Callable[[str], None] = report
-        self._tls: tuple[bytes, bytes] | None = tls
         self._server: Any = None
 
     async def start(self) -> None:
@@ -219,17 +215,17 @@ class FoxgloveServer:
         def subscribed(topic: str) -> None:
             loop.call_soon_threadsafe(self._channels.repeat, topic)
 
-        certificate, key = self._tls or (None, None)
-        with listen_errors(f"{self._host}:{self._port}", "with --foxglove", RuntimeError):
+        certificate, key = self.tls or (None, None)
+        with listen_errors(f"{self.host}:{self.port}", "with --foxglove", RuntimeError):
             self._server = foxglove.start_server(
-                name=self._name, host=self._host, port=self._port,
+                name=self.description["board"], host=self.host, port=self.port,
                 capabilities=[Capability.Time], server_listener=_Listener(subscribed),
                 context=self._context, message_backlog_size=MOST_MESSAGES,
                 tls_cert=certificate, tls_key=key,
             )  # fmt: skip
-        shown = f"[{self._host}]" if ":" in self._host else self._host
-        scheme = "ws" if self._tls is None else "wss"
-        self._report(f"{scheme}://{shown}:{self._server.port}")
+        shown = f"[{self.host}]" if ":" in self.host else self.host
+        scheme = "ws" if self.tls is None else "wss"
+        self.report(f"{scheme}://{shown}:{self._server.port}")
 
     async def stop(self) -> None:
         """Send every client away and listen no more."""

@@ -2,33 +2,26 @@
 
 import asyncio
 import json
-import os
 from collections.abc import Awaitable, Callable, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.look.scope_process import start_scope
-from vbus.cli.output import SCOPE_ADDRESS, duration, no_progress
+from vbus.cli.look.scope_page import SCOPE_ADDRESS, PagePlace, said_as, start_scope
+from vbus.cli.output import duration, no_progress
 from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 
 if TYPE_CHECKING:
-    import ssl
-
-    from vbus.boardfile.sections import ScopeSection
     from vbus.cli.look.foxglove_lanes import FoxgloveServer
-    from vbus.cli.look.scope_bookmarks import Bookmarks
-    from vbus.cli.look.scope_control import Order
     from vbus.cli.look.scope_feeds import Feeds
     from vbus.cli.look.scope_server import ScopeServer
     from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.views.scope.recording import Recorded
-    from vbus.views.scope.stream import Stream
 
     Server = ScopeServer | FoxgloveServer
     Take = Callable[[bytes], None]
@@ -160,91 +153,6 @@ def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> i
     kept = {"bookmarks": of_journal(paths[0]).all}
     write_file(output, made(description | kept, frames))
     return max(map(recorded_code, recorded))
-
-
-class PagePlace:
-    """Where a page is served.
-
-    Args:
-        listen: ``HOST:PORT``.
-        remote: whether other computers may be let in.
-        certificate: for TLS, without which they are not.
-        key: its key.
-        option: what the address was given with.
-        plain: there is no TLS here, so it is not asked for.
-
-    Raises:
-        VbusError: it is no address, or lets other computers in where that is not meant.
-    """
-
-    def __init__(
-        self,
-        listen: str,
-        remote: bool = False,
-        certificate: Path | None = None,
-        key: Path | None = None,
-        option: str = "--listen",
-        plain: bool = False,
-    ) -> None:
-        from vbus.board.check.network_checks import metrics_address
-        from vbus.core.addresses import loopback_like, stays_here
-
-        try:
-            self.host, self.port = metrics_address(listen, remote=True)
-        except ValueError as error:
-            raise VbusError(f"{option}: {error}") from None
-        self.tls: ssl.SSLContext | None = None
-        self._files: tuple[Path, Path] | None = None
-        if (certificate is None) != (key is None):
-            raise VbusError("--certificate and --key belong together")
-        if certificate is not None and key is not None:
-            self.tls = _tls(certificate, key)
-            self._files = certificate, key
-        if not stays_here(self.host) and not (remote and (plain or self.tls)):
-            meant = "--remote" if plain else "--remote with --certificate and --key"
-            raise VbusError(
-                f'{option}: "{listen}" lets other computers in; write'
-                f' "{loopback_like(self.host)}:{self.port}", or say {meant} if that is meant'
-            )
-
-    def server(
-        self,
-        stream: "Stream",
-        bookmarks: "Bookmarks",
-        stay: float | None = None,
-        order: "Order | None" = None,
-    ) -> "ScopeServer":
-        """Return what serves a stream there and prints links; one that stays says who it is."""
-        from vbus.cli.look.scope_server import ScopeServer
-
-        show = partial(_show, "scope", "" if stay is None else f"  (process {os.getpid()})")
-        return ScopeServer(stream, self.host, self.port, show, self.tls, bookmarks, order)
-
-    def foxglove_server(self, description: dict[str, Any]) -> "FoxgloveServer":
-        """Return what serves a board there for Foxglove, and prints where."""
-        from vbus.cli.look.foxglove_lanes import FoxgloveServer
-
-        files = self._files and (self._files[0].read_bytes(), self._files[1].read_bytes())
-        show = partial(_show, "foxglove", "")
-        return FoxgloveServer(description, self.host, self.port, show, files)
-
-
-def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
-    import ssl
-
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    try:
-        context.load_cert_chain(certificate, key)
-    except (OSError, ssl.SSLError) as error:
-        raise VbusError(f"{certificate}: no certificate with this key: {error}") from None
-    return context
-
-
-def _show(what: str, more: str, address: str) -> None:
-    # The process that started this may have gone; the page goes on.
-    with suppress(OSError):
-        click.echo(f"{what}: {address}{more}")
 
 
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
@@ -383,7 +291,7 @@ def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) ->
     from vbus.cli.look.sigrok_server import SigrokServer
     from vbus.serve.loop import run_until_signal
 
-    report = partial(_show, "sigrok", "")
+    report = said_as("sigrok")
     server = SigrokServer(board, chip, pins, place.host, place.port, report)
     run_until_signal(lambda stop: _served(server, stop.wait))
 
@@ -408,16 +316,5 @@ async def _over(
     alone = 0.0
     while not stopped.done() and (stay is None or alone <= stay):
         await asyncio.wait({stopped}, timeout=LOOK_SECONDS)
+        # A page that is loaded anew is gone for a moment, so the time begins again with it.
         alone = 0.0 if server.pages else alone + LOOK_SECONDS
-
-
-def place_of(scope: "ScopeSection") -> PagePlace:
-    """Return where a board file, or a command line, wants its page.
-
-    Raises:
-        VbusError: it is no address, or there is no such certificate.
-    """
-    certificate, key = Path(scope.certificate), Path(scope.key)
-    if not scope.certificate:
-        return PagePlace(scope.listen, scope.remote, option="--scope")
-    return PagePlace(scope.listen, scope.remote, certificate, key, "--scope")

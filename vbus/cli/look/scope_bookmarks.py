@@ -110,6 +110,7 @@ class Bookmarks:
 
     def _write(self) -> None:
         runs = self._runs()
+        # The order in the file is that of writing: the oldest runs stand first.
         runs.pop(self._run, None)
         runs = dict(list(runs.items())[-RUNS + 1 :]) | ({self._run: self.all} if self.all else {})
         text = json.dumps({"format": 1, "runs": runs}, indent=1, ensure_ascii=False)
@@ -137,6 +138,7 @@ def of_board(name: str) -> Bookmarks:
 
     path = socket_path(name)
     with read_errors(str(path)):
+        # Another run of the same name has another socket.
         found = path.lstat()
     return Bookmarks(path.with_suffix(".bookmarks.json"), f"{found.st_ino}-{found.st_mtime_ns}")
 

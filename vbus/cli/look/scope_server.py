@@ -11,6 +11,7 @@ import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Any, Final
 
@@ -119,12 +120,13 @@ log.addFilter(_is_ours)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
+@dataclass(eq=False)
 class ScopeServer:
     """Serves pages that look at one stream.
 
     Who has a link's code may look, once; the browser keeps a cookie in its place.
 
-    Args:
+    Attributes:
         stream: what they look at.
         host: address to listen on.
         port: 0 is any free one.
@@ -132,39 +134,29 @@ class ScopeServer:
         tls: certificate and key, where other computers are let in.
         bookmarks: those of what they look at, which pages may add to.
         order: carries out what pages order; None where they may only look.
-
-    Attributes:
+        url: where the page is, once the server has begun.
         on_registers: called with whether any page shows registers, whenever that changes.
         on_pages: called with whether any page is open, whenever that changes.
     """
 
-    def __init__(
-        self,
-        stream: Stream,
-        host: str,
-        port: int,
-        report: Callable[[str], None],
-        tls: ssl.SSLContext | None = None,
-        bookmarks: Bookmarks | None = None,
-        order: Order | None = None,
-    ) -> None:
+    stream: Stream
+    host: str
+    port: int
+    report: Callable[[str], None]
+    tls: ssl.SSLContext | None = None
+    bookmarks: Bookmarks | None = None
+    order: Order | None = None
+    url: str = ""
+    on_registers: Callable[[bool], None] = lambda on: None
+    on_pages: Callable[[bool], None] = lambda on: None
+
+    def __post_init__(self) -> None:
         self._pages: set[web.WebSocketResponse] = set()
-        self._bookmarks: Bookmarks | None = bookmarks
-        self.url: str = ""
-        """Where the page is, once the server has begun."""
-        self._stream: Stream = stream
-        self._host: str = host
-        self._port: int = port
-        self._tls: ssl.SSLContext | None = tls
-        self._report: Callable[[str], None] = report
-        self._order: Order | None = order
         self._state: str = ""
         """How the board is controlled, for pages."""
         self._code: str = secrets.token_urlsafe(24)
         self._cookies: set[str] = set()
         self._news: asyncio.Event = asyncio.Event()
-        self.on_registers: Callable[[bool], None] = lambda on: None
-        self.on_pages: Callable[[bool], None] = lambda on: None
         self._looking_inside: set[web.WebSocketResponse] = set()
         app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_CODE)
         app.add_routes(
@@ -199,16 +191,16 @@ class ScopeServer:
             TransportError: the address is taken, or not of this computer.
         """
         await self._runner.setup()
-        site = web.TCPSite(self._runner, self._host, self._port, ssl_context=self._tls)
+        site = web.TCPSite(self._runner, self.host, self.port, ssl_context=self.tls)
         async with AsyncExitStack() as undo:
             undo.push_async_callback(self._runner.cleanup)
-            with listen_errors(f"{self._host}:{self._port}"):
+            with listen_errors(f"{self.host}:{self.port}"):
                 await site.start()
             undo.pop_all()
-        self._port = self._runner.addresses[0][1]
-        shown = f"[{self._host}]" if ":" in self._host else self._host
-        self.url = f"{'http' if self._tls is None else 'https'}://{shown}:{self._port}/"
-        self._report(self.link)
+        self.port = self._runner.addresses[0][1]
+        shown = f"[{self.host}]" if ":" in self.host else self.host
+        self.url = f"{'http' if self.tls is None else 'https'}://{shown}:{self.port}/"
+        self.report(self.link)
 
     async def stop(self) -> None:
         """Send every page away and listen no more."""
@@ -216,12 +208,12 @@ class ScopeServer:
 
     def add(self, frames: bytes) -> None:
         """Take whole frames and wake the pages."""
-        self._stream.add(frames)
+        self.stream.add(frames)
         self._wake()
 
     def begin_again(self, stream: Stream) -> None:
         """Look at another stream from now on, pages that are open too."""
-        self._stream = stream
+        self.stream = stream
         self._wake()
 
     def tell(self, control: dict[str, Any]) -> None:
@@ -253,30 +245,32 @@ class ScopeServer:
 
     def _known(self, asked: Asked) -> bool:
         """Whether a Host header names this computer: a name that others chose is refused."""
-        name, port = asked.host, asked.port or (443 if self._tls else 80)
-        if not name or port != self._port:
+        name, port = asked.host, asked.port or (443 if self.tls else 80)
+        if not name or port != self.port:
             return False
-        if name in ("localhost", self._host):
+        if name in ("localhost", self.host):
             return True
-        if self._tls is None:
+        if self.tls is None:
             return name in ("127.0.0.1", "::1")
         with suppress(ValueError):
+            # With TLS the certificate says who answers, whatever the address.
             return bool(ip_address(name))
         return name == socket.gethostname()
 
     def _check_origin(self, request: web.Request) -> None:
-        own = f"{'http' if self._tls is None else 'https'}://{request.host}"
+        own = f"{'http' if self.tls is None else 'https'}://{request.host}"
         if _ASKED.get().origin != own:
             raise web.HTTPForbidden(text="a page from elsewhere may not look at this board\n")
 
     @property
     def _cookie(self) -> str:
         """Its name: all ports of a computer share their cookies."""
-        return f"vbus-scope-{self._port}"
+        return f"vbus-scope-{self.port}"
 
     async def _enter(self, request: web.Request) -> web.Response:
         """Take a code and give a cookie."""
         self._check_origin(request)
+        # In constant time: how long it takes tells nothing of the code.
         if not hmac.compare_digest(_ASKED.get().code.encode(), self._code.encode()):
             raise web.HTTPForbidden(text="the code of this link was used, or is none\n")
         self._code = secrets.token_urlsafe(24)
@@ -284,9 +278,9 @@ class ScopeServer:
         self._cookies.add(cookie)
         answer = web.Response(status=204)
         answer.set_cookie(
-            self._cookie, cookie, httponly=True, samesite="Strict", secure=self._tls is not None
+            self._cookie, cookie, httponly=True, samesite="Strict", secure=self.tls is not None
         )
-        self._report(self.link)
+        self.report(self.link)
         return answer
 
     # -- what they see ------------------------------------------------------------------------
@@ -305,7 +299,7 @@ class ScopeServer:
         if _ASKED.get().cookies.get(self._cookie) not in self._cookies:
             raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
         # To this computer it is cheaper to send much than to make it less.
-        far = self._tls is not None
+        far = self.tls is not None
         page = web.WebSocketResponse(
             heartbeat=HEARTBEAT_SECONDS, max_msg_size=1 << 16, compress=far
         )
@@ -332,27 +326,27 @@ class ScopeServer:
 
     async def _answer(self, page: web.WebSocketResponse, text: str) -> dict[str, Any]:
         """Carry out an order of a page; return the answer, if there is one."""
-        asked = answer_to(text, self._order is not None)
+        asked = answer_to(text, self.order is not None)
         request = asked.get("request", {})
         if request.get("do") == REGISTERS:
             self._look_inside(page, request.get("on") is True)
             return {}
-        if request.get("do") in BOOKMARKS and self._bookmarks is not None:
+        if request.get("do") in BOOKMARKS and self.bookmarks is not None:
             refused = self._bookmark(request["do"], request.get("bookmark"))
             return {"answer": refused, "error": True} if refused else {}
-        if self._order is None or "error" in asked:
+        if self.order is None or "error" in asked:
             return {"answer": asked.get("error", "nothing is kept of this"), "error": True}
-        return await self._order(request)
+        return await self.order(request)
 
     def _bookmark(self, what: str, bookmark: Any) -> str:
         """Add a bookmark or forget it, and show every page what there is."""
-        assert self._bookmarks is not None
+        assert self.bookmarks is not None
         refused = ""
         try:
             if what == "forget":
-                self._bookmarks.remove(bookmark)
+                self.bookmarks.remove(bookmark)
             else:
-                refused = self._bookmarks.add(bookmark)
+                refused = self.bookmarks.add(bookmark)
         except VbusError as error:
             refused = str(error)
         self._wake()
@@ -381,10 +375,10 @@ class ScopeServer:
             sent: list[Bookmark] | None = None
             while True:
                 news = self._news
-                kept = None if self._bookmarks is None else self._bookmarks.all
+                kept = None if self.bookmarks is None else self.bookmarks.all
                 noted = {} if kept is None else {"bookmarks": kept}
-                if stream is not self._stream:
-                    stream, place = self._stream, 0
+                if stream is not self.stream:
+                    stream, place = self.stream, 0
                     sent = None if kept is None else [*kept]
                     await page.send_str(json.dumps(stream.description | noted))
                 elif sent != kept:
@@ -396,7 +390,7 @@ class ScopeServer:
                 message, place = stream.after(place)
                 if message:
                     await page.send_bytes(message)
-                if place == stream.end and stream is self._stream:
+                if place == stream.end and stream is self.stream:
                     await news.wait()
                 if len(message) < MESSAGE:  # else it is still catching up
                     await asyncio.sleep(RATE_SECONDS)

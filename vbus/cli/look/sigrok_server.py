@@ -8,6 +8,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from vbus.cli.sources import Feed
@@ -72,10 +73,11 @@ def channels_of(description: dict[str, Any]) -> dict[str, str]:
     return dict(zip(CHANNELS, wires, strict=False))
 
 
+@dataclass(eq=False, slots=True)
 class SigrokServer:
     """Serves the pins of one chip.
 
-    Args:
+    Attributes:
         board: name of the board.
         chip: name of the chip; "" where there is only one.
         pins: names of pins; none: the host bus first, then the others.
@@ -84,20 +86,16 @@ class SigrokServer:
         report: takes lines: where it listens, and what each channel is.
     """
 
-    def __init__(
-        self,
-        board: str,
-        chip: str,
-        pins: Sequence[str],
-        host: str,
-        port: int,
-        report: Callable[[str], None],
-    ) -> None:
-        self._asked: tuple[str, str, Sequence[str]] = board, chip, pins
-        self._host: str = host
-        self._port: int = port
-        self._report: Callable[[str], None] = report
-        self._server: asyncio.Server | None = None
+    board: str
+    chip: str
+    pins: Sequence[str]
+    host: str
+    port: int
+    report: Callable[[str], None]
+    _server: asyncio.Server | None = field(default=None, init=False)
+
+    def _feed(self) -> PinFeed:
+        return PinFeed(self.board, self.chip, self.pins)
 
     async def start(self) -> None:
         """Listen from now on.
@@ -106,20 +104,21 @@ class SigrokServer:
             VbusError: there is no such board, chip or pin.
             TransportError: the address is taken, or not of this computer.
         """
-        with closing(PinFeed(*self._asked)) as feed:
+        with closing(self._feed()) as feed:
             description = feed.description
-        family = socket.AF_INET6 if ":" in self._host else socket.AF_INET
-        with listen_errors(f"{self._host}:{self._port}", "with --sigrok"), ExitStack() as undo:
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        with listen_errors(f"{self.host}:{self.port}", "with --sigrok"), ExitStack() as undo:
             listening = undo.enter_context(socket.socket(family, socket.SOCK_STREAM))
+            # Connections of the last server may still be in TIME_WAIT.
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT)
-            listening.bind((self._host, self._port))
+            listening.bind((self.host, self.port))
             undo.pop_all()
         self._server = await asyncio.start_server(self._serve, sock=listening, limit=LONGEST_LINE)
         port = listening.getsockname()[1]
-        self._report(f"beaglelogic:conn=tcp/{self._host}/{port}")
+        self.report(f"beaglelogic:conn=tcp/{self.host}/{port}")
         for channel, wire in channels_of(description).items():
-            self._report(f"{channel} {description['chip']}.{wire}")
+            self.report(f"{channel} {description['chip']}.{wire}")
 
     async def stop(self) -> None:
         """Listen no more."""
@@ -159,7 +158,7 @@ class SigrokServer:
     async def _capture(self, writer: asyncio.StreamWriter, numbers: dict[str, int]) -> None:
         """Send samples from now on, as time goes on, to the end of the board."""
         rate, width = numbers["samplerate"], BYTES_OF_UNIT.get(numbers["sampleunit"], 2)
-        with suppress(ConnectionError, VbusError), closing(PinFeed(*self._asked)) as feed:
+        with suppress(ConnectionError, VbusError), closing(self._feed()) as feed:
             sampler = Sampler(feed.description, rate, width)
             while frames := await asyncio.to_thread(feed.next):
                 for samples in sampler.take(frames):

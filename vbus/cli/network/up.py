@@ -4,19 +4,19 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from vbus.cli.look.scope_page import refuse_detached, scope_option
 from vbus.cli.output import (
     complain,
     from_option,
     rate_option,
     record_options,
-    refuse_detached,
-    scope_option,
     show,
 )
 from vbus.core import exit_codes
@@ -57,7 +57,7 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 def up(
     machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
     timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
-    scope: str | None, metrics: str | None, **record: str | None,
+    scope: str | None, metrics: str, record: dict[str, str],
 ) -> int:  # fmt: skip
     """Start a machine of nodes on this computer, and end it as one.
 
@@ -67,7 +67,7 @@ def up(
     """  # fmt: skip
     from vbus.board.config import read_board_file
     from vbus.serve.nodes.node_records import join_waves
-    from vbus.serve.nodes.processes import processes_of
+    from vbus.serve.nodes.processes import meeting_of, processes_of
     from vbus.serve.serving import recorded
 
     passed = {
@@ -76,7 +76,7 @@ def up(
     }  # fmt: skip
     file, _ = read_board_file(machine)
     processes = processes_of(file)
-    refuse_detached(scope, detach)
+    refuse_detached(scope is not None, detach)
     if metrics and len(processes) > 1 and not metrics.endswith(":0"):
         raise click.UsageError(
             f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'
@@ -90,37 +90,38 @@ def up(
         go_on_in_background(file.board.name)
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
-        run = _MachineRun(file, machine, processes, router or "", as_json, Path(folder))
+        run = _MachineRun(
+            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder)
+        )
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
         code = run.carry_out(given, scope, made, timeout)
     if len(processes) > 1:
-        waves = recorded(file, {"wave": record["wave"]} if record["wave"] else {}, "")
+        waves = recorded(file, {"wave": record["wave"]} if "wave" in record else {}, "")
         if join_waves(waves, complain):
             code = code or exit_codes.FAILURE
     return code
 
 
+@dataclass(eq=False)
 class _MachineRun:
-    """A machine from its start to its end."""
+    """A machine from its start to its end.
 
-    def __init__(
-        self,
-        file: "BoardFile",
-        path: str,
-        processes: "tuple[Process, ...]",
-        router: str,
-        as_json: bool,
-        folder: Path,
-    ) -> None:
-        from vbus.serve.nodes.processes import meeting_of
+    Attributes:
+        file: the board.
+        path: name of its file.
+        processes: which nodes share one.
+        meeting: where they meet.
+        json: whether JSON is printed when it is ready.
+        folder: for traces of the processes.
+    """
 
-        self._file: BoardFile = file
-        self._path: str = path
-        self._processes: tuple[Process, ...] = processes
-        self._meeting: Meeting = meeting_of(file, router)
-        self._json: bool = as_json
-        self._folder: Path = folder
-        self._told: list[dict[str, Any]] = []
+    file: "BoardFile"
+    path: str
+    processes: "tuple[Process, ...]"
+    meeting: "Meeting"
+    json: bool
+    folder: Path
+    _told: list[dict[str, Any]] = field(default_factory=list)
 
     def carry_out(
         self, given: list[str], scope: str | None, trace: OutputFile | None, timeout: float
@@ -139,10 +140,10 @@ class _MachineRun:
 
         ends = "--scenario" in given
         given = ["--json", *given]
-        for endpoint in self._meeting.connect:
+        for endpoint in self.meeting.connect:
             given += ["--connect", endpoint]
-        names = [_label(process) for process in self._processes]
-        width = max(map(len, [*names, _ROUTER] if self._meeting.router else names))
+        names = [_label(process) for process in self.processes]
+        width = max(map(len, [*names, _ROUTER] if self.meeting.router else names))
         code = exit_codes.OK
         done = False
 
@@ -152,8 +153,8 @@ class _MachineRun:
         with Processes(click.echo, timeout, width) as children:
             try:
                 if self._begin(children, given, scope, trace is not None, may_end):
-                    about = {"board": self._file.board.name, "meets": self._meeting.said}
-                    show(self._json, {**about, "nodes": self._told}, [READY])
+                    about = {"board": self.file.board.name, "meets": self.meeting.said}
+                    show(self.json, {**about, "nodes": self._told}, [READY])
                     tell_ready()
                     nodes = [child for child in children.children if child.name != _ROUTER]
                     done = children.until(lambda: all(child.ended for child in nodes), may_end)
@@ -179,18 +180,18 @@ class _MachineRun:
         """Start the processes; return whether all are ready before the user asks for the end."""
         from vbus.cli.run.run import is_first
 
-        if not self._json and self._meeting.said:
-            click.echo(f"{self._file.board.name}: its nodes meet at {self._meeting.said}")
-        if self._meeting.router:
-            command = [*_VBUS, "router", "--listen", self._meeting.router]
-            if self._file.zenoh.remote:
+        if not self.json and self.meeting.said:
+            click.echo(f"{self.file.board.name}: its nodes meet at {self.meeting.said}")
+        if self.meeting.router:
+            command = [*_VBUS, "router", "--listen", self.meeting.router]
+            if self.file.zenoh.remote:
                 command.append("--remote")
             router = children.start(_ROUTER, _ROUTER, command, self._router_says)
             if not children.until(lambda: router.ready):
                 return False
-        for process in self._processes:
-            command = [*_VBUS, "run", self._path, *given]
-            if scope is not None and is_first(self._file, process.nodes):
+        for process in self.processes:
+            command = [*_VBUS, "run", self.path, *given]
+            if scope is not None and is_first(self.file, process.nodes):
                 command += ["--scope", scope]
             for node in process.nodes:
                 command += ["--node", node]
@@ -218,20 +219,20 @@ class _MachineRun:
         child.ready = True
         for status in json.loads(line)["nodes"]:
             self._told.append(status)
-            if not self._json:
+            if not self.json:
                 click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
                 for line in ready_lines(status)[1:]:
                     click.echo(line)
         return True
 
     def _trace(self, process: "Process") -> Path:
-        return self._folder / f"{process.name}.trace"
+        return self.folder / f"{process.name}.trace"
 
     def _merge(self, file: OutputFile) -> None:
         """Write the traces of all processes as one, and say its hash."""
         from vbus.serve.nodes.nodes import read_traces
 
-        lines, digest = read_traces([self._trace(process) for process in self._processes])
+        lines, digest = read_traces([self._trace(process) for process in self.processes])
         file.write("".join(lines).encode())
         click.echo(f"trace hash {digest} of {len(lines)} lines")
 

@@ -4,18 +4,19 @@ import asyncio
 import json
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import complain, scope_address, scope_options, show
-from vbus.cli.run.demo_host import NAMES, demo_of
+from vbus.cli.look.scope_page import PageRequest, scope_options
+from vbus.cli.output import complain, show
+from vbus.client.demo import Demo, demo_of, demos
 from vbus.core import exit_codes
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
-    from vbus.client.demo import Demo
 
+NAMES: Final = demos()
 LONGEST = 60.0
 """Seconds after which a host that has not finished is given up."""
 REFRESH = 0.1
@@ -36,23 +37,15 @@ def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
 @scope_options
 @click.option("--headless", is_flag=True, help="No live view: print the summary only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON; headless.")
-def command(
-    name: str, scope: str | None, scope_control: bool, open_page: bool, headless: bool,
-    as_json: bool,
-) -> int:  # fmt: skip
+def command(name: str, page: PageRequest, headless: bool, as_json: bool) -> int:
     """Watch a chip move a motor under a host in another process.
 
     Starts a board in this process, opens a real pseudo terminal, and lets a host in a separate
     process make moves through it in real time. The exit code is 1 if a move did not end where it
     should.
     """
-    scope = scope_address(scope, scope_control or open_page)
-    if scope is not None:
-        from vbus.cli.look.scope import PagePlace
-
-        PagePlace(scope, option="--scope")
     live = not headless and not as_json and sys.stdout.isatty()
-    run = _DemoRun(name, live, scope, scope_control, open_page)
+    run = _DemoRun(name, live, page)
     asyncio.run(run.play())
     show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
@@ -63,10 +56,9 @@ def command(
 class _DemoRun:
     """One demonstration from start to summary."""
 
-    def __init__(
-        self, name: str, live: bool, scope: str | None, control: bool, open_page: bool
-    ) -> None:
+    def __init__(self, name: str, live: bool, page: PageRequest) -> None:
         from vbus.board.build import load_board_text
+        from vbus.boardfile.sections import ScopeSection
         from vbus.cli.run.demo_view import LatestTraffic
         from vbus.serve.server import LinkSpec, Server
 
@@ -75,9 +67,8 @@ class _DemoRun:
         self.reasons: list[str] = []
         """Why it has failed; empty if it has not."""
         self._live: bool = live
-        self._scope: str | None = scope
-        self._control: bool = control
-        self._open_page: bool = open_page
+        self._page: PageRequest = page
+        self._scope: ScopeSection = page.of(ScopeSection())
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
         self._traffic: LatestTraffic = LatestTraffic()
@@ -96,21 +87,15 @@ class _DemoRun:
         self._server.start(asyncio.get_running_loop())
         self._link = self._server.urls[0]
         try:
-            if self._scope is not None:
-                from vbus.boardfile.sections import ScopeSection
-                from vbus.cli.look.scope_process import show_board
-
-                scope = ScopeSection(listen=self._scope)
-                name = self._server.board.name
-                await show_board(name, scope, self._control, self._open_page)
+            await self._page.show(self._server.board.name, self._scope)
             process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "vbus.cli.run.demo_host", self.name, self._link,
+                sys.executable, "-m", "vbus.client.demo", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
                 start_new_session=True,
             )  # fmt: skip
             self._host = process.pid
             try:
-                longest = None if self._control else LONGEST  # it may be paused
+                longest = None if self._page.control else LONGEST  # it may be paused
                 await asyncio.wait_for(self._follow(process), longest)
             except TimeoutError:
                 self.reasons.append(f"the host has not finished within {LONGEST:g} s")

@@ -22,6 +22,7 @@ def go_on_in_background(name: str) -> None:
     begun = log.with_name(f".{log.name}.{os.getpid()}")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notices:
         notices.bind("")  # an address of its own, which the system chooses
+        # Else the child prints once more what has not been printed yet.
         sys.stdout.flush()
         sys.stderr.flush()
         child = os.fork()
@@ -31,6 +32,7 @@ def go_on_in_background(name: str) -> None:
             return
         ended = os.pidfd_open(child)
         try:
+            # The notice that the board is ready, or the end of its process.
             ready, _, _ = select.select([notices.fileno(), ended], [], [])
         finally:
             os.close(ended)

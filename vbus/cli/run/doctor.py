@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from typing import Final
 import click
 
 from vbus.cli.output import show
-from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis
+from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis, found
 from vbus.core import exit_codes
 
 OLDEST_PYTHON: Final = (3, 11)
@@ -61,16 +62,15 @@ def command(as_json: bool, latency: float) -> int:
 
 def python() -> Iterator[Diagnosis]:
     """Look at the interpreter and the system."""
-    version = platform.python_version()
-    if sys.version_info < OLDEST_PYTHON:
-        oldest = ".".join(map(str, OLDEST_PYTHON))
-        yield Diagnosis(FAIL, "python", version, f"install Python {oldest} or later")
-    else:
-        yield Diagnosis(OK, "python", f"{version} ({sys.executable})")
-    if sys.platform == "linux":
-        yield Diagnosis(OK, "system", platform.platform())
-    else:
-        yield Diagnosis(FAIL, "system", sys.platform, "PTYs and timers are Linux's; use Linux")
+    version, oldest = platform.python_version(), ".".join(map(str, OLDEST_PYTHON))
+    yield found(
+        sys.version_info >= OLDEST_PYTHON, "python", f"{version} ({sys.executable})", version,
+        f"install Python {oldest} or later", FAIL,
+    )  # fmt: skip
+    yield found(
+        sys.platform == "linux", "system", platform.platform(), sys.platform,
+        "PTYs and timers are Linux's; use Linux", FAIL,
+    )  # fmt: skip
 
 
 def dependencies() -> Iterator[Diagnosis]:
@@ -86,36 +86,28 @@ def dependencies() -> Iterator[Diagnosis]:
     for text in [need.strip() for need, _, marker in needs if "extra" not in marker]:
         name, _, oldest = text.partition(">=")
         try:
-            found = version(name)
+            here = version(name)
         except PackageNotFoundError:
             yield Diagnosis(FAIL, name, "not installed", f"run \"pip install '{text}'\"")
             continue
-        if _numbers(found) < _numbers(oldest):
-            yield Diagnosis(FAIL, name, found, f"too old: run \"pip install -U '{text}'\"")
-        else:
-            yield Diagnosis(OK, name, found)
+        recent = _numbers(here) >= _numbers(oldest)
+        yield found(recent, name, here, here, f"too old: run \"pip install -U '{text}'\"", FAIL)
 
 
 def core() -> Iterator[Diagnosis]:
     """Say which core runs and, if it is the slower one, why."""
     from vbus.compiled import core, lacks_compiler, why
 
-    if lacks_compiler():
-        advice = (
-            "it is 50 to 170 times slower in samples and some ten times on the bus: install gcc and"
-            " python3-dev, then install vbus again"
-        )
-        yield Diagnosis(WARN, "core", f"{core()}: {why()}", advice)
-    else:
-        yield Diagnosis(OK, "core", f"{core()}: {why()}" if why() else core())
+    text = f"{core()}: {why()}" if why() else core()
+    yield found(
+        not lacks_compiler(), "core", text, text,
+        "it is 50 to 170 times slower in samples and some ten times on the bus: install gcc and"
+        " python3-dev, then install vbus again",
+    )  # fmt: skip
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    numbers = []
-    for part in version.split("."):
-        digits = "".join(char for char in part if char.isdigit())
-        numbers.append(int(digits or 0))
-    return tuple(numbers)
+    return tuple(int("0" + re.sub(r"\D", "", part)) for part in version.split("."))
 
 
 def plugins() -> Iterator[Diagnosis]:
@@ -144,18 +136,12 @@ def compiler() -> Iterator[Diagnosis]:
     """Look for a C compiler and the C client it would build."""
     from vbus.native import include_dir
 
-    path = shutil.which("gcc") or shutil.which("cc")
-    if path is None:
-        yield Diagnosis(
-            WARN, "C compiler", "none", "hosts in C need one: install gcc (package gcc, libc6-dev)"
-        )
-    else:
-        yield Diagnosis(OK, "C compiler", path)
+    path = shutil.which("gcc") or shutil.which("cc") or ""
+    advice = "hosts in C need one: install gcc (package gcc, libc6-dev)"
+    yield found(path, "C compiler", path, "none", advice)
     folder = Path(include_dir())
-    if any(folder.glob("*.h")):
-        yield Diagnosis(OK, "C client", str(folder))
-    else:
-        yield Diagnosis(WARN, "C client", f"missing from {folder}", "install vbus again")
+    there = any(folder.glob("*.h"))
+    yield found(there, "C client", str(folder), f"missing from {folder}", "install vbus again")
 
 
 def terminal() -> Iterator[Diagnosis]:
@@ -176,10 +162,8 @@ def terminal() -> Iterator[Diagnosis]:
     finally:
         os.close(master)
         os.close(slave)
-    if passed:
-        yield Diagnosis(OK, "PTY", f"{name} passes every byte")
-    else:
-        yield Diagnosis(WARN, "PTY", f"{name} changes bytes", "use unix: and tcp: links")
+    good, wrong = f"{name} passes every byte", f"{name} changes bytes"
+    yield found(passed, "PTY", good, wrong, "use unix: and tcp: links")
 
 
 def runtime() -> Iterator[Diagnosis]:
@@ -199,30 +183,25 @@ def runtime() -> Iterator[Diagnosis]:
         return
     yield Diagnosis(OK, "runtime directory", str(directory))
     stale = [path for folder in (directory, boards_directory()) for path in _stale(folder)]
-    if stale:
-        listed = " ".join(str(path) for path in stale)
-        yield Diagnosis(
-            WARN,
-            "left-overs",
-            f"{len(stale)} of servers that were killed",
-            f"the next start takes these names over; to tidy up now: rm {listed}",
-        )
-    else:
-        yield Diagnosis(OK, "left-overs", "none")
+    listed = " ".join(str(path) for path in stale)
+    yield found(
+        not stale, "left-overs", "none", f"{len(stale)} of servers that were killed",
+        f"the next start takes these names over; to tidy up now: rm {listed}",
+    )  # fmt: skip
 
 
 def _stale(folder: Path) -> list[Path]:
     """Return the locks in ``folder`` that no living process holds, and the names they guard."""
     from vbus.core.runtime import lock_of, lock_state, locked_names
 
-    found = []
+    left = []
     for name in locked_names(folder):
         with suppress(OSError):
             alive, _ = lock_state(name)
             if not alive:
                 there = name.is_symlink() or name.exists()
-                found += [lock_of(name), name] if there else [lock_of(name)]
-    return found
+                left += [lock_of(name), name] if there else [lock_of(name)]
+    return left
 
 
 def timers() -> Iterator[Diagnosis]:
@@ -249,19 +228,16 @@ def inotify() -> Iterator[Diagnosis]:
         yield Diagnosis(WARN, "inotify instances", str(error), "nothing, if boards start")
         return
     text = f"{most}: as many boards with links over PTYs may run at a time"
-    if most < ENOUGH_INSTANCES:
-        advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
-        yield Diagnosis(WARN, "inotify instances", text, advice)
-    else:
-        yield Diagnosis(OK, "inotify instances", text)
+    advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
+    yield found(most >= ENOUGH_INSTANCES, "inotify instances", text, text, advice)
 
 
 def _module(name: str) -> Callable[[], str]:
     """Return what tells where a Python package is; nothing if it is not installed."""
 
     def place() -> str:
-        found = find_spec(name)
-        return found.origin or name if found is not None else ""
+        module = find_spec(name)
+        return module.origin or name if module is not None else ""
 
     return place
 
@@ -321,11 +297,8 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
 def optional() -> Iterator[Diagnosis]:
     """Look for what vbus does without, and say what each gives."""
     for name, where, gives, get in OPTIONAL:
-        found = where()
-        if found:
-            yield Diagnosis(OK, name, f"{gives}: {found}")
-        else:
-            yield Diagnosis(WARN, name, f"missing; it gives {gives}", get)
+        place = where()
+        yield found(place, name, f"{gives}: {place}", f"missing; it gives {gives}", get)
 
 
 CHECKS: Final[tuple[Callable[[], Iterator[Diagnosis]], ...]] = (

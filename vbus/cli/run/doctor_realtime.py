@@ -39,6 +39,13 @@ class Diagnosis:
         return f"{text}\n      {self.advice}" if self.advice else text
 
 
+def found(
+    good: object, what: str, detail: str, wrong: str, advice: str, state: str = WARN
+) -> Diagnosis:
+    """Return what was found of a thing: ``detail`` if it is good, else ``wrong`` and the advice."""
+    return Diagnosis(OK, what, detail) if good else Diagnosis(state, what, wrong, advice)
+
+
 WAIT_NS: Final = 1_000_000
 """What is waited for again and again."""
 MUCH: Final = 0.05
@@ -58,13 +65,9 @@ def promises() -> Iterator[Diagnosis]:
     slack = int(Path("/proc/self/timerslack_ns").read_text()) / 1000
     yield Diagnosis(OK, "timer slack", f"{slack:g} us later than asked; none with --priority")
     governors = sorted({place.read_text().strip() for place in Path("/").glob(GOVERNORS[1:])})
-    if not governors:
-        yield Diagnosis(OK, "governor", "none: the processors' frequency is not chosen here")
-    elif governors == ["performance"]:
-        yield Diagnosis(OK, "governor", "performance")
-    else:
-        advice = "processors take time to wake up: cpupower frequency-set -g performance"
-        yield Diagnosis(WARN, "governor", ", ".join(governors), advice)
+    text = ", ".join(governors) or "none: the processors' frequency is not chosen here"
+    advice = "processors take time to wake up: cpupower frequency-set -g performance"
+    yield found(governors in ([], ["performance"]), "governor", text, text, advice)
     yield _clock()
     yield _load()
 

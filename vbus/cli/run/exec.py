@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import duration, record_options, scope_options
+from vbus.cli.look.scope_page import PageRequest, scope_options
+from vbus.cli.output import duration, record_options
 from vbus.core.errors import TransportError
 
 if TYPE_CHECKING:
@@ -106,9 +107,8 @@ _WITHOUT: Final = {
 @click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
 def command(
     board: str | None, link: str | None, join: str | None, avr: str | None, cpu: str | None,
-    pinmap: str | None, transcript: str | None, summary: bool, program: tuple[str, ...],
-    metrics: str | None, scope: str | None, scope_control: bool, open_page: bool,
-    limit: int | None, **records: str | None,
+    pinmap: str | None, transcript: str | None, record: dict[str, str], metrics: str,
+    page: PageRequest, limit: int | None, summary: bool, program: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Run a program on a board of its own; the exit code is the program's.
 
@@ -129,10 +129,9 @@ def command(
             "name either a board file with --board or a link with --link, or a running board with"
             " --join"
         )
-    wanted = {key: value for key, value in records.items() if value is not None}
     given: dict[str, object] = {
-        "transcript": transcript, "metrics": metrics, "scope": scope,
-        "scope-control": scope_control or None, "open": open_page or None, **wanted,
+        "transcript": transcript, "metrics": metrics or None, "scope": page.listen,
+        "scope-control": page.control or None, "open": page.open_page or None, **record,
         "limit": limit, "cpu": cpu, "pinmap": pinmap,
     }  # fmt: skip
     for option, value in given.items():
@@ -143,8 +142,8 @@ def command(
     if board is not None:
         from vbus.cli.hosted.program import run_on_board
 
-        made = program_of(board, program, pinmap, avr, cpu, wanted, metrics or "")
-        return run_on_board(made, transcript, summary, limit, scope, scope_control, open_page)
+        made = program_of(board, program, pinmap, avr, cpu, record, metrics)
+        return run_on_board(made, transcript, summary, limit, page)
     link = link or link_of(join or "", firmware=avr is not None)
     if avr is None:
         return _join(link, list(program))

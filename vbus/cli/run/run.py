@@ -1,18 +1,16 @@
 """``vbus run``: a board at the disposal of its hosts until Ctrl-C."""
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from vbus.cli.look.scope_page import PageRequest, refuse_detached, scope_options
 from vbus.cli.output import (
     complain,
     from_option,
     rate_option,
     record_options,
-    refuse_detached,
-    scope_address,
-    scope_options,
     show,
 )
 from vbus.cli.status_lines import READY, ready_lines
@@ -20,7 +18,7 @@ from vbus.core import exit_codes
 from vbus.core.collection import collection_held
 
 if TYPE_CHECKING:
-    from vbus.boardfile.sections import BoardFile, ScopeSection
+    from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.nodes.node import Node
     from vbus.serve.nodes.nodes import NodeOptions
@@ -56,10 +54,9 @@ if TYPE_CHECKING:
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
 @collection_held()
 def command(
-    board: str, rate: float | None, journal: str | None, durable: str | None, report: str | None,
-    suppress: str | None, coverage: str | None, wave: str | None, metrics: str | None,
-    scope: str | None, scope_control: bool, open_page: bool, start: str | None,
-    priority: str | None, cpu: int | None, as_json: bool, detach: bool, **of_nodes: Any,
+    board: str, rate: float | None, record: dict[str, str], durable: str | None, metrics: str,
+    page: PageRequest, start: str | None, priority: str | None, cpu: int | None, as_json: bool,
+    detach: bool, **of_nodes: Any,
 ) -> int:  # fmt: skip
     """Run a board and serve its links until Ctrl-C.
 
@@ -75,39 +72,35 @@ def command(
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--priority") from None
     file, source = read_board_file(board)
-    scope = scope_address(scope, scope_control or open_page, file.scope.listen)
-    refuse_detached(scope, detach)
-    if scope_control and file.nodes:
+    refuse_detached(page.asked, detach)
+    if page.control and file.nodes:
         raise click.UsageError(
             "--scope-control is for boards without nodes: a node's time is that of all nodes, so no"
             " page can halt it; with --scope it can be seen"
         )
-    shown = recorded(file, {}, "", scope or "").scope
+    shown = page.of(file.scope)
     if shown.listen and detach:
         complain("[scope] is left out of a run in the background; see: vbus scope NAME")
-    elif shown.listen:
-        from vbus.cli.look.scope import place_of
-
-        place_of(shown)
     if detach:
         from vbus.cli.run.detach import go_on_in_background
 
         go_on_in_background(".".join([file.board.name, *of_nodes["nodes"]]))
+    # After the fork: locked memory is not passed on to a child.
     wanted.take()
-    record = {
-        "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
-        "wave": wave, "durable": durable,
-    }  # fmt: skip
-    record = {key: value for key, value in record.items() if value is not None}
-    file = recorded(file, record, metrics or "")
+    file = recorded(file, record | ({"durable": durable} if durable else {}), metrics)
     if file.nodes:
         from vbus.serve.nodes.nodes import NodeOptions
 
         given = {key: value for key, value in of_nodes.items() if value}
         given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
-        page = shown if scope is not None or is_first(file, of_nodes["nodes"]) else None
-        return _run_nodes(file, source, NodeOptions(**given), as_json, wanted, page)
+        here = page.asked or is_first(file, of_nodes["nodes"])
+
+        async def show_machine() -> None:
+            if here:
+                await page.show(file.board.name, shown)
+
+        return _run_nodes(file, source, NodeOptions(**given), as_json, wanted, show_machine)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"
@@ -119,10 +112,7 @@ def command(
         wanted.pin()
 
     async def show_first(server: "Server") -> None:
-        if shown.listen:
-            from vbus.cli.look.scope_process import show_board
-
-            await show_board(server.board.name, shown, scope_control, open_page)
+        await page.show(server.board.name, shown)
 
     serve_read(file, source, rate, ready, complain, start or "", show_first)
     return exit_codes.OK
@@ -134,7 +124,7 @@ def _run_nodes(
     options: "NodeOptions",
     as_json: bool,
     priority: "Priority",
-    scope: "ScopeSection | None" = None,
+    show_scope: Callable[[], Awaitable[None]],
 ) -> int:
     """Run nodes of a board; return the exit code.
 
@@ -144,7 +134,7 @@ def _run_nodes(
         options: which nodes, and how.
         as_json: print JSON when ready.
         priority: what the process runs with.
-        scope: where the page is to be, with all nodes on this computer; None for none here.
+        show_scope: shows all nodes on this computer, before they begin.
 
     Raises:
         VbusError: what stops it; see :func:`~vbus.serve.nodes.nodes.serve_nodes`.
@@ -157,12 +147,6 @@ def _run_nodes(
         lines = [line for state in states for line in ready_lines(state)]
         show(as_json, {"nodes": states}, [*lines, READY])
         priority.pin()
-
-    async def show_scope() -> None:
-        from vbus.cli.look.scope_process import show_board
-
-        if scope is not None and scope.listen:
-            await show_board(file.board.name, scope)
 
     outcome = serve_nodes(file, source, options, ready, complain, show_scope)
     if outcome.over:

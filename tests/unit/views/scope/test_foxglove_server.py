@@ -10,7 +10,7 @@ from tests.unit.views.conftest import board_of, read
 from tests.unit.views.scope.decoded import Seen, frames
 from tests.unit.views.scope.foxglove_client import connected
 from vbus.cli.look.foxglove_lanes import FoxgloveServer
-from vbus.cli.look.scope import PagePlace
+from vbus.cli.look.scope_page import PagePlace
 from vbus.core.errors import TransportError
 from vbus.core.kernel import NS
 from vbus.views.scope.recording import Recorded, replayed
@@ -102,7 +102,7 @@ async def test_other_computers_are_served_with_tls(run: Recorded, tmp_path: Path
     place = PagePlace("127.0.0.1:0", certificate=certificate, key=key, option="--foxglove")
     server = place.foxglove_server(run.description)
     told: list[str] = []
-    server._report = told.append
+    server.report = told.append
     await server.start()
     server.add(b"".join(run.frames))
     trusted = ssl.create_default_context()
