@@ -7,6 +7,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import click
+import pytest
+
 from vbus.chips.clauses import PROOFS, clauses_of
 from vbus.cli.generate.layout import ROOT, folder_of, own_families
 
@@ -51,7 +54,14 @@ def _of_file(path: Path) -> Iterator[tuple[str, str]]:
     The file is imported: marks are made by functions, kept in variables, and hung on parameters.
     """
     place = path.relative_to(ROOT)
-    module = importlib.import_module(".".join(place.with_suffix("").parts))
+    try:
+        module = importlib.import_module(".".join(place.with_suffix("").parts))
+    except pytest.skip.Exception as skipped:
+        # Without the file the list would lack its tests, and be wrong in silence.
+        raise click.ClickException(
+            f"{place}: its marks cannot be read: {skipped.msg}; pip install -e '.[test]' gets all"
+            " that tests want"
+        ) from None
     for_all = [*_clauses(_marks(module))]
     for name, test in vars(module).items():
         if name.startswith(("test_", "Test")) and callable(test):
