@@ -217,7 +217,7 @@ class Together:
                 if len(heard) < self._running:
                     continue
                 heard.clear()
-                # The earliest of their instants: until then every node has told.
+                # The earliest of their instants: until then the values of every node are known.
                 values = {chip: one for _, each in self._told for chip, one in each.items()}
                 yield ["t", min(now for now, _ in self._told), values]
             else:

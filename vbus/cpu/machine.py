@@ -70,7 +70,7 @@ _WRITE: Final = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint32, ctypes.
 _NOBODY: Final = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint32)
 
 
-class _Shared(ctypes.Structure):
+class _NativeCpu(ctypes.Structure):
     """``struct cpu`` of cpu_link.c."""
 
     _fields_ = [
@@ -219,7 +219,7 @@ class CpuMachine:
         self.set: Final = self.engine.reg_write
         for name in ("cpu_edge", "cpu_cycles", "cpu_card_row", "cpu_card_read", "cpu_read"):
             getattr(native, name).restype = ctypes.c_uint64
-        self.shared: Final = _Shared.in_dll(native, "cpu")
+        self.shared: Final = _NativeCpu.in_dll(native, "cpu")
         self.shared.step, self.shared.access = section.cycles, section.access
         self.shared.frequency = section.clock
         self.shared.stop = ctypes.cast(uclib.uc_emu_stop, ctypes.c_void_p)

@@ -44,11 +44,11 @@ class _Seen(NamedTuple):
     """A process at rest.
 
     Attributes:
-        told: the library's note about its waits; "" without one.
+        note: the library's note about its waits; "" without one.
         switches: how often each thread has been scheduled.
     """
 
-    told: str
+    note: str
     switches: tuple[tuple[int, int], ...]
 
 
@@ -146,7 +146,7 @@ class AtRest:
     def _at_rest(self, pid: int, pids: list[int]) -> _Seen | None:
         """Return how a process is found if nothing can end its waits but these processes."""
         text = read(f"{self._note}.{pid}")
-        known = _told(text)
+        known = _known_waits(text)
         ours = text.partition("\n")[0].endswith(" 1")
         """Whether the library has the timers of the process in hand."""
         switches = []
@@ -169,7 +169,7 @@ class AtRest:
         return _Seen(text, tuple(switches)) if switches else None
 
 
-def _told(text: str) -> dict[int, list[tuple[int, int]]]:
+def _known_waits(text: str) -> dict[int, list[tuple[int, int]]]:
     """Return the descriptors, with what is awaited of each, that known threads wait for.
 
     Not among them are threads in calls of the kernel, and those that wait for memory which other
@@ -222,9 +222,9 @@ def _moved(before: dict[int, _Seen], now: dict[int, _Seen]) -> bool | None:
     certain = True
     for pid, seen in now.items():
         old = before[pid]
-        if seen.told != old.told or [n for n, _ in seen.switches] != [n for n, _ in old.switches]:
+        if seen.note != old.note or [n for n, _ in seen.switches] != [n for n, _ in old.switches]:
             return True
-        known = _told(seen.told)
+        known = _known_waits(seen.note)
         counts = zip(seen.switches, old.switches, strict=True)
         woken = {task: count - was for (task, count), (_, was) in counts}
         if any(count for task, count in woken.items() if task not in known):

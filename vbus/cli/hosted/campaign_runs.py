@@ -169,9 +169,9 @@ def _said() -> Iterator[list[str]]:
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
-            for number, kept in enumerate(before, 1):
-                os.dup2(kept, number)
-                os.close(kept)
+            for number, copy in enumerate(before, 1):
+                os.dup2(copy, number)
+                os.close(copy)
             for file in (output, errors):
                 file.seek(0)
                 said.append(file.read().decode(errors="replace"))
@@ -201,7 +201,7 @@ def run_all(
     worlds: Iterable[PlannedWorld],
     jobs: int,
     until: float,
-    told: Callable[[World, Result], None],
+    take_result: Callable[[World, Result], None],
 ) -> None:
     """Run a subject in one world after another, until a time is over.
 
@@ -211,7 +211,7 @@ def run_all(
         worlds: in the order in which they are tried.
         jobs: number of processes.
         until: instant of the wall clock after which none is begun.
-        told: called with each world and what came of it, in that order.
+        take_result: called with each world and what came of it, in that order.
 
     Raises:
         VbusError: a run cannot be made.
@@ -226,7 +226,7 @@ def run_all(
     def take(left: int) -> None:
         while len(waiting) > left:
             world, future = waiting.pop(0)
-            told(world, future.result())
+            take_result(world, future.result())
 
     try:
         for one in worlds:

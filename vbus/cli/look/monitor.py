@@ -89,7 +89,7 @@ class View(PacketReader):
         """When the condition has come to hold that was waited for (ps)."""
         self._status: bool = status
 
-    def told(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
+    def values_of(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
         """Return the latest values of a chip."""
         family = plugins.family(self._families.get(chip, ""))
         return words_and_numbers(family, self._stream.decoders.get(chip), self.values[chip])
@@ -224,7 +224,7 @@ def _values(view: View, chip: str) -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    numbers, words = view.told(chip)
+    numbers, words = view.values_of(chip)
     table = Table.grid(padding=(0, 1), expand=True)
     for _ in range(2):
         table.add_column(style="dim")

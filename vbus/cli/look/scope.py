@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Take = Callable[[bytes], None]
 
 LOOK_SECONDS: Final = 0.5
-"""How often a scope that outlives its board looks whether anybody is there."""
+"""How often a scope that outlives its board looks whether a page is open."""
 
 
 @click.command("scope")
@@ -79,7 +79,7 @@ def command(
     SOURCE is a journal, which is played again for it, or the name of a running board. Several, such
     as the journals of all nodes of a machine, are shown on one time axis; the name of a machine
     shows all of its nodes that run on this computer. Prints a link that can be used once; with -o
-    it writes a page that anybody can open, or an MCAP file. Ends with Ctrl-C. With --control a
+    it writes a page that any browser can open, or an MCAP file. Ends with Ctrl-C. With --control a
     journal goes on where it ends, or at --at, as a board of its own, paused at first.
     """
     source = sources[0]
