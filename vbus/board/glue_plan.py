@@ -87,6 +87,7 @@ class _Planner:
         for net in self._file.nets:
             for pin in net.pins:
                 self._join(f"={net.name}", pin)
+        # A line of a bus is called by the name of the bus, at whichever chip glue is wired to it.
         for bus, members in self._buses.items():
             for member in members:
                 self._join(bus, member)
@@ -353,6 +354,7 @@ class _Planner:
             if any(pin.partition(".")[0] in self._glue for pin in pins):
                 self._fights(pins)
             name = own[0] if own else root
+            # A wire with one end is a misspelt name, unless an equation of the same part reads it.
             if len(pins) < 2 and pins[0] not in self._inner:
                 owner = pins[0].partition(".")[0]
                 self._fail(

@@ -74,6 +74,7 @@ class Walker:
                 read = self._below(tables[name], where, value)
                 if read is not None:
                     extra[name] = read
+                # At the top the other sections are read and checked all the same.
                 elif path:
                     whole = False
             elif name not in options:

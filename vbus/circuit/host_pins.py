@@ -99,6 +99,7 @@ class HostPins:
         for (_, pins), table in zip(self._owners, rows, strict=True):
             for row in table:
                 pin = pins[row.name]
+                # A host moves nets: pins that one joins are one line.
                 if id(pin.net) in seen or row.width > 1:
                     continue
                 seen.add(id(pin.net))
@@ -248,6 +249,7 @@ class HostPins:
 
     def output_word(self) -> int:
         """Return the levels of all output lines; bit n is ``outputs[n]``."""
+        # Chips are lazy: what they drive by now shows only after that.
         for chip in self._chips:
             chip.advance()
         self._kernel.settle()
@@ -340,6 +342,7 @@ class HostPins:
 
     @levels.setter
     def levels(self, levels: list[tuple[str, int]]) -> None:
+        # Not driven: the nets are loaded by themselves, and no edge may come of that.
         for pin in self._soldered.values():
             pin.level = Z
         for full_name, level in levels:

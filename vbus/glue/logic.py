@@ -77,6 +77,7 @@ def transparent(now: Levels, was: Levels, state: int) -> Outcome:
 
 def register(now: Levels, was: Levels, state: int) -> Outcome:
     """74HC374: output enable (low), clock that rises, eight inputs."""
+    # The inputs as they were: what moves together with the clock misses its set-up time.
     if now[1] > was[1]:
         state = number(was[2:])
     return state, state, 0 if now[0] else ALL
@@ -101,6 +102,7 @@ def flip_flop(now: Levels, was: Levels, state: int) -> Outcome:
         state = (0 if preset else 1) | (0 if clear else 2)
     elif clock > was[2]:
         state = 1 if was[3] else 2
+    # Just powered, or both released together: data books leave it open; Q is low, so runs repeat.
     elif state in (0, 3):
         state = 2
     return state, state, ALL
@@ -140,6 +142,8 @@ def shift_and_store(now: Levels, was: Levels, state: int) -> Outcome:
     The state is the shift register, and the storage register above it.
     """
     shifted, stored = state & 0xFF, state >> 8
+    # Before the shift: with both clocks tied the storage is one pulse behind, as the data book
+    # says.
     if now[3] > was[3]:
         stored = shifted
     if not now[1]:
@@ -175,6 +179,7 @@ def loaded_counter(synchronous: bool) -> Function:
                 state = number(was[5:])
             elif was[3] & was[4]:
                 state = (state + 1) & 15
+        # Only T gates the carry: a chain of counters passes it on between two clocks.
         return state, state | (now[4] if state == 15 else 0) << 4, ALL
 
     return function
@@ -230,6 +235,7 @@ def card_latch(reset: int) -> Function:
     """
 
     def function(now: Levels, was: Levels, state: int) -> Outcome:
+        # Every block starts with state 0, which stands for the byte after a reset.
         if now[0]:
             state = 0
         elif now[1] > was[1]:

@@ -221,6 +221,7 @@ class JournalReader:
             raise JournalError(f"{self._name()}: the block at byte {self.position} is damaged")
         try:
             unpacking = zlib.decompressobj()
+            # Bounded: a few bytes of zlib can stand for gigabytes.
             content = unpacking.decompress(body, LARGEST)
             if unpacking.unconsumed_tail:
                 raise ValueError(f"it holds more than {LARGEST} bytes")
@@ -253,6 +254,7 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
+        # Jumps first: what a later one undoes is given to no reader.
         self.jumps = tuple(self._find_jumps())
         number = last = 0
         for turn, jump in enumerate(self.jumps):

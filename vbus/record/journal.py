@@ -174,6 +174,7 @@ class Journal(Observer):
             return
         try:
             while data:
+                # A file without a buffer may take a part alone.
                 done = self._file.write(data)
                 taken = len(data) if done is None else done
                 self.bytes += taken
@@ -191,6 +192,7 @@ class Journal(Observer):
 
     def close(self) -> None:
         """End the journal with the board's state hash; the file is left open. May be repeated."""
+        # It has been closed, or another recorder has come after it.
         if self.board.port_type != self._port:
             return
         self.board.port_type = self._plain

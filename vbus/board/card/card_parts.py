@@ -162,6 +162,7 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     tied = dict.fromkeys((pin for pin in _INPUTS if pin in inputs), LOW)
     tied |= dict.fromkeys((pin for pin in _ENABLES if pin in inputs), HIGH)
     tied |= dict.fromkeys(row.low, LOW) | dict.fromkeys(row.high, HIGH)
+    # On a bus without RESET only power-on resets a register.
     tied |= {} if _RESET in bus.steady else {_RESET: LOW}
     taps = _lines(card, (*strobes, *where, *([_RESET] if _RESET in bus.steady else [])))
     taps |= {bit: (f"{card.name}.{DATA}", n) for n, bit in enumerate(_BITS)}

@@ -135,6 +135,7 @@ class Report(PacketReader):
         if self._open:
             for finding in self._open:
                 finding.after.append(line)
+            # The oldest is full first: most cycles find nothing to close.
             if len(self._open[0].after) > CONTEXT:
                 self._open = [f for f in self._open if len(f.after) <= CONTEXT]
 

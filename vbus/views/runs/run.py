@@ -87,6 +87,7 @@ class _Host(PacketReader):
         if answered:
             self._polled[asked] = said
         else:
+            # What is read after a write is asked anew, even if it was read before.
             self._polled.clear()
 
     def bus_cycle(

@@ -112,6 +112,7 @@ class Recorder(PacketReader):
         self.board.observe(self)
         for look in self._looks.values():
             look.look()
+            # Pages of a run that is over may ask for any register; of a live one they say when.
             look.look_inside(self._edges)
 
     def look_inside(self, on: bool) -> None:

@@ -321,6 +321,7 @@ class Conform(Observer):
         watch = self._watch
         state = save(watch)
         taken = []
+        # Unknown bits all high, and all low: the chip must take the same.
         for old in (0xFF, 0):
             load(watch, state)
             old = self._byte & ~self._floating | self._floating & old
