@@ -5,6 +5,8 @@ import platform
 from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
+from msgspec.structs import astuple
+
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.circuit.stream import settings_for_decoders
@@ -98,9 +100,7 @@ class Journal(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
-        v = violation
-        row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
-        self._note("violation", row)
+        self._note("violation", [*astuple(violation)])
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Write the evidence of a fault down."""
