@@ -12,6 +12,7 @@ from vbus.chips.tables import CardRow, PinRow
 from vbus.circuit.circuit import Circuit
 from vbus.core.signals import HIGH, LOW
 from vbus.glue import logic
+from vbus.glue.card_buses import BUSES
 from vbus.glue.table import OPEN, Block
 from vbus.protocols.port import CardAccess
 
@@ -131,6 +132,12 @@ def outputs_of(interrupt: str) -> list[tuple[str, bool]]:
     """
     names = [(one.startswith("!"), one.removeprefix("!")) for one in interrupt.split()]
     return [(name, turned != active_low(name.rpartition(".")[2])) for turned, name in names]
+
+
+def pins_of(card: CardSection) -> tuple[PinRow, ...]:
+    """Return the pins a card has on a board: those of its interrupt, and of its connector."""
+    own = (INT, ACK) if card.acknowledge else (INT,) if card.has_circuit else ()
+    return (*own, *(BUSES[card.bus].pins if card.bus else ()))
 
 
 def rows_of(
