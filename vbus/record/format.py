@@ -194,6 +194,7 @@ class JournalReader:
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
         try:
+            # Also for keys that are not known here, which convert() passes over.
             Header(**values)
             self.header: Header = msgspec.convert(values, Header)
         except (TypeError, msgspec.ValidationError):
@@ -295,6 +296,7 @@ class JournalReader:
                         )
                     if key % PORTS == JUMP:
                         raise ValueError("a jump, which can be read from a file alone")
+                    # No writer makes more: a damaged count is not followed for hours.
                     if number + times - begun > FULL:
                         number = begun + FULL + 1
                         raise ValueError(f"more than {FULL} entries in one block")

@@ -92,6 +92,7 @@ class Journal(Observer):
         self._recorded: Callable[..., HostBus] = port
         self._plain: Callable[..., HostBus] = board.port_type
         board.port_type = self._port
+        # Violations alone: which cycles there were follows from the calls.
         board.listen(self)
 
     def _port(self, *asked: object) -> HostBus:

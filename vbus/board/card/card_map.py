@@ -141,6 +141,7 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[CardAns
     wait = sum(section.delay for section in file.glue) + NS
     chips = [chip for chip in board.chips if chip is not bus]
     known = {chip.name: roles(chip) for chip in chips}
+    # Resets that follow power-on are over then.
     board.run_for(wait)
     for address in map(card.address, range(card.size)):
         for line, name in enumerate(bus.row.address):

@@ -135,6 +135,7 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     _check(row, path, card.size, (*inputs, *outputs))
     strobes = bus.strobes_of(card.memory)
     where = (*bus.address, *_idle(bus))
+    # A register of another kind takes one address.
     values = bytes.fromhex(row.values) or b"\0"
     places = [bus.on_lines(card.address(row.at + n)) for n in range(len(values))]
     select = Block((*strobes, *where), (_READ, _WRITE), logic.strobed(frozenset(places), bus.lines))

@@ -83,6 +83,7 @@ class Card(Struct):
         ):  # fmt: skip
             mine = dict(rows)
             if at >= 0 and self.acknowledge in sides:
+                # An access that clears the flip-flop need not reach a chip.
                 reached = rows.get(self.base + at, CardAccess(-1, 0, 0xFF, -1))
                 mine[self.base + at] = reached._replace(pulsed=sides.index(self.acknowledge))
             found.append(mine)

@@ -306,6 +306,7 @@ class _Checks:
             message = f"there is a net {quoted(card.line)} already; choose another name"
             yield (*path, "line"), message
         others = [other for other in self._file.cards if other.line == card.line]
+        # A line with one card on it is most often a misspelt one.
         if len(others) < 2:
             hint = suggestion(card.line, {one.line for one in self._file.cards} - {card.line})
             yield (
@@ -326,6 +327,8 @@ class _Checks:
         links: dict[str, int] = {}
         for place, host in enumerate(self._file.hosts):
             path: Path = ("hosts", place)
+            # One that could not be read; a blank stands there, so that the others keep their
+            # numbers.
             if not host.transport:
                 continue
             scheme, colon, _ = host.transport.partition(":")
@@ -338,6 +341,7 @@ class _Checks:
             elif scheme not in plugins.names(plugins.TRANSPORTS):
                 likely = plugins.known(plugins.TRANSPORTS, scheme)
                 yield (*path, "transport"), f"found {quoted(scheme)}; {likely}"
+            # The network is one link for any number of hosts.
             if host.transport in links and scheme != NETWORK_SCHEME:
                 yield (
                     (*path, "transport"),
@@ -386,6 +390,7 @@ class _Checks:
         ]
         pins += [((*path, key), name, "") for key, name in host.sensed.items() if name]
         for where, name, wrong in pins:
+            # At the key: one sentence for all the pins in its list.
             if scheme not in MODEM_SCHEMES:
                 yield (
                     where[:3],

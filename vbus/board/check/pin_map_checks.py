@@ -57,6 +57,7 @@ class PinMapChecks:
         path: Path = ("pinmaps", section.name)
         wrong = [*self._names(section, path)]
         yield from wrong
+        # A pin that is misspelt would be one that is missing, too.
         if not wrong and set(section.chips) <= set(self._known):
             yield from self._wires(path, self._map(section))
 

@@ -146,6 +146,7 @@ class Report(PacketReader):
         reason = ""
         for suppression in self.suppressions:
             if suppression.covers(violation):
+                # All that cover it have been of use; the reason is that of the first.
                 suppression.used += 1
                 reason = reason or suppression.reason
         if self.counts[key] <= DETAILED:

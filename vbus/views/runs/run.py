@@ -131,6 +131,7 @@ def recorded_run(reader: JournalReader) -> Run:
         )
     if not outcome.ended:
         raise VbusError(f"it was not closed ({reader.damage or 'its end is missing'})")
+    # Only now: a packet that the host left open is one of its packets.
     stream.finish()
     run.axes = axes
     run.duration = board.now

@@ -32,6 +32,7 @@ def page_file(name: str) -> str:
     Raises:
         VbusError: there is none of that name.
     """
+    # Names that are there, not a path: nothing leads out of the folder.
     there = {file.name: file for file in PAGE.iterdir() if _FILE.fullmatch(file.name)}
     if name not in there:
         raise VbusError(f"the page has no file {name[:LONGEST]}")

@@ -164,6 +164,7 @@ class Recorder(PacketReader):
             label = self._labels[said] = len(self._labels)
             self._new.append(said)
         kind = self._kind(chip, packet)
+        # A breach is known before the packet it is in.
         for when, mark in self._broken.pop(chip, ()):
             if packet.begin <= when <= packet.end:
                 mark["label"] = label

@@ -98,6 +98,7 @@ class Wave(PacketReader):
         """The latest values of the chips."""
         self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()
+        # No part of the state of the board: a waveform changes no hash.
         self._timer = board.kernel.onlooker(self._look)
 
     # -- beginning and end --------------------------------------------------------------------
