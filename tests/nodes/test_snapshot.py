@@ -23,8 +23,7 @@ from vbus.board.board import Board
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import seal, take
 from vbus.board.snapshot import write as write_board
-from vbus.cli.run.snap import save
-from vbus.cli.run.snap_machine import save_machine
+from vbus.cli.run.snap import save, save_machine
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import SnapshotError, VbusError

@@ -136,6 +136,9 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
         SnapshotError: a chip or a plant, maybe a plug-in's, gives no state that can be saved.
     """
     wires = wires or {}
+    for axis, plant in board.axes.items():
+        if why := plant.unsaved():
+            raise SnapshotError(f"axis {axis}: {why}")
     state = board.save()
     if board.beyond is not None:
         state["beyond"] = board.beyond.save()

@@ -89,7 +89,9 @@ class SwitchSection(Section, frozen=True, kw_only=True):
 
 def _models() -> Iterator[Further]:
     for name in plugins.names(plugins.PLANTS):
-        yield f"^{re.escape(name)}$", (name,), plugins.plant_class(name).OPTIONS
+        model = plugins.plant_class(name)
+        file = "(:.+)?" if plugins.has_file(model) else ""
+        yield f"^{re.escape(name)}{file}$", (name,), model.OPTIONS
 
 
 class PlantSection(Section, frozen=True, kw_only=True):
