@@ -50,7 +50,7 @@ runpy.run_module("vbus", run_name="__main__")
 
 
 @pytest.mark.parametrize(
-    "module", ["click", "vbus.core.errors", "vbus.cli.run.schema", "vbus.boardfile"]
+    "module", ["click", "vbus.core.errors", "vbus.cli.run.check", "vbus.boardfile"]
 )
 def test_ctrl_c_while_something_is_imported_ends_it_quietly(module: str) -> None:
     done = subprocess.run(
