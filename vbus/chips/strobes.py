@@ -1,9 +1,8 @@
 """AC limits: the manual's timing table, and the check of measured intervals."""
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Final
+from typing import ClassVar
 
-from vbus.chips.base import Chip
 from vbus.chips.tables import AcLimit
 from vbus.core.kernel.clock import Clock
 from vbus.core.signals.tables import Rule
@@ -57,50 +56,3 @@ class AcTable:
 def rules_in(names: Mapping[str, object]) -> tuple[Rule, ...]:
     """Return the rules among the names of a module, in the order in which it states them."""
     return tuple([rule for rule in names.values() if isinstance(rule, Rule)])
-
-
-class AcLimits:
-    """The AC limits of one chip, and the check of measured intervals against them.
-
-    Args:
-        chip: whose limits they are; its clock decides those that count clock periods.
-        table: the table of its supply.
-
-    Attributes:
-        table: the table.
-        least: what an interval must last at least (ps), by symbol.
-    """
-
-    WIRING: ClassVar[Names] = ("*",)
-
-    def __init__(self, chip: Chip, table: AcTable) -> None:
-        self._chip: Final[Chip] = chip
-        self.table: Final[AcTable] = table
-        self.least: Final[dict[str, int]] = table.limits(chip.clock)
-
-    def short(self, symbol: str, measured: int, detail: str = "", when: int = -1) -> bool:
-        """File an interval below its limit; tell whether what it belongs to is lost (strict).
-
-        Args:
-            symbol: the row.
-            measured: the interval (ps).
-            detail: a sentence for people, if the row's title does not say enough.
-            when: instant at which the interval ended (ps), if that is not now.
-        """
-        limit = self.least[symbol]
-        return measured < limit and self._chip.report(
-            self.table.rules[symbol], measured, limit, detail, when
-        )
-
-    def outside(self, symbol: str, shortest: int, longest: int) -> None:
-        """File a duration below the row's minimum or above its maximum.
-
-        Args:
-            symbol: the row.
-            shortest: the duration, rounded down (ps); it is what is filed.
-            longest: the same, rounded up.
-        """
-        row = self.table[symbol]
-        if shortest < row.min_ps or longest > row.max_ps:
-            limit = row.min_ps if shortest < row.min_ps else row.max_ps
-            self._chip.report(self.table.rules[symbol], shortest, limit)
