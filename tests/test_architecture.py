@@ -61,7 +61,6 @@ SHARED_BY_CHIPS = {
     "front_end",
     "motion",
     "packets",
-    "strobes",
     "tables",
 }
 DATA = {"tables", "datasheet", "bits"}
