@@ -65,7 +65,6 @@ REASONS: dict[str, str] = {
     "vbus/chips/mc1241a/commands.py": COMMANDS,
     "vbus/chips/mc1241a/output.py": COMMANDS,
     "vbus/chips/motion/quadrature.py": HELD,
-    "vbus/chips/strobes.py": HELD,
     "vbus/plant/response.py": HELD,
     "vbus/protocols/base.py": BASE,
     "vbus/protocols/codes.py": HELD,

@@ -30,7 +30,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SAMPLED: Final = (
     "axis.py", "chip.py", "control_loop.py", "cycle.py", "encoder.py", "microstep.py", "output.py",
-    "pid.py", "profile.py", "pins.py", "registers.py", "stepper.py",
+    "pid.py", "profile.py", "pins.py", "registers.py", "stepper.py", "generated/registers.py",
 )  # fmt: skip
 """What works in each sample, or at each edge of a strobe, of any chip's folder."""
 
