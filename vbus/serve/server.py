@@ -336,7 +336,7 @@ class Server:
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
         """
-        run = Run(before, patience)
+        run = ServedRun(before, patience)
         run.servers.append(self)
         await run.serve(stop, ready)
 
@@ -389,7 +389,7 @@ class Server:
         }
 
 
-class Run:
+class ServedRun:
     """Boards that are served in this process, from their start to their end.
 
     Args:
