@@ -208,12 +208,22 @@ def chip_classes() -> list[type[Chip]]:
 
 
 def plant_class(model: str) -> type[Plant]:
-    """Return the class behind a plant model.
+    """Return the class behind a plant model, such as ``"dc_motor"`` or ``"fmu:gantry.fmu"``.
 
     Raises:
-        PluginError: the name is unknown, the entry point is broken, or it is not a plant.
+        PluginError: the name is unknown, the entry point is broken, it is not a plant, or a file is
+            named and the model has none.
     """
-    return _checked(PLANTS, model, load(PLANTS, model), Plant)
+    name, colon, _ = model.partition(":")
+    found = _checked(PLANTS, name, load(PLANTS, name), Plant)
+    if colon and not has_file(found):
+        raise PluginError(f'plant model "{name}" has no file; write model = "{name}"')
+    return found
+
+
+def has_file(model: type[Plant]) -> bool:
+    """Whether a plant model is written with a file, as in ``"fmu:gantry.fmu"``."""
+    return any(option.name == "file" for option in model.OPTIONS)
 
 
 def _checked(group: str, name: str, found: object, base: type[_Part]) -> type[_Part]:

@@ -212,7 +212,9 @@ def _seeded(
 
 def _plant(section: PlantSection, seed: int) -> Plant:
     cls = plugins.plant_class(section.model)
-    plant = cls(_seeded(f"plants.{section.name}", section.settings, cls.OPTIONS, seed))
+    _, _, named = section.model.partition(":")
+    settings = {**section.settings, "file": named} if named else section.settings
+    plant = cls(_seeded(f"plants.{section.name}", settings, cls.OPTIONS, seed))
     for name, switch in section.switches.items():
         if switch.last < switch.first:
             raise ValueError(

@@ -183,6 +183,11 @@ class EncodedPlant(Plant):
         """Whether the last period has ended elsewhere than it began."""
         return self._first != self._last
 
+    @property
+    def place(self) -> float:
+        """Where the shaft is at the end of the period, in counts and parts of one."""
+        return float(self.count) + self._part
+
     def _trace(self) -> None:
         """Write the pieces of the last period down; state stays as it is."""
         raise NotImplementedError

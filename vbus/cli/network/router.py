@@ -55,11 +55,9 @@ def command(
         endpoints, connect or network.connect, network.security, remote=remote or network.remote
     )
     if detach:
-        from vbus.cli.run.detach import detach as go_on
+        from vbus.cli.run.detach import go_on_in_background
 
-        code = go_on(NAME)
-        if code is not None:
-            return code
+        go_on_in_background(NAME)
     _serve(network, detach)
     return exit_codes.OK
 

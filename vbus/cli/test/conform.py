@@ -72,9 +72,9 @@ def command(
     part = _chip_of(made, chip)
     watch = watch_of(part)
     names, masks = _ignored(ignore)
-    hertz = _hertz(samplerate)
+    hertz = hertz_of(samplerate)
     wanted = _map(maps)
-    with _opened(capture, hertz) as (read, _, _):
+    with opened_capture(capture, hertz) as (read, _, _):
         wanted = {**_by_nets(part, watch.table.data, read.channels), **wanted} if board else wanted
         wiring = wiring_of(read.channels, part.name, part.pin_rows, watch, wanted)
         if isinstance(part, CardBus):
@@ -83,7 +83,7 @@ def command(
     period = read.period
     slack = period + -(-(10**12) // part.clock.hz) if slack is None else slack
     with (
-        _opened(capture, hertz) as (read, file, size),
+        opened_capture(capture, hertz) as (read, file, size),
         bar("comparing", size, file.tell, no_progress or as_json) as move,
     ):
         run = Conform(made, part, wiring, CaptureTolerance(slack, names, masks), violations, move)
@@ -223,7 +223,8 @@ def _ignored(items: tuple[str, ...]) -> tuple[frozenset[str], dict[int, int]]:
 # -- the file -----------------------------------------------------------------------------------
 
 
-def _hertz(text: str | None) -> int:
+def hertz_of(text: str | None) -> int:
+    """Return hertz of what ``--samplerate`` says; 0 if nothing."""
     from vbus.views.silicon.capture import frequency
 
     hertz = frequency(text, "--samplerate") if text else 0
@@ -233,7 +234,7 @@ def _hertz(text: str | None) -> int:
 
 
 @contextmanager
-def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
+def opened_capture(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
     """Open a capture; the end of its name says its format."""
     from vbus.core.errors import CaptureError
     from vbus.core.file_kinds import HEAD, is_none

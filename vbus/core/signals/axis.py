@@ -126,6 +126,10 @@ class Plant:
         """Return the values of :attr:`VALUES` by their keys, at the end of the period."""
         return self.VALUES.telemetry(1)(self)
 
+    def unsaved(self) -> str:
+        """Return why no snapshot can hold this plant; "" if one can."""
+        return ""
+
     def resting(self) -> bool:
         """Whether another period with the same drive would leave every bit of state as it is."""
         return False

@@ -69,7 +69,7 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
         raise CaptureError(
             f"{name}: line {first}: {len(head)} columns; a capture has at most {MOST_CHANNELS}"
         )
-    unit = _unit_of_time(head[0], hertz)
+    unit = unit_of_time(head[0], hertz)
     if all(_is_number(cell) for cell in head):
         if not names or len(names) != len(head):
             raise CaptureError(f"{name}: line {first}: the names of the channels are missing")
@@ -114,7 +114,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _unit_of_time(title: str, hertz: int) -> int:
+def unit_of_time(title: str, hertz: int) -> int:
     """Return the unit (ps) of a column of time; 0 if its title is another."""
     unit = _UNITS.get(title.lower(), 0)
     match = _TIME.fullmatch(title)

@@ -1,0 +1,1 @@
+"""Numbers of a motor from a recorded move."""
