@@ -18,6 +18,7 @@ from vbus.core.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.fast_path import SpinTurn
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import Connection, Control, LocalSocket
@@ -30,7 +31,6 @@ from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import own_board, runs_already, socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
-from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
 from vbus.transports.base import Link, MessageLink, Served, Transport

@@ -13,7 +13,7 @@ from vbus.core.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
-from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy, SpinTurn
+from vbus.serve.fast_path import LATE_NS, SpinPolicy, SpinTurn
 from vbus.serve.time.statistics import Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states

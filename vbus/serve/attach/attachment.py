@@ -16,11 +16,11 @@ from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.fast_path import SpinTurn
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import Control, LocalSocket
 from vbus.serve.registry import socket_path
 from vbus.serve.session import Serving, Session
-from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link, ignore

@@ -73,7 +73,7 @@ class NodesOutcome:
         over: whether a scenario was played to its end.
         lost: why files have not all they should have; it has been said.
         skew: in real time: how far apart nodes were, by
-            :meth:`~vbus.serve.nodes.skew.Skew.statistics`.
+            :meth:`~vbus.serve.nodes.realtime_nodes.Skew.statistics`.
         timing: in virtual time: rounds, and wall time of one (us).
     """
 
