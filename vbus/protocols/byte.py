@@ -382,11 +382,13 @@ class ByteProtocol(Protocol):
             self._partial.clear()
             if begun < 0:
                 begun = now = port.now()
+            # Time has an end: what is left of it is the most that can pass.
             longest = min(longest, END - begun)
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:
                 break
+            # No further than the next possible edge, so that an event is found at its own instant.
             step = min(max(edge - now, 1), longest - (now - begun))
         self.out += b"W" + (outputs & _U32).to_bytes(4, "big") + (now - begun).to_bytes(8, "big")
         return True

@@ -365,6 +365,7 @@ def _line_end(data: bytes, start: int) -> int:
     lf = data.find(b"\n", start)
     if _CR not in data:
         return lf
+    # Of CR LF the LF ends an empty line, which has no answer.
     cr = data.find(b"\r", start, lf if lf >= 0 else len(data))
     return cr if cr >= 0 else lf
 

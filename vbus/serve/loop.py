@@ -43,6 +43,7 @@ class DirectSelector(selectors.EpollSelector):
 
 
 def _mask(event: int) -> int:
+    # As in the standard library: an error or a hang-up is an event for reader and writer.
     mask = selectors.EVENT_WRITE if event & ~select.EPOLLIN else 0
     return mask | (selectors.EVENT_READ if event & ~select.EPOLLOUT else 0)
 

@@ -184,6 +184,8 @@ class Server:
             self._closing.callback(self._mark_pause, False)
             self._mark_pause(False)
             self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
+            # Closed in the reverse order: time stands before the last waits are given up, and those
+            # before the links close.
             self._closing.callback(self.detached.close)
             self._closing.callback(self.pacer.stop)
             self.pacer.start(loop)

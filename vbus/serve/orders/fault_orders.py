@@ -43,6 +43,7 @@ class _LinkFault(LinkFilter):
             out.clear()
         elif self._name == "half_answer" and not self._silent:
             self._silent = True
+            # A byte at least: a host that gets nothing cannot tell half an answer from a lost one.
             del out[max(1, len(out) // 2) :]
         else:
             out.clear()
