@@ -51,8 +51,8 @@ COMPILED: Final = (
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "circuit/glue_cycles.py",
-    "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
-    "serve/time/spin_policy.py", "serve/time/statistics.py", "serve/time/time_source.py",
+    "serve/fast_path.py", "serve/session.py", "serve/time/pacer.py",
+    "serve/time/statistics.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
     "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip
