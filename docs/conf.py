@@ -88,6 +88,7 @@ source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 
 myst_heading_anchors = 4
+autodoc_use_type_comments = False  # none are used, and looking for them is a twentieth of the time
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 napoleon_use_ivar = True
 default_role = "literal"

@@ -191,7 +191,7 @@ def test_a_board_that_ends_one_session_alone_is_not_gone(runtime: Path) -> None:
             for host in (one, other):
                 host.sendall(ECHO.pack(1))
                 assert host.recv(2) == b"E\x01"
-            session = server.sessions_of(0)[0]  # type: ignore[index]
+            session = server.hosts[0].sessions[0]
             server._loop.call_soon_threadsafe(session.hang_up_soon, "a fault")  # type: ignore[union-attr]
             # Which of them came to the board first is chance.
             (ended,), _, _ = select.select((one, other), (), (), 60)

@@ -82,7 +82,7 @@ def test_without_a_watch_clients_are_noticed_a_little_later(
                 fd = open_raw(runtime / "x")
                 os.write(fd, bytes((0x02, number)))
                 assert read_exactly(fd, 2) == bytes((ord("E"), number))
-                assert len(server._hosts[0].sessions) == 1
+                assert len(server.hosts[0].sessions) == 1
                 os.close(fd)
                 wait_for_sessions(server, 0)
     assert len(os.listdir("/proc/self/fd")) == before

@@ -94,7 +94,7 @@ def test_a_client_that_comes_while_the_last_one_is_seen_to_have_gone_is_answered
         fd = open_raw(runtime / "x")
         os.write(fd, ECHO + b"\x01\x31")
         assert read_exactly(fd, 2) == b"E\x01"
-        transport = server._hosts[0].transport
+        transport = server.hosts[0].transport
         assert isinstance(transport, PtyTransport)
         assert server._loop is not None
         server._loop.call_soon_threadsafe(leave)

@@ -157,6 +157,6 @@ def test_each_has_a_session_of_its_own_while_the_last_one_is_open(runtime: Path)
         assert read_exactly(other, 2) == b"E\x02"
         os.write(writes, b"\x42\x11")
         assert read_exactly(reads, 2) == b"D\x42"
-        assert len(server._hosts[0].sessions) == 2
+        assert len(server.hosts[0].sessions) == 2
         for fd in (reads, writes, other):
             os.close(fd)

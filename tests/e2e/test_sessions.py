@@ -138,7 +138,7 @@ def test_a_host_that_asks_for_events_and_does_not_read_them_is_hung_up_on(
             for _ in range(1000):
                 busy.sendall(edges + b"\x02\x05")
                 assert busy.recv(2) == b"E\x05"
-                if len(server._hosts[0].sessions) == 1:
+                if len(server.hosts[0].sessions) == 1:
                     break
             wait_for_sessions(server, 1)
             busy.sendall(b"\x02\x06")
@@ -160,7 +160,7 @@ def test_a_host_that_waits_costs_one_descriptor(runtime: Path) -> None:
         before = len(os.listdir("/proc/self/fd"))
         for link in links[1:]:
             link.sendall(b"\x04")
-        sessions = server._hosts[0].sessions
+        sessions = server.hosts[0].sessions
         until(lambda: sum(session.port.held for session in sessions) == 19, "all others wait")
         assert len(os.listdir("/proc/self/fd")) == before
 
@@ -198,7 +198,7 @@ def test_whatever_a_board_does_when_a_host_goes_its_link_and_its_claim_are_free(
         claiming.claim()
         waiting = threading.Thread(target=second.exchange, args=(claiming, None))
         waiting.start()
-        until(lambda: server._hosts[0].sessions[0].port.held, "the claim is waited for")
+        until(lambda: server.hosts[0].sessions[0].port.held, "the claim is waited for")
         observer.armed = True
         first.link.close()
         waiting.join(20)

@@ -222,7 +222,7 @@ def test_a_real_serial_device_is_a_host_and_may_be_unplugged_and_plugged_in_agai
     answer = frame(0, b"E\x42")
     with served(toy_board(), link) as server:
         said: list[str] = []
-        server._hosts[0].transport.report = said.append
+        server.hosts[0].transport.report = said.append
         os.write(cable.host, frame(0, b"\x02\x42"))
         assert read_exactly(cable.host, len(answer)) == answer
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.examples.boards import EXAMPLES, require
+from tests.schemas import mistakes
 from vbus.board.config import read_board_file
 
 PROJECT = EXAMPLES / "firmware_project"
@@ -57,13 +58,7 @@ def test_its_tests_find_what_is_wrong_with_the_firmware(
     [("vendor.github-workflows", "github-actions.yml"), ("vendor.gitlab-ci", "gitlab-ci.yml")],
 )
 def test_a_recipe_for_a_server_is_what_the_server_reads(schema: str, file: str) -> None:
-    path = PROJECT / "ci" / file
-    done = subprocess.run(
-        [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, path],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert mistakes(schema, PROJECT / "ci" / file) == ""
 
 
 def test_what_the_recipes_run_passes_and_leaves_its_artifacts(tmp_path: Path) -> None:

@@ -28,8 +28,7 @@ from vbus.nodes.scenario import read_scenario
 from vbus.serve.nodes import ordering
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.peers import Group
-from vbus.serve.nodes.realtime_nodes import ClockEstimate, RealTime
-from vbus.serve.nodes.skew import BOUNDS_NS, Skew
+from vbus.serve.nodes.realtime_nodes import BOUNDS_NS, ClockEstimate, RealTime, Skew
 
 REAL = (
     BOARD.replace('"lockstep"', '"realtime"')

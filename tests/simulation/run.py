@@ -9,7 +9,6 @@ serial devices and processes are left out; hosts that lose and reorder messages 
 import asyncio
 import errno
 import io
-import json
 import logging
 import traceback
 from collections import Counter
@@ -451,7 +450,9 @@ class Simulation:
         self.system.after(self.random.randrange(20_000_000), partial(self._give, end))
 
     def _give(self, order: dict[str, str]) -> None:
-        self.server.control.carry_out(json.dumps(order).encode())
+        answer = self.server.control.carry_out(order)
+        if "done" not in answer and not order["do"].startswith("fault."):
+            raise Wrong(f"{order}: {answer}")
 
     def _stall(self) -> None:
         """The machine does nothing for a while."""

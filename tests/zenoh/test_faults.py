@@ -277,7 +277,7 @@ def test_an_error_inside_the_board_ends_that_session_and_the_host_is_told(
 def test_two_boards_that_meet_late_are_reported() -> None:
     said: list[str] = []
     with served(board(), LinkSpec("zenoh:")) as server:
-        server._hosts[0].transport.report = said.append
+        server.hosts[0].transport.report = said.append
         other = open_session(connect=[endpoint_of(server.urls[0])], mode="client")
         token = keys.owner("bench", str(other.zid()))
         kept = other.liveliness().declare_token(token)

@@ -109,7 +109,7 @@ def test_one_message_and_no_more(name: str) -> None:
         assert "until once: over, fired 1 times" in order("bench", "fault.list")[0]["text"]
         work(bus)
         assert done(cycles)
-        traffic = server._hosts[0].transport.traffic
+        traffic = server.hosts[0].transport.traffic
         assert traffic is not None
         assert not traffic.faults
 
@@ -304,7 +304,7 @@ def test_a_fault_at_a_rate_hits_one_message_each_time() -> None:
         assert done(cycles)
         fired = order("bench", "fault.list")[0]["fired"]
         assert fired > 5
-        traffic = server._hosts[0].transport.traffic
+        traffic = server.hosts[0].transport.traffic
         assert traffic is not None
         assert len(traffic.faults) < fired
 

@@ -73,7 +73,7 @@ def test_a_host_may_use_the_bus_it_is_allowed_and_nothing_else(files: Files) -> 
                 bus.events("x.HI")
                 bus.echo()
             # The token and the events of a host lie below the bus.
-            transport = server._hosts[0].transport
+            transport = server.hosts[0].transport
             assert isinstance(transport, ZenohTransport)
             until(lambda: any(link.token_seen for link in transport._links.values()), "the token")
         for target, who, said in (

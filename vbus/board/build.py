@@ -94,6 +94,7 @@ def assemble(
             for axis, name in enumerate(chip.axes):
                 key: Path = ("plant",) if chip.plant else ("plants", axis)
                 with _refusals(source, ("chips", chip.name, *key)):
+                    # A plant that was refused has a message of its own.
                     if name in plants:
                         board.connect(chip.name, axis, plants[name])
     source.finish()
@@ -110,6 +111,7 @@ def assemble(
     source.finish()
     if wires is not None:
         wires(board)
+    # Before power comes up: a fault may be there from the first instant on.
     for fault in file.faults:
         with _refusals(source, ("faults", fault.place)):
             board.faults.arm(
@@ -117,6 +119,7 @@ def assemble(
             )
     source.finish()
     board.power_on(done=file.board.power_on == "done")
+    # After it: a path begins with the levels at which the wires rest.
     if file.has_glue:
         _card_paths(board)
     return board
@@ -204,6 +207,7 @@ def _seeded(
     """Give a part that takes a seed, and got none, one of its own from the board's."""
     result = dict(settings)
     for option in options:
+        # By name, not by place: a part added above leaves the streams of the others as they are.
         if option.name == "seed" and "seed" not in result:
             digest = hashlib.sha256(f"{seed} {name}".encode()).digest()
             result["seed"] = int.from_bytes(digest[:4], "big")
@@ -222,6 +226,7 @@ def _plant(section: PlantSection, seed: int) -> Plant:
                 " first must not be above last"
             )
         level = HIGH if switch.closed == "high" else LOW
+        # The file names the last count at which it is closed; a switch ends before its end.
         plant.switches[name] = Switch(switch.first, switch.last + 1, level)
     return plant
 
@@ -231,20 +236,11 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
     if not host.card:
         return None
     reached = host.chips or tuple(chip.name for chip in file.chips)
-    parts = {chip.name: chip.part for chip in file.chips}
+    parts = {chip.name: plugins.chip_class(chip.part) for chip in file.chips}
     for card in file.cards:
         if card.name != host.card:
             continue
-        blocks: list[tuple[int, list[CardRow]]] = [
-            (reached.index(port.chip), [CardRow(port.offset, port.address, port.address)])
-            for port in card.ports
-        ]
-        start = 0
-        for name in card.chips:
-            rows = cards.decodes(plugins.chip_class(parts[name]))[card.decode]
-            moved = [CardRow(start + r.offset, r.read, r.write, r.bits) for r in rows]
-            blocks.append((reached.index(name), moved))
-            start += card.block or max(row.offset for row in rows) + 1
+        blocks = [(reached.index(name), rows) for name, rows in cards.rows_of(card, parts)]
         if card.bus:
             decoded = {row.offset for _, rows in blocks for row in rows}
             others = [CardRow(at, at, at) for at in range(card.size) if at not in decoded]

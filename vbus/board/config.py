@@ -66,6 +66,7 @@ def _with_card_buses(file: sections.BoardFile) -> sections.BoardFile:
     buses = [card.name for card in file.cards if card.bus]
     chips = tuple(chip.name for chip in file.chips)
     hosts = [
+        # Last: the chips keep the numbers that they have in the file.
         replace(host, chips=(*(host.chips or chips), host.card)) if host.card in buses else host
         for host in file.hosts
     ]

@@ -87,6 +87,7 @@ class _Planner:
         for net in self._file.nets:
             for pin in net.pins:
                 self._join(f"={net.name}", pin)
+        # A line of a bus is called by the name of the bus, at whichever chip glue is wired to it.
         for bus, members in self._buses.items():
             for member in members:
                 self._join(bus, member)
@@ -154,11 +155,13 @@ class _Planner:
         inputs, outputs, pins = row.inputs, row.outputs, row.pins
         known_inputs, known_outputs, known_pins = set(inputs), set(outputs), set(pins)
         tied = dict.fromkeys(section.low, LOW) | dict.fromkeys(section.high, HIGH)
+        # Wired from the other end: a net or another part names this input.
         others = [
             pin for pin in inputs
             if f"{section.name}.{pin}" in self._elsewhere and pin not in known_outputs
         ]  # fmt: skip
         wired = dict.fromkeys((*section.hosts, *others), ()) | section.pins
+        # A name in an equation is the name of a wire.
         if row.part == PLD:
             wired = {pin: (pin,) for pin in pins if pin not in tied} | wired
         for place, name in enumerate(section.hosts):
@@ -197,6 +200,7 @@ class _Planner:
                 del wired[name]
         self._inputs |= {f"{section.name}.{pin}" for pin in inputs}
         have = {*wired, *taps, *tied, *(pin for name in wide for pin in bundled(name))}
+        # Gates of a package that are not used need no inputs.
         blocks = [block for block in row.blocks if set(block.outputs) & have]
         if not blocks:
             self._fail(path, f"no output is wired: it does nothing; it has {listed(outputs)}")
@@ -353,6 +357,7 @@ class _Planner:
             if any(pin.partition(".")[0] in self._glue for pin in pins):
                 self._fights(pins)
             name = own[0] if own else root
+            # A wire with one end is a misspelt name, unless an equation of the same part reads it.
             if len(pins) < 2 and pins[0] not in self._inner:
                 owner = pins[0].partition(".")[0]
                 self._fail(

@@ -118,7 +118,7 @@ class HostBus(HostPort):
             board.kernel, label, chips, board.glue_of(chips), self._edge_seen
         )
         board.player.hosts.append(self.pins)
-        self._places: Places = card.places(self.pins.side_names()) if card else [{}, {}]
+        self._places: list[Places] = card.places(self.pins.side_names()) if card else [{}, {}]
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
         self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock, self.pins)
         self._orders: Orders | None = Orders(board, label, saved=False) if board.granted else None
@@ -181,6 +181,7 @@ class HostBus(HostPort):
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
+        # Drivers select the same chip before each cycle: that takes no search for a deadlock.
         if mask == self.selection.mask and not self._hosts.claims:
             return
         before, self.selection.mask = self.selection.mask, mask
@@ -213,6 +214,7 @@ class HostBus(HostPort):
             self._wake_others()
 
     def _wake_others(self) -> None:
+        # A copy: a session that goes on may end at once.
         for port in list(self._hosts.ports):
             if port is not self and port.held and port.hold_until == NEVER:
                 port.held = False

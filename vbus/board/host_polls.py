@@ -112,6 +112,7 @@ class HostPolls:
                 return False
             cycle, now = self._selection.cycle, self._board.now
             if clock.stamp < 0 and self._skippable(address, cycle, now + self.left * cycle):
+                # The last one is run: it leaves chip and bus as all of them would.
                 over = min(self.left, (self._board.limit - now) // cycle) - 1
                 if over > 0:
                     clock.run_until(now + over * cycle)

@@ -44,6 +44,7 @@ class Selection:
             else max(LOCKSTEP_CYCLE, chip.cycle_ps if chip.CONNECTOR else 0)
             for chip in chips
         ]  # fmt: skip
+        # What a host says of its own cycles goes before any default.
         cycles = [cycle_ps or cost for cost in least]
         self.chips: list[Chip] = chips
         self.cycles: list[int] = cycles

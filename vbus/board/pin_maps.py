@@ -156,6 +156,7 @@ def wiring(
     others = {part.name: part for part in glue}
     buses: dict[int, int] = {}
     for number, chip in enumerate(chips):
+        # Chips on one bus have one data bus, called by the first of them.
         buses.setdefault(id(chip.bus_net), number)
     entries: dict[str, None] = {}
     roles_of = {chip.name: roles(chip) for chip in chips}

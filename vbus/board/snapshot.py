@@ -247,6 +247,7 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
             mine.remove(port)
         order.append(port)
     attached = list(board.ports)
+    # Ports are saved by their place: meanwhile those of the snapshot alone are there.
     board.ports[:] = order
     try:
         halves = [
@@ -275,6 +276,7 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
     for half in halves:
         half.apply()
     board.set_counters(snapshot.counters)
+    # They were found in the run that is left.
     board.violations.clear()
 
 

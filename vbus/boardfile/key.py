@@ -118,6 +118,7 @@ class Below(NamedTuple):
         return self.shape is tuple and "name" in self.of.__struct_fields__
 
 
+# Asked for each table of each file.
 @cache
 def fields(section: type[Section]) -> tuple[Option | Below, ...]:
     """Return the keys of a section and what stands below it; required keys have no default."""

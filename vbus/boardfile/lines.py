@@ -35,6 +35,7 @@ class TomlLines:
             behind = match.start()
             if match[0][0] != "#":
                 self._tokens.append((match[0], line))
+        # Taken from the end: to take the first of a list costs its length.
         self._tokens.reverse()
         table: Path = ()
         arrays: dict[Path, int] = {}

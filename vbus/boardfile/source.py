@@ -118,6 +118,7 @@ class Source:
     def _no_toml(self, reason: str, meant: str) -> tuple[int, str]:
         if other := foreign(self.file, self.text.encode()):
             return 0, f"this is no {meant}: {other}"
+        # Before Python 3.14 an error of tomllib has its place in its text alone.
         match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
         if match is not None:
             return int(match[2]), f"no TOML: {match[1]} (column {match[3]})"

@@ -74,6 +74,7 @@ class Walker:
                 read = self._below(tables[name], where, value)
                 if read is not None:
                     extra[name] = read
+                # At the top the other sections are read and checked all the same.
                 elif path:
                     whole = False
             elif name not in options:
@@ -123,6 +124,7 @@ class Walker:
             self._source.fail(path, f'found {quoted(value)}; write a list of names, such as ["x"]')
             return None
         for place, item in enumerate(value):
+            # A word such as "none" may stand for several axes.
             if item in value[:place] and item not in ref.split("|"):
                 self._source.fail((*path, place), f'"{item}" stands in the list twice')
             if ref:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.chips.bus_watch import BusTable
-from vbus.chips.tables import CardRow, PinRow
+from vbus.chips.tables import AcTable, CardRow, PinRow
 from vbus.core.kernel import NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings, Value, with_defaults
 from vbus.core.signals import (
@@ -407,3 +407,50 @@ def check_drive(chip: "Chip", axis: int, plant: Plant, *drives: str) -> None:
         raise ValueError(
             f"the {chip.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
         )
+
+
+class AcLimits:
+    """The AC limits of one chip, and the check of measured intervals against them.
+
+    Args:
+        chip: whose limits they are; its clock decides those that count clock periods.
+        table: the table of its supply.
+
+    Attributes:
+        table: the table.
+        least: what an interval must last at least (ps), by symbol.
+    """
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, chip: Chip, table: AcTable) -> None:
+        self._chip: Final[Chip] = chip
+        self.table: Final[AcTable] = table
+        self.least: Final[dict[str, int]] = table.limits(chip.clock)
+
+    def short(self, symbol: str, measured: int, detail: str = "", when: int = -1) -> bool:
+        """File an interval below its limit; tell whether what it belongs to is lost (strict).
+
+        Args:
+            symbol: the row.
+            measured: the interval (ps).
+            detail: a sentence for people, if the row's title does not say enough.
+            when: instant at which the interval ended (ps), if that is not now.
+        """
+        limit = self.least[symbol]
+        return measured < limit and self._chip.report(
+            self.table.rules[symbol], measured, limit, detail, when
+        )
+
+    def outside(self, symbol: str, shortest: int, longest: int) -> None:
+        """File a duration below the row's minimum or above its maximum.
+
+        Args:
+            symbol: the row.
+            shortest: the duration, rounded down (ps); it is what is filed.
+            longest: the same, rounded up.
+        """
+        row = self.table[symbol]
+        if shortest < row.min_ps or longest > row.max_ps:
+            limit = row.min_ps if shortest < row.min_ps else row.max_ps
+            self._chip.report(self.table.rules[symbol], shortest, limit)

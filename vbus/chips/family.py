@@ -9,8 +9,7 @@ from msgspec import Struct, field
 
 from vbus.chips.base import Chip
 from vbus.chips.packets import packets_of
-from vbus.chips.strobes import AcTable
-from vbus.chips.tables import Command, Register
+from vbus.chips.tables import AcTable, Command, Register
 from vbus.core.errors import PluginError
 from vbus.core.signals import Rule, ValueTable
 

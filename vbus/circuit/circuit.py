@@ -119,6 +119,7 @@ class Circuit:
         """One of the observers, while anybody reads packets: all readers have the same."""
         self.listeners: list[Observer] = []
         """Observers of violations only: bus cycles cost nothing for them."""
+        # A host that breaks a rule in each cycle must not fill the memory.
         self.violations: deque[Violation] = deque(maxlen=1000)
         """The latest violations; :attr:`counters` has the totals."""
         self._counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
@@ -237,6 +238,7 @@ class Circuit:
             chip.power_on(done)
         self.glue.start()
         if self.glue.parts or any(chip.CONNECTOR for chip in self.chips):
+            # Only now: which chips are behind glue is known once all wires are soldered.
             through = GlueCycles(self.kernel, self.chips, self.glue)
             self.through = through if through.chips else None
 
@@ -340,6 +342,7 @@ class Circuit:
         step: i64 = NEVER
         for chip in self.chips:
             step = min(step, chip.step_ps())
+        # Their product must fit a machine word.
         if step < END // MOST_STEPS:
             return step * MOST_STEPS
         return END

@@ -126,8 +126,10 @@ class GlueCycles:
             before, row.levels = row.levels, row.look()
             if before == row.levels or not row.busy(before):
                 continue
+            # Without a reader only a bus with a latch is followed: its next cycle depends on that.
             if by is None and self.noted is None and not row.remembers:
                 continue
+            # A write takes what stood on the bus before the edge that ends it.
             found += row.ended(now, before, row.chip.bus_net.before)
         if self.noted is not None and found:
             self.noted.append((now, found))

@@ -53,9 +53,8 @@ class HostPins:
 
     STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
     WIRING: ClassVar[Names] = (
-        "_chips", "_connector", "_kernel", "_label", "_let_go", "_on_edge", "_own_lines", "_owners",
-        "_soldered", "_word",
-        "lines", "outputs", "sides",
+        "_by_name", "_chips", "_connector", "_kernel", "_label", "_let_go", "_on_edge",
+        "_own_lines", "_soldered", "_word", "lines", "outputs", "sides",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_cycles", "_edges", "_watched", "_watches")
 
@@ -88,17 +87,18 @@ class HostPins:
         self.sides: list[Pin] = []
         self.outputs: list[Pin] = []
         self._own_lines: list[Pin] = []
-        self._owners: list[tuple[str, dict[str, Pin]]] = [
-            *((chip.name, chip.pins) for chip in chips),
-            *((part.name, part.pins) for part in glue),
+        owners: list[tuple[str, dict[str, Pin], tuple[PinRow, ...]]] = [
+            *((chip.name, chip.pins, chip.pin_rows) for chip in chips),
+            *((part.name, part.pins, part.pin_rows) for part in glue),
         ]
-        rows: list[tuple[PinRow, ...]] = [
-            *(chip.pin_rows for chip in chips), *(part.pin_rows for part in glue)
-        ]  # fmt: skip
+        self._by_name: dict[str, Pin] = {
+            f"{owner}.{name}": pin for owner, pins, _ in owners for name, pin in pins.items()
+        }
         seen: set[int] = set()
-        for (_, pins), table in zip(self._owners, rows, strict=True):
-            for row in table:
+        for _, pins, rows in owners:
+            for row in rows:
                 pin = pins[row.name]
+                # A host moves nets: pins that one joins are one line.
                 if id(pin.net) in seen or row.width > 1:
                     continue
                 seen.add(id(pin.net))
@@ -128,8 +128,7 @@ class HostPins:
         return next((place for place, net in enumerate(nets) if net is pin.net), -1)
 
     def _full_name(self, pin: Pin) -> str:
-        owner = next(name for name, pins in self._owners if pins.get(pin.name) is pin)
-        return f"{owner}.{pin.name}"
+        return next(name for name, other in self._by_name.items() if other is pin)
 
     def of(self, chip_pin: Pin) -> Pin:
         """Return this host's own pin on the net of ``chip_pin``, soldered on first use.
@@ -248,6 +247,7 @@ class HostPins:
 
     def output_word(self) -> int:
         """Return the levels of all output lines; bit n is ``outputs[n]``."""
+        # Chips are lazy: what they drive by now shows only after that.
         for chip in self._chips:
             chip.advance()
         self._kernel.settle()
@@ -305,18 +305,14 @@ class HostPins:
     def name_of(self, own: Pin) -> str:
         """Return the name of the chip's pin that the host's ``own`` one is soldered to, or ""."""
         if own in (self._soldered.get(id(own.net)), self._connector.get(id(own.net))):
-            for owner, pins in self._owners:
-                for name, pin in pins.items():
-                    if pin.net is own.net:
-                        return f"{owner}.{name}"
+            for name, pin in self._by_name.items():
+                if pin.net is own.net:
+                    return name
         return ""
 
     def named(self, full_name: str) -> Pin:
         """Return this host's pin at the chip's pin ``full_name``."""
-        owner, _, name = full_name.partition(".")
-        return self.of(
-            next(pins[name] for other, pins in self._owners if other == owner and name in pins)
-        )
+        return self.of(self._by_name[full_name])
 
     @property
     def watched(self) -> int:
@@ -331,15 +327,15 @@ class HostPins:
     def levels(self) -> list[tuple[str, int]]:
         """What each pin of the host drives, by name of the chip's pin."""
         levels: dict[str, int] = {}
-        for owner, pins in self._owners:
-            for name, other in pins.items():
-                pin = self._soldered.get(id(other.net))
-                if pin is not None and pin.level != Z:
-                    levels[f"{owner}.{name}"] = pin.level
+        for name, other in self._by_name.items():
+            pin = self._soldered.get(id(other.net))
+            if pin is not None and pin.level != Z:
+                levels[name] = pin.level
         return list(levels.items())
 
     @levels.setter
     def levels(self, levels: list[tuple[str, int]]) -> None:
+        # Not driven: the nets are loaded by themselves, and no edge may come of that.
         for pin in self._soldered.values():
             pin.level = Z
         for full_name, level in levels:

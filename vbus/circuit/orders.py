@@ -183,6 +183,7 @@ class Orders:
             for place, chip in enumerate(chips)
             for offset, name, level in chip.strobes(order.kind == WRITE, order.address, order.data)
         ]
+        # Whether several chips fight on their data lines shows on the nets alone.
         fight = order.kind == READ and len(chips) > 1
         if (fight or self._observed(chips)) and strobes:
             first = self.board.chips.index(chips[0])

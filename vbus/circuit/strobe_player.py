@@ -73,6 +73,7 @@ class StrobePlayer:
     def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
         self._tail: deque[tuple[int, Pin, int]] = deque()
+        # Saved with the kernel: hold edges of a snapshot come at their instants.
         self._timer = kernel.timer(self._run_tail)
         self.hosts: list[HostPins] = []
         """Pins of every host that is there."""

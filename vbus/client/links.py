@@ -83,10 +83,12 @@ def _board_at(name: Path) -> str:
 
 
 def _open_pty(path: str) -> int:
+    # It is not to become the terminal from which Ctrl-C comes.
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         if not os.isatty(fd):
             raise OSError(errno.ENOTTY, "not a PTY")
+        # Now: the usual TCSAFLUSH would discard what the board has sent already.
         tty.setraw(fd, termios.TCSANOW)
     except (OSError, termios.error):
         os.close(fd)

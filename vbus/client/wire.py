@@ -223,6 +223,7 @@ class SessionWire:
     def _refuse(self, code: int, number: int) -> None:
         _, reason = REFUSALS.get(code, ("", f"reason {code:02x}"))
         later = self._awaited[0] if self._awaited else None
+        # A refusal counts requests in 16 bits.
         if later is not None and later.number & 0xFFFF == number:
             error = ProtocolError(f"{later.name} (request {number}) was refused: {reason}")
             self._awaited.popleft()

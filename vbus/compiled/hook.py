@@ -30,7 +30,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SAMPLED: Final = (
     "axis.py", "chip.py", "control_loop.py", "cycle.py", "encoder.py", "microstep.py", "output.py",
-    "pid.py", "profile.py", "pins.py", "registers.py", "stepper.py",
+    "pid.py", "profile.py", "pins.py", "registers.py", "stepper.py", "generated/registers.py",
 )  # fmt: skip
 """What works in each sample, or at each edge of a strobe, of any chip's folder."""
 
@@ -51,8 +51,8 @@ COMPILED: Final = (
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "circuit/glue_cycles.py",
-    "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
-    "serve/time/spin_policy.py", "serve/time/statistics.py", "serve/time/time_source.py",
+    "serve/fast_path.py", "serve/session.py", "serve/time/pacer.py",
+    "serve/time/statistics.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
     "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip

@@ -91,12 +91,14 @@ _RESET: Final = PinRow("RESET", "in", rest=LOW, title="reset of the whole bus, a
 _ALE: Final = PinRow(LATCH, "in", rest=LOW, title="address latch enable: D0-D7 carry A0 to A7")
 
 _ROWS: Final = (
+    # A wait state is a clock of the bus: 120 ns at 8.33 MHz.
     BusRow(
         "ISA", "ISA and PC/104: I/O ports, or memory with memory = true", 20,
         ("/IOR", "/IOW"), ("/MEMR", "/MEMW"),
         (PinRow("AEN", "in", rest=LOW, title="high while addresses are those of DMA"), _RESET),
         100 * NS, 500 * NS, 30 * NS, 120 * NS,
     ),
+    # A clock of 16 MHz is 62.5 ns.
     BusRow(
         "XMEM", "external memory of an AVR at 16 MHz, with its address latch", 16,
         (), ("/RD", "/WR"),

@@ -75,20 +75,44 @@ def transparent(now: Levels, was: Levels, state: int) -> Outcome:
     return state, state, 0 if now[0] else ALL
 
 
-def register(now: Levels, was: Levels, state: int) -> Outcome:
-    """74HC374: output enable (low), clock that rises, eight inputs."""
-    if now[1] > was[1]:
-        state = number(was[2:])
-    return state, state, 0 if now[0] else ALL
+def clocked(
+    step: Callable[[Levels, int], int], enables: bool = False, clears_at: int = 0,
+    falling: bool = False,
+) -> Function:  # fmt: skip
+    """A clear, or an output enable (low), then a clock: a register whose outputs are its state.
+
+    Args:
+        step: gives the state after an edge of the clock, from the inputs before it and the state.
+        enables: whether the first input enables the outputs.
+        clears_at: else the level at which it clears.
+        falling: whether the state changes when the clock falls.
+    """
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        if not enables and now[0] == clears_at:
+            state = 0
+        elif (now[1] < was[1]) if falling else (now[1] > was[1]):
+            # The inputs as they were: what moves together with the clock misses its set-up time.
+            state = step(was, state)
+        return state, state, 0 if enables and now[0] else ALL
+
+    return function
 
 
-def cleared_register(now: Levels, was: Levels, state: int) -> Outcome:
-    """74HC273: clear (low), clock that rises, eight inputs."""
-    if not now[0]:
-        state = 0
-    elif now[1] > was[1]:
-        state = number(was[2:])
-    return state, state, ALL
+def taken(was: Levels, state: int) -> int:
+    """All inputs behind the clock."""
+    return number(was[2:])
+
+
+def shifted_in(was: Levels, state: int) -> int:
+    """74HC164: eight bits, shifted by one; two data inputs must be high both."""
+    return (state << 1 | (was[2] & was[3])) & 0xFF
+
+
+def counter(bits: int) -> Function:
+    """Clear (high) and clock that falls, and so many outputs of a counter that goes up."""
+    mask = (1 << bits) - 1
+    return clocked(lambda was, state: state + 1 & mask, clears_at=1, falling=True)
 
 
 def flip_flop(now: Levels, was: Levels, state: int) -> Outcome:
@@ -101,6 +125,7 @@ def flip_flop(now: Levels, was: Levels, state: int) -> Outcome:
         state = (0 if preset else 1) | (0 if clear else 2)
     elif clock > was[2]:
         state = 1 if was[3] else 2
+    # Just powered, or both released together: data books leave it open; Q is low, so runs repeat.
     elif state in (0, 3):
         state = 2
     return state, state, ALL
@@ -112,16 +137,6 @@ def transceiver(now: Levels, was: Levels, state: int) -> Outcome:
     a, b = number(now[2:10]), number(now[10:18])
     driven = 0 if disabled else 0xFF00 if direction else 0x00FF
     return state, b | a << 8, driven
-
-
-def parallel_out(now: Levels, was: Levels, state: int) -> Outcome:
-    """74HC164: clear (low), clock, two data inputs that both must be high."""
-    clear, clock, *_ = now
-    if not clear:
-        state = 0
-    elif clock > was[1]:
-        state = (state << 1 | (was[2] & was[3])) & 0xFF
-    return state, state, ALL
 
 
 def parallel_in(now: Levels, was: Levels, state: int) -> Outcome:
@@ -140,6 +155,8 @@ def shift_and_store(now: Levels, was: Levels, state: int) -> Outcome:
     The state is the shift register, and the storage register above it.
     """
     shifted, stored = state & 0xFF, state >> 8
+    # Before the shift: with both clocks tied the storage is one pulse behind, as the data book
+    # says.
     if now[3] > was[3]:
         stored = shifted
     if not now[1]:
@@ -148,19 +165,6 @@ def shift_and_store(now: Levels, was: Levels, state: int) -> Outcome:
         shifted = (shifted << 1 | was[4]) & 0xFF
     last = (shifted >> 7) << 8
     return shifted | stored << 8, stored | last, 0x100 if now[0] else 0x1FF
-
-
-def counter(bits: int, falling: bool, clears_high: bool) -> Function:
-    """Clear and clock, and so many outputs of a counter that goes up."""
-
-    def function(now: Levels, was: Levels, state: int) -> Outcome:
-        if now[0] == clears_high:
-            state = 0
-        elif (now[1] < was[1]) if falling else (now[1] > was[1]):
-            state = (state + 1) & ((1 << bits) - 1)
-        return state, state, ALL
-
-    return function
 
 
 def loaded_counter(synchronous: bool) -> Function:
@@ -175,6 +179,7 @@ def loaded_counter(synchronous: bool) -> Function:
                 state = number(was[5:])
             elif was[3] & was[4]:
                 state = (state + 1) & 15
+        # Only T gates the carry: a chain of counters passes it on between two clocks.
         return state, state | (now[4] if state == 15 else 0) << 4, ALL
 
     return function
@@ -230,6 +235,7 @@ def card_latch(reset: int) -> Function:
     """
 
     def function(now: Levels, was: Levels, state: int) -> Outcome:
+        # Every block starts with state 0, which stands for the byte after a reset.
         if now[0]:
             state = 0
         elif now[1] > was[1]:

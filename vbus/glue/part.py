@@ -64,6 +64,8 @@ class GlueBlock:
         """Power comes up: outputs are where the inputs put them, a reset is asserted."""
         self._was = self._now()
         self.queue.clear()
+        # A supervisor asserts its reset at power-on whatever its input is, and releases it by its
+        # delay.
         if self.row.holds:
             _, self.levels, self.driven = self.row.function((0,), (0,), 0)
             self._drive(self.levels, self.driven)
@@ -85,12 +87,14 @@ class GlueBlock:
         if levels == self.levels and driven == self.driven:
             return False
         self.levels, self.driven = levels, driven
+        # A reset is asserted at once; only its release waits.
         asserts = self.row.holds and not now[0]
         if self._timer is None or not self.delay or asserts:
             self.queue.clear()
             self._drive(levels, driven)
             return True
         due = self._kernel.now + self.delay
+        # A fault may have shortened the delay: an edge does not overtake those on their way.
         self.queue.append((max(due, self.queue[-1][0]) if self.queue else due, levels, driven))
         if self._timer.due == NEVER:
             self._timer.at(self.queue[0][0])
@@ -248,6 +252,7 @@ class Glue:
         """Return the parts that pins of chips lead to, and those that lead to the pins."""
         nets = {id(pin.net) for pin in pins}
         found: set[str] = set()
+        # Two searches: one in both directions at once would find all parts that share a bus.
         for outward in (True, False):
             known, before = set(nets), -1
             while len(known) > before:
@@ -280,6 +285,7 @@ class Glue:
         )]  # fmt: skip
 
     def _moved(self) -> None:
+        # Turns are counted in one batch of changes: a loop shows as a batch without an end.
         if self._batch != self._kernel.batch:
             self._batch = self._kernel.batch
             self._turns = 0
@@ -298,6 +304,7 @@ def bundled(name: str) -> tuple[str, ...]:
     if not dash or not last.startswith(letters):
         return ()
     low, high = first.removeprefix(letters), last.removeprefix(letters)
+    # Eight wires: every data bus here is a byte.
     if not (low.isdecimal() and high.isdecimal() and int(high) - int(low) == 7):
         return ()
     return tuple(f"{letters}{number}" for number in range(int(low), int(high) + 1))

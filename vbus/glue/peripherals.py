@@ -20,6 +20,7 @@ def port_chip(now: Levels, was: Levels, state: int) -> Outcome:
     """
     if now[0]:
         state = 0
+    # A write ends with the first of /CS and /WR to rise, and takes what stood before.
     elif now[1] | now[3] > was[1] | was[3]:
         state = _port_written(state, number(was[4:6]), number(was[6:14]))
     control, held, address = state >> 24 ^ _PPI_RESET, state & 0xFFFFFF, number(now[4:6])
@@ -56,6 +57,7 @@ def quadrature_counter(now: Levels, was: Levels, state: int) -> Outcome:
     select, disabled, running = now[:3]
     count, held, flags = state & 0xFFFF, state >> 16 & 0xFFFF, state >> 32
     step = _PHASE[now[3], now[4]] - _PHASE[was[3], was[4]] & 3
+    # Both channels at once are no step: which way it went cannot be known.
     count = count + (1 if step == 1 else -1 if step == 3 else 0) & 0xFFFF
     if not running:
         count = flags = 0

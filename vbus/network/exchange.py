@@ -92,6 +92,7 @@ class Exchange:
         """Carry out what is next, as long as it is here."""
         if self._running:
             return
+        # done() may be called within carry_out: without this each message would nest in the last.
         self._running = True
         try:
             while self._current is None and not self._ended:

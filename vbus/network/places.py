@@ -65,6 +65,7 @@ def endpoints_at(place: Path) -> tuple[str, ...]:
     try:
         if not is_trusted(os.fstat(fd)):
             return ()
+        # Who runs holds a shared lock: one that is free belongs to a process that died.
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return tuple(os.read(fd, 65536).decode().split())

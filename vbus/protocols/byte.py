@@ -60,17 +60,7 @@ class ByteProtocol(Protocol):
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
-        self._kept: bytearray = bytearray()
-        self._number: int = 0
-        self._refusal: bytes = b""
-        self._watching: bool = False
-        self._leasing: int = 0
-        self._partial: bytearray = bytearray()
-        """What a READS, WRITES or PASS has done that had to stop in between."""
-        self._greeted: bool = False
-        """Whether the host has said HELLO, so that it reads ``'H'``: no state of the board."""
-        self._told: bool = False
-        """Whether the last report to the host was of a pause."""
+        self.reset()
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -84,15 +74,18 @@ class ByteProtocol(Protocol):
 
     def reset(self) -> None:
         """Forget half a request, a refusal and the request count: a session ends or begins."""
-        self._kept.clear()
         self.out.clear()
-        self._number = 0
-        self._refusal = b""
-        self._watching = False
-        self._leasing = 0
-        self._partial.clear()
-        self._greeted = False
-        self._told = False
+        self._kept: bytearray = bytearray()
+        self._number: int = 0
+        self._refusal: bytes = b""
+        self._watching: bool = False
+        self._leasing: int = 0
+        self._partial: bytearray = bytearray()
+        """What a READS, WRITES or PASS has done that had to stop in between."""
+        self._greeted: bool = False
+        """Whether the host has said HELLO, so that it reads ``'H'``: no state of the board."""
+        self._told: bool = False
+        """Whether the last report to the host was of a pause."""
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""
@@ -389,11 +382,13 @@ class ByteProtocol(Protocol):
             self._partial.clear()
             if begun < 0:
                 begun = now = port.now()
+            # Time has an end: what is left of it is the most that can pass.
             longest = min(longest, END - begun)
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:
                 break
+            # No further than the next possible edge, so that an event is found at its own instant.
             step = min(max(edge - now, 1), longest - (now - begun))
         self.out += b"W" + (outputs & _U32).to_bytes(4, "big") + (now - begun).to_bytes(8, "big")
         return True

@@ -33,9 +33,7 @@ class FramedProtocol(Protocol):
         super().__init__(port)
         self._inner: ByteProtocol = ByteProtocol(port)
         self._reader: FrameReader = FrameReader()
-        self._sequence: int = -1
-        self._busy: bool = False
-        self._answer: bytes = b""
+        self.reset()
 
     @property
     def damaged(self) -> int:
@@ -50,9 +48,9 @@ class FramedProtocol(Protocol):
 
     def _start_session(self) -> None:
         self._inner.reset()
-        self._sequence = -1
-        self._busy = False
-        self._answer = b""
+        self._sequence: int = -1
+        self._busy: bool = False
+        self._answer: bytes = b""
 
     def half(self) -> int:
         """Return how many bytes of a frame wait for the rest of it."""

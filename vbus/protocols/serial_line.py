@@ -84,6 +84,12 @@ class SerialLine(Protocol):
         self._frame: int = frame
         self.modem: ModemPins | None = modem
         self._duplex: bool = port.info().policy == "realtime"
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what is on the line: a session has ended or begun."""
+        self._inner.reset()
+        self.out.clear()
         self._coming: bytearray = bytearray()
         """What the host has sent and has not arrived, marks among it."""
         self._going: bytearray = bytearray()
@@ -96,16 +102,6 @@ class SerialLine(Protocol):
         """Whether the line waits for time, not the request before."""
         self._lines: int = 0
         """The host's lines that are on."""
-
-    def reset(self) -> None:
-        """Forget what is on the line: a session has ended or begun."""
-        self._inner.reset()
-        self.out.clear()
-        self._coming.clear()
-        self._going.clear()
-        self._host_due = self._board_due = -1
-        self._waits = False
-        self._lines = 0
 
     def half(self) -> int:
         """Return how many bytes of a request have arrived and wait for the rest of it."""

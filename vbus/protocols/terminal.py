@@ -37,19 +37,17 @@ class TerminalProtocol(Protocol):
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
         self._inner: TextProtocol = TextProtocol(port)
-        self._typed: bytearray = bytearray()
-        """Keys whose turn has not come."""
-        self._line: bytearray = bytearray()
-        self._escape: int = 0
-        """How many bytes of an escape sequence have come: those of cursor keys mean nothing."""
+        self.reset()
 
     def reset(self) -> None:
         """Forget half a line and the selection: a session has ended or begun."""
         self._inner.reset()
         self.out.clear()
-        self._typed.clear()
-        self._line.clear()
-        self._escape = 0
+        self._typed: bytearray = bytearray()
+        """Keys whose turn has not come."""
+        self._line: bytearray = bytearray()
+        self._escape: int = 0
+        """How many bytes of an escape sequence have come: those of cursor keys mean nothing."""
 
     def receive(self, data: bytes) -> None:
         """Take keys from the host; show them, and carry out every line now complete."""

@@ -111,22 +111,19 @@ class TextProtocol(Protocol):
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
-        self._kept: bytearray = bytearray()
-        self._overlong: bool = False
-        self._mask: int = 1
-        self._partial: list[str] = []
-        """What a line of several cycles has done that had to stop in between."""
+        self.reset()
         self._handlers: dict[str, Callable[[list[str]], str | None]] = {
             name: getattr(self, "_do_" + name) for name in VERBS
         }
 
     def reset(self) -> None:
         """Forget half a line and the selection: a session has ended or begun."""
-        self._kept.clear()
         self.out.clear()
-        self._overlong = False
-        self._mask = 1
-        self._partial.clear()
+        self._kept: bytearray = bytearray()
+        self._overlong: bool = False
+        self._mask: int = 1
+        self._partial: list[str] = []
+        """What a line of several cycles has done that had to stop in between."""
 
     @property
     def kept(self) -> int:
@@ -368,6 +365,7 @@ def _line_end(data: bytes, start: int) -> int:
     lf = data.find(b"\n", start)
     if _CR not in data:
         return lf
+    # Of CR LF the LF ends an empty line, which has no answer.
     cr = data.find(b"\r", start, lf if lf >= 0 else len(data))
     return cr if cr >= 0 else lf
 

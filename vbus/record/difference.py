@@ -134,6 +134,7 @@ class Side:
     """
 
     def __init__(self, decoder: Decoder | None, cycle: Cycle | None, shown: str) -> None:
+        # A copy: both sides go on from the same state of the decoder, each with bytes of its own.
         self._decoder: Decoder | None = copy.deepcopy(decoder)
         self._cycle: Cycle | None = cycle
         self._shown: str = shown

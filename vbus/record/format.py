@@ -194,6 +194,7 @@ class JournalReader:
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
         try:
+            # Also for keys that are not known here, which convert() passes over.
             Header(**values)
             self.header: Header = msgspec.convert(values, Header)
         except (TypeError, msgspec.ValidationError):
@@ -221,6 +222,7 @@ class JournalReader:
             raise JournalError(f"{self._name()}: the block at byte {self.position} is damaged")
         try:
             unpacking = zlib.decompressobj()
+            # Bounded: a few bytes of zlib can stand for gigabytes.
             content = unpacking.decompress(body, LARGEST)
             if unpacking.unconsumed_tail:
                 raise ValueError(f"it holds more than {LARGEST} bytes")
@@ -253,6 +255,7 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
+        # Jumps first: what a later one undoes is given to no reader.
         self.jumps = tuple(self._find_jumps())
         number = last = 0
         for turn, jump in enumerate(self.jumps):
@@ -293,6 +296,7 @@ class JournalReader:
                         )
                     if key % PORTS == JUMP:
                         raise ValueError("a jump, which can be read from a file alone")
+                    # No writer makes more: a damaged count is not followed for hours.
                     if number + times - begun > FULL:
                         number = begun + FULL + 1
                         raise ValueError(f"more than {FULL} entries in one block")

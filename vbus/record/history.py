@@ -71,6 +71,7 @@ class History:
         Inside a call, which runs time itself, the board stands where the call was made.
         """
         place = bisect_right(self.entries, when, key=lambda entry: entry.after)
+        # Also where it stands: time may have passed there since the last call.
         if place <= self.position:
             self._go_back(place)
         self.to(place)
@@ -121,6 +122,7 @@ class History:
             taken = snapshots.take(self.board), self._player.open_sessions()
             self._snapshots[self.position] = taken
             if len(self._snapshots) > self._keep:
+                # Every second one goes: those that stay are as far apart everywhere.
                 self._every *= 2
                 for place in [p for p in self._snapshots if p % self._every]:
                     del self._snapshots[place]

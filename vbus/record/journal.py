@@ -5,6 +5,8 @@ import platform
 from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
+from msgspec.structs import astuple
+
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.circuit.stream import settings_for_decoders
@@ -90,6 +92,7 @@ class Journal(Observer):
         self._recorded: Callable[..., HostBus] = port
         self._plain: Callable[..., HostBus] = board.port_type
         board.port_type = self._port
+        # Violations alone: which cycles there were follows from the calls.
         board.listen(self)
 
     def _port(self, *asked: object) -> HostBus:
@@ -98,9 +101,7 @@ class Journal(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
-        v = violation
-        row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
-        self._note("violation", row)
+        self._note("violation", [*astuple(violation)])
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Write the evidence of a fault down."""
@@ -174,6 +175,7 @@ class Journal(Observer):
             return
         try:
             while data:
+                # A file without a buffer may take a part alone.
                 done = self._file.write(data)
                 taken = len(data) if done is None else done
                 self.bytes += taken
@@ -191,6 +193,7 @@ class Journal(Observer):
 
     def close(self) -> None:
         """End the journal with the board's state hash; the file is left open. May be repeated."""
+        # It has been closed, or another recorder has come after it.
         if self.board.port_type != self._port:
             return
         self.board.port_type = self._plain

@@ -56,6 +56,7 @@ class Player:
             raise JournalError(f"entry {entry.number}, {entry.op}: {error}") from error
 
     def _call(self, entry: Entry) -> tuple[Any, int]:
+        # A call that was not finished is not finished now: time may run as far as it could.
         held = entry.limit >= 0 or entry.error == NOT_YET
         self.board.limit = entry.limit if held else END
         if entry.op == "open":

@@ -226,6 +226,7 @@ class Replay(Player):
         self._strobed.clear()
         self._making.found.clear()
         for was, now in pairs:
+            # Equal cycles are decoded only if a difference follows.
             if was is not None and was.args == now:
                 self._making.cycles += 1
                 self._past.append((*now, was.after, 0, 1))

@@ -55,6 +55,7 @@ class Sessions:
 
 def show(entry: Entry, sessions: Sessions, observer: Observer) -> None:
     """Show ``observer`` what one entry holds, and follow it."""
+    # A refused call made no cycle.
     if entry.op in ("read", "write") and not entry.error:
         write = entry.op == "write"
         observer.bus_cycle(

@@ -84,6 +84,7 @@ class DetachedWaits:
         """Return the next instant at which a wait until then may be over, or given up (ps)."""
         if self._pacer.real or until == NEVER:
             return until
+        # Counted back from the end of the wait: the instants do not depend on when a host comes.
         return until - max(until - self._pacer.now - 1, 0) // LONGEST * LONGEST
 
     def gives_up(self, port: HostPort) -> bool:
@@ -117,6 +118,7 @@ class DetachedWaits:
     def done(self, session: Departed) -> None:
         """Forget one that has ended; let in who waited for it."""
         self.under_way.remove(session)
+        # Each that is let in may go at once, and leave a wait of its own.
         while self._arrivals and not self.passing:
             self._arrivals.pop(0).begin()
 

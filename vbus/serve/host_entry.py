@@ -1,5 +1,7 @@
 """Host entries of a board while it runs: where hosts come from, and which are there."""
 
+import asyncio
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from msgspec import Struct, field
@@ -11,7 +13,8 @@ from vbus.core.errors import PluginError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.serve.session import Session
-from vbus.transports.base import Transport, split_url
+from vbus.transports.base import Link, Transport, split_url
+from vbus.transports.runtime import mark_pause
 
 _Base = TypeVar("_Base")
 
@@ -70,6 +73,37 @@ class HostEntry:
         """Bytes sent to all its sessions."""
         return self._sent + sum(session.sent for session in self.sessions)
 
+    def open(
+        self, loop: asyncio.AbstractEventLoop, board: str, report: Callable[[str], None],
+        connect: Callable[[Link], None],
+    ) -> None:  # fmt: skip
+        """Let hosts in from now on.
+
+        Args:
+            loop: the event loop.
+            board: name of the board.
+            report: takes sentences about what happens to the link.
+            connect: takes each host that comes.
+
+        Raises:
+            TransportError: the address cannot be used.
+        """
+        transport = self.transport
+        transport.closing = False
+        transport.report, transport.board = report, board
+        transport.open(loop, connect)
+
+    def close(self, why: str) -> None:
+        """End every session, and let no host in any more; may be called again."""
+        self.transport.closing = True
+        for session in list(self.sessions):
+            session.end(why)
+        self.transport.close()
+
+    def mark_pause(self, paused: bool) -> None:
+        """Leave word beside the name of the link that the board answers later, or again."""
+        mark_pause(self.transport.url, paused)
+
     def ended(self, session: Session) -> None:
         """A session is over; what it carried stays counted."""
         self.sessions.remove(session)
@@ -88,6 +122,12 @@ class HostEntry:
             "received": self.received,
             "sent": self.sent,
         }
+
+
+def sessions_of(hosts: Iterable[HostEntry]) -> Iterator[Session]:
+    """Give every session that is open, host by host."""
+    for host in hosts:
+        yield from host.sessions
 
 
 def plug_in(group: str, name: str, base: type[_Base]) -> type[_Base]:

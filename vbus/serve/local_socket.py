@@ -195,6 +195,7 @@ class Connection:
         if not data:
             self.end()
         elif b"\n" in data:
+            # Several requests may come in one read, and one request in several.
             *lines, rest = bytes(self._line).split(b"\n")
             self._line = bytearray(rest)
             for line in lines:
@@ -210,6 +211,7 @@ class Connection:
             view.take(line)
         elif self.open:
             self._control.take(line, self)
+            # What is watched comes behind the answer, which describes it.
             if self.view is not None:
                 self.view.start()
 

@@ -12,14 +12,14 @@ from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
-from vbus.serve.fast_readers import FastReaders
+from vbus.serve.fast_path import FastReaders
 from vbus.serve.time.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
 
 
 class DirectSelector(selectors.EpollSelector):
-    """Serves direct descriptors while it waits; see :class:`~vbus.serve.fast_readers.FastReaders`.
+    """Serves direct descriptors while it waits; see :class:`~vbus.serve.fast_path.FastReaders`.
 
     Everything else goes through the event loop as ever, which gets its turn whenever it has
     something to do.
@@ -43,6 +43,7 @@ class DirectSelector(selectors.EpollSelector):
 
 
 def _mask(event: int) -> int:
+    # As in the standard library: an error or a hang-up is an event for reader and writer.
     mask = selectors.EVENT_WRITE if event & ~select.EPOLLIN else 0
     return mask | (selectors.EVENT_READ if event & ~select.EPOLLOUT else 0)
 

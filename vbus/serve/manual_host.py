@@ -74,6 +74,7 @@ class ManualHost:
         except PortError as error:
             raise ValueError(str(error)) from None
         finally:
+            # The cycle has moved time a little: it stands still again, at that instant.
             port.held = False
             self._steps.still()
         return {"data": int(data), "when_ps": str(self._board.now)}

@@ -203,29 +203,24 @@ def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
                 for direction in ("received", "sent")
             ],
         ),
-        (
-            CounterMetricFamily, "vbus_chip_time_seconds", "Chip time since the start", (),
-            [((), statistics["time_ps"] / 1e12)],
-        ),
-        (
-            GaugeMetricFamily, "vbus_chip_time_left_seconds", "Chip time until time ends", (),
-            [((), statistics["time_left_ps"] / 1e12)],
-        ),
-        (
-            CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls", (),
-            [((), statistics["slipped_ps"] / 1e12)],
-        ),
-        (
-            GaugeMetricFamily, "vbus_overload_ratio",
-            "How many times the machine would be enough for what moves; 0 while it keeps up", (),
-            [((), statistics["overload"])],
-        ),
-        (
-            GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start", (),
-            [((), statistics["worst_lag_ps"] / 1e12)],
-        ),
     )  # fmt: skip
-    for kind, name, text, labels, samples in rows:
+    single = (
+        (kind, name, text, (), [((), statistics[key] / scale)])
+        for kind, name, text, key, scale in (
+            (CounterMetricFamily, "vbus_chip_time_seconds", "Chip time since the start",
+             "time_ps", 1e12),
+            (GaugeMetricFamily, "vbus_chip_time_left_seconds", "Chip time until time ends",
+             "time_left_ps", 1e12),
+            (CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls",
+             "slipped_ps", 1e12),
+            (GaugeMetricFamily, "vbus_overload_ratio",
+             "How many times the machine would be enough for what moves; 0 while it keeps up",
+             "overload", 1),
+            (GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start",
+             "worst_lag_ps", 1e12),
+        )
+    )  # fmt: skip
+    for kind, name, text, labels, samples in (*rows, *single):
         family = kind(name, text, labels=("board", *labels))
         for values, number in samples:
             family.add_metric((board, *values), number)

@@ -99,6 +99,7 @@ class Recording:
         """
         if wanted.durable != "no" and not wanted.journal:
             raise VbusError(ALONE)
+        # Every file is opened before the first is emptied: a mistake in one costs no other.
         begin = []
         if wanted.journal:
             begin.append(self._journal(self._output(wanted.journal, False), wanted.durable))
@@ -222,6 +223,7 @@ class Recording:
         ending = self.journal.ending()
         with output(path) as copy, write_errors(path), open(self.told["file"], "rb") as journal:
             file = copy.begin()
+            # Copied by the system: a journal of gigabytes does not go through this process.
             while os.sendfile(file.fileno(), journal.fileno(), None, LARGEST):
                 pass
             while ending:

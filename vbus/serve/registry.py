@@ -111,6 +111,7 @@ def _exchange(path: Path, do: str, seconds: float, **values: Any) -> Any:
                 size = HEAD_SIZE + int.from_bytes(data[:HEAD_SIZE], "little")
             if size > LONGEST_ANSWER:
                 raise ValueError(f"an answer of more than {LONGEST_ANSWER} bytes")
+            # One deadline for all of the answer: a byte now and then does not put it off.
             link.settimeout(max(deadline - monotonic(), 0.001))
     try:
         answer = json.loads(data[HEAD_SIZE:])
@@ -207,6 +208,7 @@ def running() -> Iterator[dict[str, Any]]:
         try:
             yield ask(path)
         except TransportError as error:
+            # A killed process leaves its socket behind, at which the system refuses.
             if isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
                 _forget(path)
             else:

@@ -18,7 +18,8 @@ from vbus.core.kernel import END
 from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
-from vbus.serve.host_entry import HostEntry
+from vbus.serve.fast_path import SpinTurn
+from vbus.serve.host_entry import HostEntry, sessions_of
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import Connection, Control, LocalSocket
 from vbus.serve.loop import done_before, first_of, run_until_signal
@@ -30,11 +31,9 @@ from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import own_board, runs_already, socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
-from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
-from vbus.transports.base import Link, MessageLink, Served, Transport
-from vbus.transports.runtime import mark_pause
+from vbus.transports.base import Link, MessageLink, Served
 
 if TYPE_CHECKING:
     from vbus.serve.orders.watching import BoardView, Watched
@@ -111,8 +110,8 @@ class Server:
         self.pacer: WallClockPacer = pacer if pacer is not None else WallClockPacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self.pacer.report = self._report
-        self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
-        self.faults: FaultOrders = FaultOrders(board, self.sessions_of, self.transport_of)
+        self.hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
+        self.faults: FaultOrders = FaultOrders(board, self.hosts)
         self.control: Control = Control(self.pacer.catch_up)
         self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
         self.control.orders |= self.faults.orders()
@@ -149,13 +148,12 @@ class Server:
 
     def sessions(self) -> Iterator[Session]:
         """Give every session that is open, host by host."""
-        for host in self._hosts:
-            yield from host.sessions
+        return sessions_of(self.hosts)
 
     @property
     def urls(self) -> list[str]:
         """Addresses of all hosts' links, in the order of the board file."""
-        return [host.transport.url for host in self._hosts]
+        return [host.transport.url for host in self.hosts]
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Open every link and let time run.
@@ -178,7 +176,7 @@ class Server:
             self._closing.callback(disconnects.close)
             self.pacer.look_for_hosts = disconnects.look
             self.detached.look_for_hosts = partial(self._look_for_hosts, disconnects)
-            for host in self._hosts:
+            for host in self.hosts:
                 self._open_host(host, loop, disconnects)
             if self.metrics is not None and not self._shares_metrics:
                 self.metrics.open(loop)
@@ -186,6 +184,8 @@ class Server:
             self._closing.callback(self._mark_pause, False)
             self._mark_pause(False)
             self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
+            # Closed in the reverse order: time stands before the last waits are given up, and those
+            # before the links close.
             self._closing.callback(self.detached.close)
             self._closing.callback(self.pacer.stop)
             self.pacer.start(loop)
@@ -197,9 +197,9 @@ class Server:
 
     def _mark_pause(self, paused: bool) -> None:
         """Leave word with each link that it answers later, or that it answers again."""
-        for host in self._hosts:
+        for host in self.hosts:
             host.transport.tell_pause(paused)
-            mark_pause(host.transport.url, paused)
+            host.mark_pause(paused)
         for session in self.sessions():
             session.tell_pause(paused)
 
@@ -228,20 +228,19 @@ class Server:
     def _open_host(
         self, host: HostEntry, loop: asyncio.AbstractEventLoop, disconnects: DisconnectPoller
     ) -> None:
-        board, transport = self.board, host.transport
+        board = self.board
         chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
-        transport.report = self._report
-        transport.board = board.name
-        transport.serves(
+        host.transport.serves(
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
-        self._closing.callback(self._close_host, host)
+        self._closing.callback(host.close, "the board stops")
         serving = Serving(
             loop, self.pacer, self._turns, self.round_trips, disconnects, self.detached,
             host.ended, self._settle,
         )  # fmt: skip
         connect = partial(self._connect, host, serving)
-        transport.open(loop, partial(self.detached.admit, begin=connect))
+        admit = partial(self.detached.admit, begin=connect)
+        host.open(loop, board.name, self._report, admit)
 
     def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
         """Begin the session of a host that has connected."""
@@ -264,22 +263,7 @@ class Server:
         session.begin()
         if self.pacer.halted:
             session.hold()
-        self.faults.connected(self._hosts.index(host), session)
-
-    def sessions_of(self, place: int) -> list[Session] | None:
-        """Return the sessions of the host entry at ``place``; None if there is no such entry."""
-        return list(self._hosts[place].sessions) if place < len(self._hosts) else None
-
-    def transport_of(self, place: int) -> Transport | None:
-        """Return the transport of the host entry at ``place``; None if there is no such entry."""
-        return self._hosts[place].transport if place < len(self._hosts) else None
-
-    @staticmethod
-    def _close_host(host: HostEntry) -> None:
-        host.transport.closing = True
-        for session in list(host.sessions):
-            session.end("the board stops")
-        host.transport.close()
+        self.faults.connected(host, session)
 
     def stop(self) -> None:
         """End every session and remove every name; may be called again."""
@@ -307,7 +291,7 @@ class Server:
         if self.pacer.halted or self.pacer.over:
             return False
         return (
-            any(host.transport.waiting() for host in self._hosts)
+            any(host.transport.waiting() for host in self.hosts)
             or any(
                 session.leaves() and (passing or not session.port.held)
                 for session in self.sessions()
@@ -336,7 +320,7 @@ class Server:
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
         """
-        run = Run(before, patience)
+        run = ServedRun(before, patience)
         run.servers.append(self)
         await run.serve(stop, ready)
 
@@ -378,10 +362,10 @@ class Server:
                 }
                 for chip in board.chips
             ],
-            "links": [host.status([chip.name for chip in board.chips]) for host in self._hosts],
+            "links": [host.status([chip.name for chip in board.chips]) for host in self.hosts],
             "counters": dict(board.counters),
             "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
-            "sessions": sum(len(host.sessions) for host in self._hosts),
+            "sessions": sum(len(host.sessions) for host in self.hosts),
             "lag": self.pacer.lags.summary("ps"),
             "round_trips": self.round_trips.summary("ns"),
             "metrics": "" if self.metrics is None else self.metrics.url,
@@ -389,7 +373,7 @@ class Server:
         }
 
 
-class Run:
+class ServedRun:
     """Boards that are served in this process, from their start to their end.
 
     Args:

@@ -13,7 +13,7 @@ from vbus.core.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
-from vbus.serve.time.spin_policy import LATE_NS, SpinPolicy, SpinTurn
+from vbus.serve.fast_path import LATE_NS, SpinPolicy, SpinTurn
 from vbus.serve.time.statistics import Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states
@@ -198,6 +198,7 @@ class Session:
             self.received += len(data)
             ended = self._ended
             self._serve(data)
+            # The time between the two messages went to other processes, in sched_yield.
             if served and self._began - ended > LATE_NS:
                 self._patience.lose()
                 return
@@ -233,6 +234,7 @@ class Session:
         except Exception:
             self._broken()
             return
+        # A durable journal holds what was done before the host learns of it.
         if protocol.out and (self._settle is None or self._settled()):
             self._send()
         if self.port.held:
@@ -295,6 +297,7 @@ class Session:
         """What the session waited for may have come."""
         if self.state == states.CLOSED:
             return
+        # This wake-up has come: the next wait needs one of its own.
         self._waiting = 0
         self._pacer.catch_up()
         if self._pacer.halted:
@@ -375,6 +378,7 @@ class Session:
         if self._deaf:
             out.clear()
             return
+        # A copy: a fault of one answer takes itself out while it passes.
         for one in tuple(self._filters):
             one.passes(out)
             if not out:
@@ -400,6 +404,7 @@ class Session:
             if not self._deaf:
                 self._move(states.GONE)
                 self._loop.call_soon(self.hung_up)
+            # As if all were sent: nothing is stored for a host that has gone.
             return len(data)
         self.sent += sent
         return sent

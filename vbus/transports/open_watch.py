@@ -28,8 +28,8 @@ class OpenWatch:
     ) -> None:
         shared = _SHARED.get(loop)
         if shared is None:
-            shared = _Shared(loop)
-        self._shared: _Shared = shared
+            shared = _SharedInotify(loop)
+        self._shared: _SharedInotify = shared
         self.notice: Callable[[], None] = notice
         self._events: list[int] = []
         try:
@@ -74,7 +74,7 @@ class NoWatch:
         """There is nothing to free."""
 
 
-class _Shared:
+class _SharedInotify:
     """The watches of one event loop, and their descriptor while there are any."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -101,4 +101,4 @@ class _Shared:
             del _SHARED[self.loop]
 
 
-_SHARED: Final[WeakKeyDictionary[asyncio.AbstractEventLoop, _Shared]] = WeakKeyDictionary()
+_SHARED: Final[WeakKeyDictionary[asyncio.AbstractEventLoop, _SharedInotify]] = WeakKeyDictionary()

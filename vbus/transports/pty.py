@@ -94,6 +94,7 @@ class _Terminal:
                     tty.setraw(slave)
                 self.name: str = os.ttyname(slave)
             finally:
+                # Held open here, it would keep the master from reporting that no client is left.
                 os.close(slave)
             os.set_blocking(self.master, False)
             self._poll: select.poll = select.poll()
@@ -235,6 +236,7 @@ class PtyTransport(Transport):
             temporary.unlink(missing_ok=True)
             temporary.symlink_to(terminal.name)
             made.callback(temporary.unlink)
+            # In one step: whoever opens the name finds the old terminal or the new one.
             temporary.replace(self._link_path)
             made.pop_all()
         self._terminals.append(terminal)

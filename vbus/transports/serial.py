@@ -63,6 +63,7 @@ class SerialTransport(Transport):
         from serial import Serial, SerialException
 
         try:
+            # Exclusive: a second program would take some of the host's bytes.
             port = Serial(self.path, self._baud, timeout=0, write_timeout=0, exclusive=True)
             try:
                 _prepare(port.fileno())

@@ -225,6 +225,7 @@ class UnixTransport(_SocketTransport):
             unnamed = path.with_name(f".{path.name}.new")
             unnamed.unlink(missing_ok=True)
             listener = opened.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            # Private from its first moment: a chmod after the bind would come too late.
             mask = os.umask(0o177)
             try:
                 with socket_address(unnamed) as address:
@@ -261,6 +262,7 @@ class TcpTransport(_SocketTransport):
             given = handed_over(family, (host, int(port)))
             listener = opened.enter_context(given or socket.socket(family, socket.SOCK_STREAM))
             if given is None:
+                # A server that is started again has its port back, though closed links linger.
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 listener.bind((host, int(port)))
             self._listen(listener)
@@ -268,6 +270,7 @@ class TcpTransport(_SocketTransport):
         self.url = f"tcp:[{host}]:{bound}" if family == socket.AF_INET6 else f"tcp:{host}:{bound}"
 
     def _tune(self, connection: socket.socket) -> None:
+        # Answers are a few bytes, and each is waited for: none is held back for company.
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # A host whose machine has vanished must not keep its claims for ever.
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

@@ -338,6 +338,7 @@ class ZenohTransport(Transport):
             self.loop.call_later(self._network.grace_seconds, self._give_up, link, since)
 
     def _give_up(self, link: ZenohLink, since: float) -> None:
+        # Else it has been back meanwhile; if it went again, another call is on its way.
         if link.gone_since == since:
             link.host_ended(f"the host was away for longer than {self._network.grace_seconds:g} s")
 

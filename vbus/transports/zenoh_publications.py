@@ -124,7 +124,7 @@ class _Cycles(_RowsTopic):
         self.served.board.unobserve(self)
 
 
-class _Edges(_RowsTopic):
+class _PinEdges(_RowsTopic):
     """The edges of one pin."""
 
     def __init__(self, served: Served, chip: Chip, pin: str) -> None:
@@ -190,7 +190,7 @@ class Publications:
             self._declare(_Telemetry(served, chip))
             self._declare(_Cycles(served, chip))
             for row in chip.pin_rows:
-                self._declare(_Edges(served, chip, row.name))
+                self._declare(_PinEdges(served, chip, row.name))
 
     def close(self) -> None:
         """Publish nothing more; may be called again."""

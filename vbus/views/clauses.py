@@ -7,7 +7,7 @@ from vbus import plugins
 from vbus.board.check.checks import all_rules
 from vbus.chips.base import Chip
 from vbus.chips.clauses import Clause, clauses_of
-from vbus.chips.strobes import AcTable
+from vbus.chips.tables import AcTable
 from vbus.core.signals import Rule
 from vbus.views.scope.frames import ALL, CLAUSES, frame, texts
 

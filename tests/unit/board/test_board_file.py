@@ -137,10 +137,9 @@ def test_violations_have_a_policy_by_default_family_and_rule(board: Board) -> No
     assert policy.of("toy.T1") == OFF
 
 
-def test_what_floats_of_a_card_is_counted_from_its_base() -> None:
-    card = Card("c", 3, {}, {}, {0: 0x0F, 1: 0x80})
+def test_a_card_is_among_io_ports_and_interrupts_nothing_unless_it_is_said() -> None:
+    card = Card("c", 3, {}, {})
     assert (card.memory, card.fixed, card.interrupt, card.signal) == (False, 0, "", 0)
-    assert [card.floating(address) for address in (3, 4, 5)] == [0x0F, 0x80, 0]
 
 
 def test_a_dotted_rule_needs_no_quotes() -> None:
@@ -200,16 +199,17 @@ def test_a_named_decode_gives_each_chip_its_block() -> None:
     card = card_of(file, file.hosts[0])
     assert card is not None
     # y stands first on the card; in the session of this host it is chip 1.
-    assert card.decode(0x340) == (1, 0)
-    assert card.decode(0x340, write=True) == (1, 0)
-    assert card.decode(0x342) is None
-    assert card.decode(0x342, write=True) == (1, 1)
-    assert card.decode(0x344) == (1, 1)
-    assert card.decode(0x344, write=True) is None
-    assert card.decode(0x350) == (0, 0)
-    assert card.decode(0x33F) is None
-    assert (card.floating(0x340), card.floating(0x344)) == (0x00, 0x7F)
-    assert card.offsets() == [0, 2, 4, 16, 18, 20]
+    assert card.reads[0x340][:2] == (1, 0)
+    assert card.writes[0x340][:2] == (1, 0)
+    assert 0x342 not in card.reads
+    assert card.writes[0x342][:2] == (1, 1)
+    assert card.reads[0x344][:2] == (1, 1)
+    assert 0x344 not in card.writes
+    assert card.reads[0x350][:2] == (0, 0)
+    assert 0x33F not in card.reads
+    assert [card.reads[at].floating for at in (0x340, 0x344)] == [0x00, 0x7F]
+    at = [0x340, 0x342, 0x344, 0x350, 0x352, 0x354]
+    assert sorted({*card.reads, *card.writes}) == at
 
 
 def test_a_card_tells_its_table_to_the_host() -> None:
@@ -221,9 +221,9 @@ def test_a_card_of_rows_counts_offsets_in_strides() -> None:
     file, _ = read_board_text(GOOD)
     card = card_of(file, file.hosts[1])
     assert card is not None
-    assert card.decode(0) == (1, 1)
-    assert card.decode(12) == (0, 0)
-    assert card.decode(3) is None
+    assert card.reads[0][:2] == (1, 1)
+    assert card.reads[12][:2] == (0, 0)
+    assert 3 not in card.reads
 
 
 def test_a_host_without_a_card_has_none() -> None:

@@ -603,7 +603,8 @@ def test_two_hosts_that_drive_one_bus_differently_are_found_fighting() -> None:
 
 def test_a_card_decodes_its_own_addresses_only() -> None:
     board, _ = bench(chips=2)
-    rows = {0: (0, 0), 2: (0, 1), 4: (1, 0)}
+    reached = {0x340: (0, 0), 0x342: (0, 1), 0x344: (1, 0)}
+    rows = {address: CardAccess(*place, 0, -1) for address, place in reached.items()}
     card = Card("isa", 0x340, rows, rows)
     port = board.open_port("host", card=card)
 

@@ -2,8 +2,7 @@
 
 from vbus.chips.base import POLL, Chip
 from vbus.chips.bus_watch import strobed_bus
-from vbus.chips.strobes import AcTable
-from vbus.chips.tables import AcLimit, PinRow
+from vbus.chips.tables import AcLimit, AcTable, PinRow
 from vbus.core.kernel import NEVER, US
 from vbus.core.signals import LOW, Watcher, Z
 

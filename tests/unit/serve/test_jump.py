@@ -14,12 +14,12 @@ from vbus.cli.journal_lines import decoded
 from vbus.core.kernel import MS
 from vbus.record.format import Entry, JournalReader
 from vbus.record.replay import Replay
+from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import Order
 from vbus.serve.orders.fault_orders import FaultOrders
 from vbus.serve.orders.jump import JumpBack
 from vbus.serve.recording import Recording
 from vbus.serve.time.steps import PAUSED
-from vbus.transports.base import Transport
 
 COMMAND = RESET[:1]
 """Write at address 0."""
@@ -302,9 +302,7 @@ def test_refused_it_is_as_it_was_and_says_who_is_there(
 
 def test_while_a_link_is_broken_there_is_no_way_back(hand: Hand) -> None:
     hand.drive(READ * 5)
-    hand.board.serve_links(
-        FaultOrders(hand.board, lambda place: [], lambda place: Transport("", {}))
-    )
+    hand.board.serve_links(FaultOrders(hand.board, [HostEntry(LinkSpec("tcp:0"), "host0")]))
     hand.board.faults.arm("link_dead", "host0")
     hand.order("pause")
     assert hand.back(10**6).startswith("now a fault acts on a link, which cannot go back: #1")

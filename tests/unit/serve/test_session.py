@@ -12,9 +12,9 @@ from vbus.board.board import Board
 from vbus.core.kernel import MS, SECOND, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.fast_path import CROWDED, LATE_NS
 from vbus.serve.session import BURST, Serving, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
-from vbus.serve.time.spin_policy import CROWDED, LATE_NS
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink

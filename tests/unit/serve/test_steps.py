@@ -90,7 +90,7 @@ class Bench:
         own = self.own_orders()
 
         async def ordered() -> dict[str, Any]:
-            return self.control.carry_out(json.dumps({"do": do, **values}).encode(), own)
+            return self.control.carry_out(json.loads(json.dumps({"do": do, **values})), own)
 
         answer = self.loop.run_until_complete(ordered())
         return answer.get("done", answer.get("error"))

@@ -12,9 +12,8 @@ from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import MS, SECOND
-from vbus.serve.host_limits import GRACE, LOOK
+from vbus.serve.host_limits import GRACE, LOOK, Polls
 from vbus.serve.in_process import connect_in_process
-from vbus.serve.time.polls import Polls
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, HostWatch, Limits, budget_of
 

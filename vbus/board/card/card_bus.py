@@ -162,6 +162,7 @@ class CardBus(Chip):
         low, setup, where, row = self.low_ps, self.setup_ps, self.where(address), self.row
         begin = -low - setup
         strobe = self.write_strobe if write else self.read_strobe
+        # Lines that move alone: a bus keeps its address between cycles.
         edges = [
             (begin, line, where >> n & 1) for n, line in enumerate(row.address)
             if self.address_pins[n].level != where >> n & 1
@@ -169,6 +170,7 @@ class CardBus(Chip):
         edges += [(begin, name, HIGH) for name in (self.read_strobe, self.write_strobe)]
         stands = begin
         if self.latches:
+            # The latch falls half-way through the set-up time, and data comes in its last quarter.
             stands = -low - setup // 4
             edges += [
                 (begin, DATA, where & 0xFF), (begin, LATCH, HIGH),

@@ -58,19 +58,16 @@ def address_map(file: BoardFile, board: Board) -> list[CardAnswer]:
             table = card_of(file, host)
             assert table is not None
             names = host.chips or tuple(chip.name for chip in file.chips)
-            for offset in table.offsets():
-                reads, writes = _row(table.reads, offset, names), _row(table.writes, offset, names)
+            for address in {*table.reads, *table.writes}:
+                reads, writes = (
+                    (f"{names[rows[address].chip]}.{rows[address].address:X}",)
+                    if address in rows else ()
+                    for rows in (table.reads, table.writes)
+                )  # fmt: skip
                 if not card.bus or all(f"{card.name}." not in one for one in (*reads, *writes)):
-                    address = card.base + offset
                     mine[address] = CardAnswer(card.name, address, reads, writes)
         found += [mine[address] for address in sorted(mine)]
     return found
-
-
-def _row(
-    rows: Mapping[int, tuple[int, int]], offset: int, names: tuple[str, ...]
-) -> tuple[str, ...]:
-    return (f"{names[rows[offset][0]]}.{rows[offset][1]:X}",) if offset in rows else ()
 
 
 def remarks(file: BoardFile, board: Board, found: list[CardAnswer]) -> Iterator[str]:
@@ -140,9 +137,11 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[CardAns
     bus = board.chip(card.name)
     assert isinstance(bus, CardBus)
     hands = {name: pin.net.solder("map") for name, pin in bus.pins.items()}
+    # Long enough for an edge to pass through all glue, one part after the other.
     wait = sum(section.delay for section in file.glue) + NS
     chips = [chip for chip in board.chips if chip is not bus]
     known = {chip.name: roles(chip) for chip in chips}
+    # Resets that follow power-on are over then.
     board.run_for(wait)
     for address in map(card.address, range(card.size)):
         for line, name in enumerate(bus.row.address):
@@ -150,6 +149,7 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[CardAns
         answers, why = [], ""
         for write in (False, True):
             who: dict[str, None] = {}
+            # Both bytes: a register that holds one already would not show that it is written.
             for data in (0xFF, 0x00) if write else (Z,):
                 hands["D0-D7"].drive(data)
                 before = _held(board)

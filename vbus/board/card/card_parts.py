@@ -135,6 +135,7 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     _check(row, path, card.size, (*inputs, *outputs))
     strobes = bus.strobes_of(card.memory)
     where = (*bus.address, *_idle(bus))
+    # A register of another kind takes one address.
     values = bytes.fromhex(row.values) or b"\0"
     places = [bus.on_lines(card.address(row.at + n)) for n in range(len(values))]
     select = Block((*strobes, *where), (_READ, _WRITE), logic.strobed(frozenset(places), bus.lines))
@@ -162,6 +163,7 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     tied = dict.fromkeys((pin for pin in _INPUTS if pin in inputs), LOW)
     tied |= dict.fromkeys((pin for pin in _ENABLES if pin in inputs), HIGH)
     tied |= dict.fromkeys(row.low, LOW) | dict.fromkeys(row.high, HIGH)
+    # On a bus without RESET only power-on resets a register.
     tied |= {} if _RESET in bus.steady else {_RESET: LOW}
     taps = _lines(card, (*strobes, *where, *([_RESET] if _RESET in bus.steady else [])))
     taps |= {bit: (f"{card.name}.{DATA}", n) for n, bit in enumerate(_BITS)}

@@ -200,10 +200,12 @@ class CardPath(CyclePath):
         """Return what is known of such a cycle; :data:`PLAYED` to play it, None to watch it."""
         kernel = self._kernel
         begin = when - self._lead
+        # No room for it: its times are shorter than the bus makes them, and not judged.
         if begin < self._bus.free_at or begin < kernel.now:
             return PLAYED
         if kernel.next_stop <= when:
             kernel.run_until(begin)
+            # What happens within the cycle may move a wire that decides.
             if not self._closed and kernel.next_due <= when:
                 return PLAYED
         state = self._state
@@ -335,6 +337,8 @@ class CardPath(CyclePath):
     def _stand(self) -> WireState:
         """Return how all stands now: the same object for the same levels."""
         levels: list[int] = []
+        # Drivers of others are counted on the way, and named only if there are any: few boards have
+        # some.
         others: i64 = 0
         for pin in self._pins:
             levels.append(pin.level)

@@ -52,6 +52,7 @@ class CardWires:
         glue = board.glue
         moving = {id(pin.net): pin.net for pin in bus.moving.values()}
         before = -1
+        # Glue that a cycle moves moves further glue.
         while len(moving) > before:
             before = len(moving)
             self.blocks: list[GlueBlock] = [
@@ -66,6 +67,7 @@ class CardWires:
             if chip is not bus and any(id(pin.net) in moving for pin in chip.pins.values())
         ]  # fmt: skip
         seen = {id(row.chip) for row in board.through.rows} if board.through is not None else set()
+        # One such chip is enough: the wires to all of them are the same.
         self.edged: bool = any(
             chip.on_levels is None or id(chip) not in seen for chip in self.behind
         )
@@ -335,6 +337,7 @@ class CardRecord(Task):
         wires = self._wires
         if not wires.lookers:
             return True
+        # The first one twice: bytes that stand there before the cycle may be others, too.
         shots = [self._shots[0], *self._shots][begin:]
         unknown = [self._unknown(shot, sources) for shot in shots]
         for (was, shot), (before, now) in zip(pairwise(shots), pairwise(unknown), strict=True):

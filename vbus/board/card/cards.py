@@ -1,21 +1,23 @@
 """Card adapters: how addresses on a plug-in card select a chip and its ports. Their interrupt: the
 outputs wired-OR, a flip-flop that an access clears, a line that cards share."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
-from msgspec import Struct, field
+from msgspec import Struct
 
+from vbus.boardfile.cards import CardSection
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow, PinRow
 from vbus.circuit.circuit import Circuit
 from vbus.core.signals import HIGH, LOW
 from vbus.glue import logic
+from vbus.glue.card_buses import BUSES
 from vbus.glue.table import OPEN, Block
 from vbus.protocols.port import CardAccess
 
-Places = list[dict[int, CardAccess]]
-"""What accesses reach, by address: reads, and writes."""
+Places = dict[int, CardAccess]
+"""What accesses in one direction reach, by address."""
 
 DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
@@ -45,9 +47,8 @@ class Card(Struct):
     Attributes:
         name: for messages.
         base: address of the card's first port.
-        reads: offset from ``base`` to (number of the chip in its session, address at that chip).
+        reads: what reads reach, before any pin is pulsed.
         writes: the same for writes: a port need not do the same in both directions.
-        unconnected: data bits that no chip drives when an offset is read; they are read as 1.
         memory: whether programs find it among memory addresses, not I/O ports.
         fixed: where a program expects the memory page of the first port without mapping it, or 0.
         big_endian: whether the byte at the lowest address of a wide access is the most
@@ -62,9 +63,8 @@ class Card(Struct):
 
     name: str
     base: int
-    reads: Mapping[int, tuple[int, int]]
-    writes: Mapping[int, tuple[int, int]]
-    unconnected: Mapping[int, int] = field(default_factory=dict)
+    reads: Places
+    writes: Places
     memory: bool = False
     fixed: int = 0
     big_endian: bool = False
@@ -75,30 +75,18 @@ class Card(Struct):
     acknowledge_read: int = -1
     acknowledge_write: int = -1
 
-    def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Return (chip number, chip address) behind ``address``; None if no chip answers."""
-        rows = self.writes if write else self.reads
-        return rows.get(address - self.base)
-
-    def floating(self, address: int) -> int:
-        """Return the data bits that no chip drives when ``address`` is read."""
-        return self.unconnected.get(address - self.base, 0)
-
-    def places(self, sides: list[str]) -> Places:
+    def places(self, sides: list[str]) -> list[Places]:
         """Return what reads and what writes reach, in a session with these side pins."""
-        return [self._places(False, sides), self._places(True, sides)]
-
-    def _places(self, write: bool, sides: list[str]) -> dict[int, CardAccess]:
-        rows = self.writes if write else self.reads
-        at = self.acknowledge_write if write else self.acknowledge_read
-        found = {}
-        for offset, place in rows.items():
-            address = self.base + offset
-            found[address] = CardAccess(*place, self.floating(address), -1)
-        if at >= 0 and self.acknowledge in sides:
-            pin, place = sides.index(self.acknowledge), rows.get(at, (-1, 0))
-            floating = self.floating(self.base + at) if at in rows else 0xFF
-            found[self.base + at] = CardAccess(*place, floating, pin)
+        found = []
+        for rows, at in (
+            (self.reads, self.acknowledge_read), (self.writes, self.acknowledge_write),
+        ):  # fmt: skip
+            mine = dict(rows)
+            if at >= 0 and self.acknowledge in sides:
+                # An access that clears the flip-flop need not reach a chip.
+                reached = rows.get(self.base + at, CardAccess(-1, 0, 0xFF, -1))
+                mine[self.base + at] = reached._replace(pulsed=sides.index(self.acknowledge))
+            found.append(mine)
         return found
 
     def text(self, sides: list[str]) -> str:
@@ -109,18 +97,12 @@ class Card(Struct):
         low after it. Where no chip answers there is that alone: ``r344!5``.
         """
         entries = []
-        for letter, rows, at in (
-            ("r", self.reads, self.acknowledge_read), ("w", self.writes, self.acknowledge_write),
-        ):  # fmt: skip
-            for offset in sorted({*rows, *([at] if at >= 0 else [])}):
-                entry = f"{letter}{self.base + offset:X}"
-                if offset in rows:
-                    chip, address = rows[offset]
-                    bits = self.unconnected.get(offset, 0) if letter == "r" else 0
-                    entry += f"={chip:X}.{address:X}" + (f"/{bits:02X}" if bits else "")
-                if offset == at:
-                    entry += f"!{sides.index(self.acknowledge):X}"
-                entries.append(entry)
+        for letter, rows in zip("rw", self.places(sides), strict=True):
+            for address, (chip, place, floating, pin) in sorted(rows.items()):
+                entry = f"{letter}{address:X}"
+                if chip >= 0:
+                    entry += f"={chip:X}.{place:X}" + (f"/{floating:02X}" if floating else "")
+                entries.append(entry + (f"!{pin:X}" if pin >= 0 else ""))
         return " ".join(entries)
 
     def program_text(self, number: Callable[[str], int]) -> str:
@@ -143,10 +125,6 @@ class Card(Struct):
             parts += ["edge=1"] if self.edge else []
         return ";".join(parts)
 
-    def offsets(self) -> list[int]:
-        """Return every decoded offset, in rising order."""
-        return sorted({*self.reads, *self.writes})
-
 
 def outputs_of(interrupt: str) -> list[tuple[str, bool]]:
     """Return the outputs, ``"chip.pin"``, of a card's interrupt, and whether each is active low.
@@ -155,6 +133,25 @@ def outputs_of(interrupt: str) -> list[tuple[str, bool]]:
     """
     names = [(one.startswith("!"), one.removeprefix("!")) for one in interrupt.split()]
     return [(name, turned != active_low(name.rpartition(".")[2])) for turned, name in names]
+
+
+def pins_of(card: CardSection) -> tuple[PinRow, ...]:
+    """Return the pins a card has on a board: those of its interrupt, and of its connector."""
+    own = (INT, ACK) if card.acknowledge else (INT,) if card.has_circuit else ()
+    return (*own, *(BUSES[card.bus].pins if card.bus else ()))
+
+
+def rows_of(
+    card: CardSection, chips: Mapping[str, Chip | type[Chip]]
+) -> Iterator[tuple[str, list[CardRow]]]:
+    """Give the chips behind a card's table, each with its rows, offsets counted in strides."""
+    for port in card.ports:
+        yield port.chip, [CardRow(port.offset, port.address, port.address)]
+    start = 0
+    for name in card.chips:
+        rows = decodes(chips[name])[card.decode]
+        yield name, [CardRow(start + r.offset, r.read, r.write, r.bits) for r in rows]
+        start += card.block or max(row.offset for row in rows) + 1
 
 
 def card_of_rows(
@@ -168,18 +165,16 @@ def card_of_rows(
         stride: distance between ports that are neighbours in the rows.
         blocks: number of a chip in its session, and its rows, offsets counted from ``base``.
     """
-    reads: dict[int, tuple[int, int]] = {}
-    writes: dict[int, tuple[int, int]] = {}
-    floating: dict[int, int] = {}
+    reads: dict[int, CardAccess] = {}
+    writes: dict[int, CardAccess] = {}
     for chip, rows in blocks:
         for row in rows:
-            offset = row.offset * stride
+            address = base + row.offset * stride
             if row.read is not None:
-                reads[offset] = (chip, row.read)
-                floating[offset] = 0xFF & ~row.bits
+                reads[address] = CardAccess(chip, row.read, 0xFF & ~row.bits, -1)
             if row.write is not None:
-                writes[offset] = (chip, row.write)
-    return Card(name, base, reads, writes, floating)
+                writes[address] = CardAccess(chip, row.write, 0, -1)
+    return Card(name, base, reads, writes)
 
 
 # -- its interrupt ---------------------------------------------------------------------------------

@@ -70,6 +70,7 @@ class _Checks:
         for card in self._file.cards:
             yield from self._card(card, ("cards", card.name))
         glue: Mapping[str, tuple[str, ...]] = {}
+        # Boards without any do not import what checks it.
         if self._file.has_glue or self._file.pinmaps:
             glue = yield from self._wiring()
         for card in self._file.cards:
@@ -93,6 +94,7 @@ class _Checks:
             if cls.PARTS and chip.part not in cls.PARTS:
                 yield (*path, "part"), unknown(chip.part, cls.PARTS)
                 continue
+            # Equal chips share a specimen: a board of 16 axes makes one.
             alike = chip.part, chip.clock, *sorted(chip.settings.items())
             try:
                 if alike not in specimens:
@@ -235,11 +237,11 @@ class _Checks:
         from vbus.board.check.glue_checks import check_card
 
         yield from check_card(card, self._known("chips"), self._file.glue)
-        for name in card.chips:
-            known = cards.decodes(self._parts[name]) if name in self._parts else {}
-            if card.decode and known and card.decode not in known:
-                yield (*path, "decode"), unknown(card.decode, known)
-        if card.bus and card.decoded:
+        known = [cards.decodes(self._parts[name]) for name in card.chips if name in self._parts]
+        wrong = [circuits for circuits in known if card.decode not in circuits]
+        for circuits in wrong if card.decode else ():
+            yield (*path, "decode"), unknown(card.decode, circuits)
+        if card.bus and card.decoded and not wrong and len(known) == len(card.chips):
             yield from self._beside(card, path)
         yield from self._card_circuit(card, path)
         if card.line:
@@ -262,12 +264,7 @@ class _Checks:
 
     def _beside(self, card: CardSection, path: Path) -> Mistakes:
         """Check that no register of a card stands where a chip answers by its table."""
-        taken, start = {port.offset: port.chip for port in card.ports}, 0
-        for name in card.chips:
-            known = cards.decodes(self._parts[name]) if name in self._parts else {}
-            offsets = [row.offset for row in known.get(card.decode, ())] or [0]
-            taken |= {start + offset: name for offset in offsets}
-            start += card.block or max(offsets) + 1
+        taken = {r.offset: name for name, rows in cards.rows_of(card, self._parts) for r in rows}
         for row in card.registers:
             if row.at in taken:
                 chip = quoted(taken[row.at])
@@ -309,6 +306,7 @@ class _Checks:
             message = f"there is a net {quoted(card.line)} already; choose another name"
             yield (*path, "line"), message
         others = [other for other in self._file.cards if other.line == card.line]
+        # A line with one card on it is most often a misspelt one.
         if len(others) < 2:
             hint = suggestion(card.line, {one.line for one in self._file.cards} - {card.line})
             yield (
@@ -329,6 +327,8 @@ class _Checks:
         links: dict[str, int] = {}
         for place, host in enumerate(self._file.hosts):
             path: Path = ("hosts", place)
+            # One that could not be read; a blank stands there, so that the others keep their
+            # numbers.
             if not host.transport:
                 continue
             scheme, colon, _ = host.transport.partition(":")
@@ -341,6 +341,7 @@ class _Checks:
             elif scheme not in plugins.names(plugins.TRANSPORTS):
                 likely = plugins.known(plugins.TRANSPORTS, scheme)
                 yield (*path, "transport"), f"found {quoted(scheme)}; {likely}"
+            # The network is one link for any number of hosts.
             if host.transport in links and scheme != NETWORK_SCHEME:
                 yield (
                     (*path, "transport"),
@@ -389,6 +390,7 @@ class _Checks:
         ]
         pins += [((*path, key), name, "") for key, name in host.sensed.items() if name]
         for where, name, wrong in pins:
+            # At the key: one sentence for all the pins in its list.
             if scheme not in MODEM_SCHEMES:
                 yield (
                     where[:3],
@@ -406,6 +408,7 @@ class _Checks:
         wanted = [name for name in self._file.violations if name != "default"]
         own = [*circuit.RULES, *(r for c in self._parts.values() for r in c.RULES)]
         known = rule_names(rule.name for rule in own)
+        # Rules of other families are for a hint alone: that loads every plug-in.
         if all(name in known for name in wanted):
             return
         known |= rule_names(rule.name for rule in all_rules())

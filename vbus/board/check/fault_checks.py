@@ -15,6 +15,7 @@ def check_faults(file: BoardFile, scheme: str) -> Mistakes:
     for section in file.faults:
         fault = faults()[section.fault]
         path: Path = ("faults", section.place)
+        # In place of a trigger that makes no sense, so that the end is checked all the same.
         when = read_when(None)
         try:
             when = read_when(section.when or None)

@@ -6,7 +6,7 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.board.card.card_parts import names_of
-from vbus.board.card.cards import ACK, INT
+from vbus.board.card.cards import pins_of
 from vbus.board.glue_plan import plan_glue
 from vbus.boardfile.cards import CardSection
 from vbus.boardfile.lines import Path
@@ -46,12 +46,10 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
     rows = {f"{name}.{row.name}": row for name, chip in chips.items() for row in chip.pin_rows}
     taken = {name: f"[chips.{name}]" for name in chips}
     for card in file.cards:
-        if card.has_circuit:
-            rows |= {f"{card.name}.{row.name}": row for row in (INT, ACK)}
-            taken.setdefault(card.name, f"the interrupt of [cards.{card.name}]")
-        if card.bus:
-            rows |= {f"{card.name}.{row.name}": row for row in BUSES[card.bus].pins}
-            taken.setdefault(card.name, f"[cards.{card.name}]")
+        rows |= {f"{card.name}.{row.name}": row for row in pins_of(card)}
+        if card.has_circuit or card.bus:
+            of = "" if card.bus else "the interrupt of "
+            taken.setdefault(card.name, f"{of}[cards.{card.name}]")
     taken |= {bus.name: f"[buses.{bus.name}]" for bus in file.buses}
     named: list[tuple[Path, str]] = [(("glue", part.name), part.name) for part in file.glue]
     named += [place for card in file.cards if card.bus for place in names_of(card)]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from vbus.board.card.cards import ACK, INT
+from vbus.board.card.cards import pins_of
 from vbus.board.check.glue_checks import GlueEnds
 from vbus.board.pin_maps import (
     DATA_WIRES,
@@ -22,7 +22,6 @@ from vbus.boardfile.sections import BoardFile, HostSection, PinMapSection
 from vbus.boardfile.source import Mistakes, absent
 from vbus.chips.base import Chip
 from vbus.core.values.settings import among, listed, quoted
-from vbus.glue.card_buses import BUSES
 
 
 class PinMapChecks:
@@ -42,16 +41,10 @@ class PinMapChecks:
         self._known: list[str] = known
         self._driven: frozenset[str] = ends.driven
         self._cards: dict[str, CardSection] = {card.name: card for card in file.cards}
-        self._others: dict[str, tuple[str, ...]] = {
-            card.name: (INT.name, ACK.name) if card.acknowledge else (INT.name,)
-            for card in file.cards
-            if card.has_circuit
-        } | dict(ends.pins)
+        self._others: dict[str, tuple[str, ...]] = dict(ends.pins)
         for card in file.cards:
-            lines = [row.name for row in BUSES[card.bus].pins if row.width == 1] if card.bus else []
-            if lines:
-                own = self._others.get(card.name, ())
-                self._others[card.name] = (*own, *lines, *DATA_WIRES)
+            if lines := [row.name for row in pins_of(card) if row.width == 1]:
+                self._others[card.name] = (*lines, *(DATA_WIRES if card.bus else ()))
         self._by_card: dict[str, set[str]] = {}
         """The chips that hosts with a pin map reach by a card, by the name of the map."""
         for host in file.hosts:
@@ -64,6 +57,7 @@ class PinMapChecks:
         path: Path = ("pinmaps", section.name)
         wrong = [*self._names(section, path)]
         yield from wrong
+        # A pin that is misspelt would be one that is missing, too.
         if not wrong and set(section.chips) <= set(self._known):
             yield from self._wires(path, self._map(section))
 

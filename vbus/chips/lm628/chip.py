@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import EDGE, SAMPLE, Chip, check_drive
+from vbus.chips.base import EDGE, SAMPLE, AcLimits, Chip, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
@@ -14,7 +14,6 @@ from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins, EncoderPins, FrontEndHost
-from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.core.kernel.clock import PS_PER_SECOND
@@ -112,6 +111,14 @@ class LM628(FrontEndHost):
             raise ValueError(f"part {part!r}: allowed are {', '.join(ds.PARTS)}")
         check_clock(part, clock.hz)
         pwm = part.startswith("LM629")
+        # Machine words first: see CONTRIBUTING, "The compiled core".
+        self._reset_end: i64 = NEVER
+        self._fails_left: i64 = 0
+        self._when: i64 = 0  # instant of what is being processed (ps)
+        self._cycle: i64 = 0  # clock cycle of the last sample
+        self._sample_at: i64 = NEVER  # instant of the next one
+        self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
+        self._reset_fell: i64 = 0
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.ac = AcLimits(self, ds.AC)
         self.axis: ServoAxis = ServoAxis(self.settings)
@@ -121,20 +128,14 @@ class LM628(FrontEndHost):
         self.host: PortState = PortState(clock, self.settings, broke)
         self.commands: AxisCommands = AxisCommands(self.host, self.axis, pwm, self._reset, broke)
         self._mode: int = _UNPOWERED
-        self._reset_end: i64 = NEVER
-        self._fails_left: i64 = int(self.settings["reset_fail"])
-        self._when: i64 = 0  # instant of what is being processed (ps)
-        self._cycle: i64 = 0  # clock cycle of the last sample
-        self._sample_at: i64 = NEVER  # instant of the next one
+        self._fails_left = int(self.settings["reset_fail"])
         self._course: tuple[int, ...] = ()  # the last sample's, if untouched; see _run_samples
         self._still: bool = False
         drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
         driven = tuple(self.pins[name] for name in drivers)
         self._outputs: ServoOutputPins = ServoOutputPins(self.output, clock, driven)
-        self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
         self._unseen: bool = False
         """HI has risen, and no status byte was read since; no part of the saved state."""
-        self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))

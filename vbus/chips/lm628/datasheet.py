@@ -8,8 +8,7 @@ from typing import Final
 
 from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable, rules_in
-from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
+from vbus.chips.tables import AcLimit, AcTable, Bit, Command, CommandTable, PinRow, rules_in
 from vbus.core.kernel import MS, NS, US
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Final
 from vbus.chips.lm628 import datasheet as lm
 from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
 from vbus.client.aio.bus import Bus, Chip
-from vbus.client.aio.twice import twice
-from vbus.client.aio.waits import read_until
+from vbus.client.aio.waits import read_until, twice
 from vbus.core.errors import NotReadyError, ReadBackError
 
 _STOPS: Final = {

@@ -5,13 +5,12 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import OUTPUT, Chip
+from vbus.chips.base import OUTPUT, AcLimits, Chip
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.motion import quadrature as q
-from vbus.chips.strobes import AcLimits
 from vbus.core.kernel import NEVER
 from vbus.core.signals import LOW, STRICT, Watcher
 from vbus.core.state import Names, Saved, keep, take_back
@@ -72,6 +71,9 @@ class BusPins(BusFrontEnd):
     DERIVED: ClassVar[Names] = ("_levels",)
 
     def __init__(self, chip: FrontEndHost, host: PortState) -> None:
+        self._levels: i64 = _IDLE
+        self.show_at: i64 = NEVER
+        """Instant at which strict T10 lets the byte appear (ps)."""
         super().__init__(chip)
         self._owner: FrontEndHost = chip
         self._host: PortState = host
@@ -84,7 +86,6 @@ class BusPins(BusFrontEnd):
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
-        self._levels: i64 = _IDLE
         self._ps_moved: int = _LONG_AGO
         self._rd_fell: int = _LONG_AGO
         self._wr_fell: int = _LONG_AGO
@@ -92,8 +93,6 @@ class BusPins(BusFrontEnd):
         self._began: int = 0
         self._lost: bool = False
         self._fought: bool = False
-        self.show_at: i64 = NEVER
-        """Instant at which strict T10 lets the byte appear (ps)."""
         self.driving: bool = False
         """A read is under way: the chip drives D0-D7."""
         # Ends of the last judged cycles.

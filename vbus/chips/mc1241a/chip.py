@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import CHANGE, POLL, SAMPLE, check_drive
+from vbus.chips.base import CHANGE, POLL, SAMPLE, AcLimits, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.axis import NO_AXIS, Interrupts, StepperAxis
@@ -17,7 +17,6 @@ from vbus.chips.mc1241a.host_port import PacketPort
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.pins import AdapterPins
-from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import CardRow, PinRow
 from vbus.core.kernel import HELD, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
@@ -71,6 +70,8 @@ class MC1241A(ChipSet):
     ) -> None:
         if part not in self.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
+        self._wake: i64 = 0
+        self._hold_at: i64 = NEVER
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.ac = AcLimits(self, ds.AC)
         self.axis_count = 2 if part == "MC1241A" else 1
@@ -86,8 +87,6 @@ class MC1241A(ChipSet):
         self.commands: Final[Commands] = Commands(self, self.axes, self.cycles, self.interrupts)
         self.port: Final[PacketPort] = PacketPort(self, self.commands, self.cycles)
         self.output: Final[Output] = Output(self, self.cycles, self.axis_count)
-        self._wake: i64 = 0
-        self._hold_at: i64 = NEVER
         self._adapter_read: bool = False
         self.host_pins: AdapterPins = AdapterPins(self, self.port)
         self.restart(self.kernel.now, 0)

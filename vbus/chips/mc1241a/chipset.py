@@ -4,9 +4,8 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.chips.base import Chip
+from vbus.chips.base import AcLimits, Chip
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.strobes import AcLimits
 from vbus.core.signals import Pin, Rule
 from vbus.core.state import Names
 

@@ -4,8 +4,16 @@ from typing import Final
 
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable, rules_in
-from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
+from vbus.chips.tables import (
+    AcLimit,
+    AcTable,
+    Bit,
+    CardRow,
+    Command,
+    CommandTable,
+    PinRow,
+    rules_in,
+)
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 

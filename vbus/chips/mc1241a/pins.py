@@ -4,11 +4,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.base import AcLimits
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.host_port import PacketPort
-from vbus.chips.strobes import AcLimits
 from vbus.core.signals import LOW, Watcher
 from vbus.core.state import Names
 

@@ -160,10 +160,6 @@ class ClockedAxis:
             self.loop.faults,
             settings["index"] == "high",
         )
-        find = self.find  # one object for both
-        self.channels: Final[EncoderChannels] = EncoderChannels(
-            registers, self.encoder, self.counter, find
-        )
         self.inputs: Final[InputLevels] = InputLevels(
             self.encoder, trigger, str(settings["home_switch"])
         )
@@ -173,16 +169,20 @@ class ClockedAxis:
         )
         self.rest: Final[SteadyState] = SteadyState(self.loop, self.drive, self.encoder)
         self.writes: Final[Writes] = Writes()
-        self.host: Final[HostRegisters] = HostRegisters(
-            registers, self.timer, self.counter, self.channels, self.loop, self.inputs, find,
-            self.request,
-        )  # fmt: skip
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
         self._at_reset: i64 = FAR
         self._at_sample: i64 = FAR
         self._at_results: i64 = FAR
         self._at_routine: i64 = FAR
+        find = self.find  # one object for both
+        self.channels: Final[EncoderChannels] = EncoderChannels(
+            registers, self.encoder, self.counter, find
+        )
+        self.host: Final[HostRegisters] = HostRegisters(
+            registers, self.timer, self.counter, self.channels, self.loop, self.inputs, find,
+            self.request,
+        )  # fmt: skip
 
     def find(self, rule: Rule, cycle: int, measured: int = 0, detail: str = "") -> bool:
         """File a violation of clock cycle ``cycle``; tell whether the cycle is to be lost."""

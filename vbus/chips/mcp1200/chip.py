@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE, check_drive
+from vbus.chips.base import CHANGE, EDGE, POLL, SAMPLE, AcLimits, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
@@ -14,7 +14,6 @@ from vbus.chips.mcp1200.encoder import LONG_AGO
 from vbus.chips.mcp1200.output import OutputPins
 from vbus.chips.mcp1200.pins import ChannelPins, HostInterface, SidePins, StrobePins
 from vbus.chips.mcp1200.registers import FAR
-from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import MS, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
@@ -68,6 +67,8 @@ class MCP1200(HostInterface):
         policy: Policy | None = None,
         file: Callable[[Violation], None] | None = None,
     ) -> None:
+        self._due_ps: i64 = NEVER
+        self._quiet_ps: i64 = 0  # Pulse and Sign stay before this instant
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.ac = AcLimits(self, ds.AC[str(self.settings["supply"])])
         self.read_low_ps = self.ac.least["tALDB"]
@@ -78,8 +79,6 @@ class MCP1200(HostInterface):
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
-        self._due_ps: i64 = NEVER
-        self._quiet_ps: i64 = 0  # Pulse and Sign stay before this instant
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
         axis = self.axis

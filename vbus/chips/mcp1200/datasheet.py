@@ -8,8 +8,18 @@ from typing import Final
 
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable, rules_in
-from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
+from vbus.chips.tables import (
+    LIVE,
+    REPORTED,
+    SAMPLED,
+    AcLimit,
+    AcTable,
+    Bit,
+    PinRow,
+    Register,
+    RegisterMap,
+    rules_in,
+)
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 

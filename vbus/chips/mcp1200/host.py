@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Final
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.client.aio.access import RegisterCycles, calls_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
-from vbus.client.aio.twice import twice
-from vbus.client.aio.waits import read_until
+from vbus.client.aio.waits import read_until, twice
 from vbus.core.errors import ReadBackError
 
 PROFILE: Final = 0

@@ -5,13 +5,12 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import Chip
+from vbus.chips.base import AcLimits, Chip
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.encoder import LONG_AGO, EncoderChannels, InputLevels
 from vbus.chips.motion.quadrature import Quadrature
-from vbus.chips.strobes import AcLimits
 from vbus.core.kernel import NEVER
 from vbus.core.signals import LOW, Net, Pin, Watcher, Z
 from vbus.core.state import Names

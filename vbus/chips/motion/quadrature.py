@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.strobes import AcLimits
+from vbus.chips.base import AcLimits
 from vbus.core.kernel import NEVER
 from vbus.core.state import Names
 

@@ -8,8 +8,7 @@ from typing import Final
 from vbus import plugins
 from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.family import Family
-from vbus.chips.strobes import AcTable
-from vbus.chips.tables import AcLimit, Bit, Command, PinRow, Register
+from vbus.chips.tables import AcLimit, AcTable, Bit, Command, PinRow, Register
 from vbus.cli.generate.layout import folder_of, option_table, own_families, table
 from vbus.core.options import Option
 from vbus.core.signals import Rule

@@ -1,9 +1,12 @@
-"""How a session waits in an event loop, whose first wait imports asyncio, and for a chip."""
+"""How a session waits in an event loop, whose first wait imports asyncio, and for a chip.
+
+A value may be read until two reads say the same: one broken bus cycle is not believed.
+"""
 
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
-from vbus.core.errors import NotReadyError
+from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import parse_duration
 
@@ -41,6 +44,27 @@ async def read_until(
             raise NotReadyError(lacking.format(number, longest))
         await bus.delay(every)
     return number
+
+
+READS: Final = 4
+"""Reads after the first one, before a value is given up."""
+NEAR: Final = 20
+"""Counts that an axis may move between two reads of where it is, at rest."""
+
+
+async def twice(read: Callable[[], Awaitable[int]], near: int = NEAR) -> int:
+    """Read a value until two reads in a row are within ``near``; return the last.
+
+    Raises:
+        ReadBackError: five reads all differ.
+    """
+    before = await read()
+    for _ in range(READS):
+        value = await read()
+        if abs(value - before) <= near:
+            return value
+        before = value
+    raise ReadBackError(f"{READS + 1} reads of one value all differ; the last is {before}")
 
 
 class Waits:

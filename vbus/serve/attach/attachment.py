@@ -2,7 +2,7 @@
 
 import asyncio
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -16,15 +16,14 @@ from vbus.serve.attach.meter import ByteMeter, Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.fast_path import SpinTurn
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import Control, LocalSocket
 from vbus.serve.registry import socket_path
-from vbus.serve.session import Serving, Session
-from vbus.serve.time.spin_policy import SpinTurn
+from vbus.serve.session import Serving
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link, ignore
-from vbus.transports.runtime import mark_pause
 
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""
@@ -148,26 +147,20 @@ class Attachment:
         Raises:
             TransportError: one cannot be opened; none is open then.
         """
-        serving = Serving(
-            loop, TimeSource(), self._turns, Histogram(ROUND_TRIP_NS), self._disconnects,
-            DetachedWaits(TimeSource()), self._session_ended,
-        )  # fmt: skip
         with ExitStack() as opened:
             for host in self._hosts:
-                transport = host.transport
-                transport.closing = False
-                transport.report = self._report
-                transport.board = self.board.name
-                opened.callback(transport.close)
-                transport.open(loop, partial(self._connect, host, serving))
+                opened.callback(host.close, "the attachment ends")
+                serving = Serving(
+                    loop, TimeSource(), self._turns, Histogram(ROUND_TRIP_NS), self._disconnects,
+                    DetachedWaits(TimeSource()), host.ended,
+                )  # fmt: skip
+                host.open(
+                    loop, self.board.name, self._report, partial(self._connect, host, serving)
+                )
             self._opened = opened.pop_all()
 
     def _close_links(self) -> None:
         """Take every link here away, as those of a board that stops; again is harmless."""
-        for host in self._hosts:
-            host.transport.closing = True
-            for session in list(host.sessions):
-                session.end("the attachment ends")
         self._opened.close()
 
     async def _leave(self) -> None:
@@ -209,11 +202,6 @@ class Attachment:
     def _meter(self) -> Meter:
         return ByteMeter(self.trips) if self.board.protocol == "byte" else Meter(self.trips)
 
-    def _session_ended(self, session: Session) -> None:
-        for host in self._hosts:
-            if session in host.sessions:
-                host.ended(session)
-
     def _over(
         self,
         host: HostEntry,
@@ -249,7 +237,7 @@ class Attachment:
 
     def _mark_pause(self, paused: bool) -> None:
         for host in self._hosts:
-            mark_pause(host.transport.url, paused)
+            host.mark_pause(paused)
 
     # -- a board that is gone -------------------------------------------------------------------
 
@@ -292,11 +280,6 @@ class Attachment:
             self._stop.set()
 
     # -- telling about itself -------------------------------------------------------------------
-
-    def sessions(self) -> Iterator[Session]:
-        """Give every session that is open."""
-        for host in self._hosts:
-            yield from host.sessions
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of it."""

@@ -51,6 +51,7 @@ async def aside(work: Callable[[], T], unwanted: Callable[[T], object] | None = 
         with suppress(RuntimeError):  # the loop has ended meanwhile
             loop.call_soon_threadsafe(settle, result, failure)
 
+    # A daemon: Ctrl-C does not wait until a computer that is off has not answered.
     threading.Thread(target=run, daemon=True).start()
     return await done
 

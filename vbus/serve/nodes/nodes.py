@@ -32,7 +32,7 @@ from vbus.serve.nodes.timebase import Timebase
 from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
-from vbus.serve.server import Run, Server
+from vbus.serve.server import ServedRun, Server
 from vbus.serve.serving import links_of, metrics_of, network_of
 
 LAST_WORDS: Final = 0.1
@@ -73,7 +73,7 @@ class NodesOutcome:
         over: whether a scenario was played to its end.
         lost: why files have not all they should have; it has been said.
         skew: in real time: how far apart nodes were, by
-            :meth:`~vbus.serve.nodes.skew.Skew.statistics`.
+            :meth:`~vbus.serve.nodes.realtime_nodes.Skew.statistics`.
         timing: in virtual time: rounds, and wall time of one (us).
     """
 
@@ -213,7 +213,7 @@ def serve_nodes(
     return run.outcome()
 
 
-class _NodesRun(Run):
+class _NodesRun(ServedRun):
     """Nodes of this process from their start to their end."""
 
     def __init__(

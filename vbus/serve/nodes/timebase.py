@@ -140,6 +140,7 @@ class Timebase(Peers):
         started = self._clock()
         first, *others = self._to_send
         message: Message = first
+        # One message for all nodes of this process: a message costs more than its bytes.
         if others:
             message = Reports(first.digest, first.node, first.round, (first, *others))
         self.send(first.node, message)

@@ -1,15 +1,16 @@
 """Faults of a running board, by orders (:mod:`vbus.serve.local_socket`), and of its links."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.core.options import Value
 from vbus.faults.row import MESSAGES, misfit
+from vbus.serve.host_entry import HostEntry
 from vbus.serve.local_socket import Order
 from vbus.serve.message_session import MessageSession
 from vbus.serve.session import Session
-from vbus.transports.base import LinkFilter, Transport
+from vbus.transports.base import LinkFilter
 from vbus.transports.traffic import MessageFault, Traffic
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class _LinkFault(LinkFilter):
             out.clear()
         elif self._name == "half_answer" and not self._silent:
             self._silent = True
+            # A byte at least: a host that gets nothing cannot tell half an answer from a lost one.
             del out[max(1, len(out) // 2) :]
         else:
             out.clear()
@@ -60,22 +62,15 @@ class FaultOrders:
 
     Args:
         board: the board.
-        sessions_of: gives the sessions of a host entry, None if there is no such entry.
-        transport_of: gives its transport.
+        hosts: the host entries.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        sessions_of: Callable[[int], list[Session] | None],
-        transport_of: Callable[[int], Transport | None],
-    ) -> None:
+    def __init__(self, board: Board, hosts: Sequence[HostEntry]) -> None:
         self._board: Board = board
-        self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
-        self._transport_of: Callable[[int], Transport | None] = transport_of
+        self._hosts: Sequence[HostEntry] = hosts
         self._of_messages: dict[int, tuple[Traffic, MessageFault]] = {}
-        self.acting: dict[int, tuple[int, str, list[_LinkFault]]] = {}
-        """Faults that act on links, by number: place of the host, name, sessions."""
+        self.acting: dict[int, tuple[HostEntry, str, list[_LinkFault]]] = {}
+        """Faults that act on links, by number: the host entry, name, sessions."""
 
     # -- orders -------------------------------------------------------------------------------
 
@@ -126,13 +121,19 @@ class FaultOrders:
         Raises:
             ValueError: it is of messages and the link carries bytes, or the other way round.
         """
-        fault, transport = self._board.faults.find(name), self._transport_of(int(target[4:]))
-        if transport is None:
+        fault, host = self._board.faults.find(name), self._host(target)
+        if host is None:
             if fault.family == MESSAGES:
                 raise ValueError(_no_link(target))
             return
+        transport = host.transport
         if said := misfit(fault, target, transport.url, transport.traffic is not None):
             raise ValueError(said)
+
+    def _host(self, target: str) -> HostEntry | None:
+        """Return the host entry of a link, ``"host0"``; None if there is none."""
+        place = int(target[4:])
+        return self._hosts[place] if place < len(self._hosts) else None
 
     def begin(
         self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
@@ -143,10 +144,10 @@ class FaultOrders:
             ValueError: there is no such link, it has no host, or it cannot have the fault.
         """
         self.check(name, target)
-        place = int(target[4:])
-        sessions, transport = self._sessions_of(place), self._transport_of(place)
-        if sessions is None or transport is None:
+        host = self._host(target)
+        if host is None:
             raise ValueError(_no_link(target))
+        sessions, transport = list(host.sessions), host.transport
         if transport.traffic is not None and name != "link_closed":
             fault = MessageFault(name, values, once)
             transport.traffic.add(fault)
@@ -165,7 +166,7 @@ class FaultOrders:
             return f"{len(sessions)} sessions closed"
         faults = [_LinkFault(session, name, once).begin() for session in sessions]
         if not once:
-            self.acting[number] = (place, name, faults)
+            self.acting[number] = (host, name, faults)
         return f"{len(sessions)} sessions"
 
     def end(self, number: int) -> None:
@@ -173,8 +174,7 @@ class FaultOrders:
         if number in self._of_messages:
             traffic, fault = self._of_messages.pop(number)
             traffic.remove(fault)
-        _, _, faults = self.acting.pop(number, (0, "", []))
-        for one in faults:
+        for one in self.acting.pop(number)[2] if number in self.acting else ():
             one.undo()
 
     def end_all(self) -> None:
@@ -182,10 +182,10 @@ class FaultOrders:
         for number in [*self._of_messages, *self.acting]:
             self.end(number)
 
-    def connected(self, place: int, session: Session) -> None:
+    def connected(self, host: HostEntry, session: Session) -> None:
         """A host has connected while faults act: they act on it too."""
         for where, name, faults in self.acting.values():
-            if where == place and not isinstance(session, MessageSession):
+            if where is host and not isinstance(session, MessageSession):
                 faults.append(_LinkFault(session, name, False).begin())
 
 

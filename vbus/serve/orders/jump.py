@@ -139,6 +139,7 @@ class JumpBack:
                     loop = asyncio.get_running_loop()
                     loop.call_soon(self._go_on, work, past, to, own, port)
                     return
+            # Checked again: other hosts were served between the slices.
             self._check(own, port)
             self._jump(past, own)
             said = f"went back to {format_instant(to)}"

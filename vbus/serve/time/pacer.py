@@ -436,6 +436,7 @@ class WallClockPacer(TimeSource):
         """Call back when chip time may run to ``instant`` (ps)."""
         if instant < NEVER:
             self._wake_number += 1
+            # A host may be so far ahead of the wall clock (`catch_up`): it is woken as early.
             when = instant - AHEAD if self._paced else instant
             if not self._wakes:
                 self._slice = SLICE  # what was at rest the last time may move by now
@@ -463,6 +464,7 @@ class WallClockPacer(TimeSource):
         if due != self._armed and self._timer is not None:
             self._armed = due
             numerator, denominator = self._ps_per_ns
+            # Rounded up: a timer that fires early finds nothing due, and is set again.
             wait = -(-(due - self.wall()) * denominator // numerator) if numerator else 10**9
             self._timer.set(max(1, wait))
 
@@ -490,6 +492,7 @@ class WallClockPacer(TimeSource):
     def _woken(self) -> None:
         if self._timer is not None:
             self._timer.acknowledge()
+        # The tick is the chips' turn, however many hosts ask.
         self._hosts_until = 0
         if self.halted or not self._paced:
             return

@@ -117,6 +117,7 @@ def as_cobertura(coverage: Coverage) -> str:
         "coverage",
         {
             **rates(done, total), "lines-covered": str(done), "lines-valid": str(total),
+            # Readers of Cobertura ask for branches and a time; there are none here.
             "branches-covered": "0", "branches-valid": "0", "version": f"vbus {__version__}",
             "timestamp": "0",
         },

@@ -114,12 +114,14 @@ def junit(report: Report) -> str:
     """Return a test case for each rule of each chip; errors that are not accepted fail it."""
     suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
+    # Rules that were kept are test cases, too: a suite without failures says what was looked at.
     pairs = [
         (chip, rule)
         for chip, family in report.families.items()
         for rule in report.rules
         if rule.name.startswith(f"{family}.")
     ]
+    # Those of the board itself belong to no family.
     pairs += [(chip, rule) for chip, name in report.counts for rule in report.rules
               if rule.name == name]  # fmt: skip
     for chip, rule in dict.fromkeys(pairs):

@@ -135,6 +135,7 @@ class Report(PacketReader):
         if self._open:
             for finding in self._open:
                 finding.after.append(line)
+            # The oldest is full first: most cycles find nothing to close.
             if len(self._open[0].after) > CONTEXT:
                 self._open = [f for f in self._open if len(f.after) <= CONTEXT]
 
@@ -145,6 +146,7 @@ class Report(PacketReader):
         reason = ""
         for suppression in self.suppressions:
             if suppression.covers(violation):
+                # All that cover it have been of use; the reason is that of the first.
                 suppression.used += 1
                 reason = reason or suppression.reason
         if self.counts[key] <= DETAILED:

@@ -87,6 +87,7 @@ class _Host(PacketReader):
         if answered:
             self._polled[asked] = said
         else:
+            # What is read after a write is asked anew, even if it was read before.
             self._polled.clear()
 
     def bus_cycle(
@@ -130,6 +131,7 @@ def recorded_run(reader: JournalReader) -> Run:
         )
     if not outcome.ended:
         raise VbusError(f"it was not closed ({reader.damage or 'its end is missing'})")
+    # Only now: a packet that the host left open is one of its packets.
     stream.finish()
     run.axes = axes
     run.duration = board.now

@@ -181,6 +181,7 @@ class Merged:
 
     def _told_now(self) -> bytes:
         """Return how far time has come in all parts, if that is news."""
+        # A page draws what is known of all parts.
         now = min(self._nows.values(), default=self._now)
         if now <= self._now:
             return b""

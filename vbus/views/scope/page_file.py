@@ -32,6 +32,7 @@ def page_file(name: str) -> str:
     Raises:
         VbusError: there is none of that name.
     """
+    # Names that are there, not a path: nothing leads out of the folder.
     there = {file.name: file for file in PAGE.iterdir() if _FILE.fullmatch(file.name)}
     if name not in there:
         raise VbusError(f"the page has no file {name[:LONGEST]}")
@@ -62,6 +63,7 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
 
     def script(match: re.Match[str]) -> str:
         scripts.append(joined(match[1]))
+        # It stands in a script element: no end of one may be in it.
         text = json.dumps(description, ensure_ascii=False).replace("<", "\\u003c")
         return (
             f'<script type="application/json" id="description">{text}</script>\n'
@@ -77,6 +79,7 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
 
 
 def _packed(frames: Sequence[bytes]) -> str:
+    # Raw, without the head of zlib: the page unpacks deflate-raw.
     deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     data = b"".join([deflate.compress(frame) for frame in frames]) + deflate.flush()
     return base64.b64encode(data).decode("ascii")

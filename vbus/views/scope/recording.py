@@ -112,6 +112,7 @@ class Recorder(PacketReader):
         self.board.observe(self)
         for look in self._looks.values():
             look.look()
+            # Pages of a run that is over may ask for any register; of a live one they say when.
             look.look_inside(self._edges)
 
     def look_inside(self, on: bool) -> None:
@@ -163,6 +164,7 @@ class Recorder(PacketReader):
             label = self._labels[said] = len(self._labels)
             self._new.append(said)
         kind = self._kind(chip, packet)
+        # A breach is known before the packet it is in.
         for when, mark in self._broken.pop(chip, ()):
             if packet.begin <= when <= packet.end:
                 mark["label"] = label

@@ -46,6 +46,7 @@ class Stream:
         """Take whole frames; those that last come by themselves."""
         self._kept[self.end] = frames
         self._size += len(frames)
+        # The latest stays whatever its size: else a page that asks would get nothing.
         while self._most is not None and self._size > self._most and len(self._kept) > 1:
             oldest = self._kept.pop(self._first)
             if oldest[0] in LASTING:

@@ -88,6 +88,7 @@ def ordered(samples: Iterable[Sample], name: str) -> Iterator[Sample]:
         if number >= MOST_LINES:
             raise CaptureError(f"{name}: more than {MOST_LINES} samples; cut the capture")
         if levels < 0:
+            # Instants before a trigger are negative; a board begins at 0.
             shift = max(0, -when)
         elif when + shift < last:
             raise CaptureError(f"{name}: time runs backwards at {when} ps, after {last - shift} ps")

@@ -97,6 +97,7 @@ def _text(file: BinaryIO, name: str) -> Iterator[tuple[int, str]]:
         if len(line) > LONGEST_TEXT:
             raise CaptureError(f"{name}: line {number} is longer than {LONGEST_TEXT} bytes")
         try:
+            # Windows puts a byte order mark first.
             yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
         except UnicodeDecodeError:
             raise CaptureError(f"{name}: line {number}: this is no text") from None
@@ -154,6 +155,7 @@ def _samples(
             values = line
             when = place * SECOND // hertz
         place += 1
+        # Most lines repeat the levels of the one before: those are not read again.
         if values != before:
             before = values
             levels = _levels(values, names, separator, f"{name}: line {number}", levels)

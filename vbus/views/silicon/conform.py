@@ -321,6 +321,7 @@ class Conform(Observer):
         watch = self._watch
         state = save(watch)
         taken = []
+        # Unknown bits all high, and all low: the chip must take the same.
         for old in (0xFF, 0):
             load(watch, state)
             old = self._byte & ~self._floating | self._floating & old
@@ -369,6 +370,7 @@ class Conform(Observer):
             self._suspect(Mismatch(cycle.when, where, *bytes_), silicon, model)
         elif self.verdict.mismatch is None:
             self.verdict.reads += not cycle.write
+        # What follows a difference is context alone.
         if self.verdict.mismatch is None:
             self.verdict.cycles += 1
         packets = [packet for _, packet in self._silicon.decoded(self._chip.name, silicon)]
@@ -447,6 +449,7 @@ class Conform(Observer):
         """Take the first candidate that has become certain, if none before it is open."""
         while self._candidates and self.verdict.mismatch is None:
             candidate = self._candidates[0]
+            # Its packet may still turn out to be left out; after so many cycles it counts as it is.
             if not candidate.settled and len(candidate.mismatch.after) <= CONTEXT:
                 return
             self._candidates.popleft()

@@ -61,6 +61,7 @@ class OutputWatch(Observer):
         """Take the silicon's level from ``now`` on; return the first edge without a partner."""
         moved, self._level = level != self._level, level
         if not self._aligned:
+            # From here on both have had the same edges.
             if level == self._net.value:
                 self._aligned = True
             elif now - self._begun > RESET_OVER:

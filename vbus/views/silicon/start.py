@@ -89,6 +89,7 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
             if unknown:
                 continue
             after_last = number
+            # The first levels that are known are no edge.
             idle = watch.idle(tuple([wiring.level(name, value) for name in watch.PINS]))
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
         if begin < 0 and idle and (isinstance(begin_at, str) or when >= begin_at):

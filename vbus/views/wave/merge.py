@@ -21,6 +21,7 @@ def merge_waves(waves: Iterable[tuple[str, Iterable[str]]], file: TextIO) -> Non
         waves: name of a node, and the lines of its text.
         file: takes the text.
     """
+    # Each text begins with the first identifier: in one file they would be the same.
     codes = map(_code, count())
     head: list[str] = []
     scopes: list[str] = []

@@ -82,7 +82,7 @@ class VcdFile:
         self._writer = VCDWriter(
             self._file,
             timescale="100 ps",
-            date="",
+            date="",  # equal runs give equal files
             version=f"vbus {__version__}",
             init_timestamp=first // TICK,
         )

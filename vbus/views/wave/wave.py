@@ -98,6 +98,7 @@ class Wave(PacketReader):
         """The latest values of the chips."""
         self._changes: Changes = Changes(board.kernel, nets, self._stream)
         self._ring: deque[Change] = deque()
+        # No part of the state of the board: a waveform changes no hash.
         self._timer = board.kernel.onlooker(self._look)
 
     # -- beginning and end --------------------------------------------------------------------
@@ -165,6 +166,7 @@ class Wave(PacketReader):
         # A packet that was cut short is known to have ended only now.
         signal, text = self._words[chip], packet.text
         self._changes.note(self._stream.latest, signal, text)
+        # Such a packet says the same each time: a poll is decoded once.
         if packet.kind in self._stream.decoders[chip].APART:
             _, write, address, data = packet.cycles[0]
             self._changes.say(chip, write, address, data, signal, text)
