@@ -58,8 +58,6 @@ COMMANDS = "with it interpreted, commands take 1.6 times as long"
 REASONS: dict[str, str] = {
     "vbus/board/board.py": "a circuit, and circuits take no interpreted heirs",
     "vbus/board/card/card_bus.py": HELD,
-    "vbus/board/card/card_cycle.py": HELD,
-    "vbus/board/host_leases.py": HELD,
     "vbus/board/host_polls.py": HELD,
     "vbus/board/host_selection.py": HELD,
     "vbus/chips/lm628/commands.py": COMMANDS,

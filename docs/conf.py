@@ -7,6 +7,7 @@ here. Made on the way are the pages of the Python interface and the ledgers of t
 import pkgutil
 import re
 import shutil
+import sys
 import zipfile
 from collections.abc import Sequence
 from importlib import import_module
@@ -18,10 +19,13 @@ from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 from vbus.cli.generate.layout import own_families
-from vbus.cli.generate.ledger import ledger
 from vbus.version import __version__
 
 ROOT: Final = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from contrib.generate.ledger import ledger  # noqa: E402
+
 MADE: Final = ROOT / "docs" / "made"
 """Pages made on the way; git leaves them out."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from vbus.cli.run.exec_avr import simulator
+from vbus.cli.run.firmware import simulator
 from vbus.core.errors import VbusError
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"

@@ -12,10 +12,11 @@ import pytest
 
 from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
 from tests.e2e.command import start
+from tests.firmware import run_avr
 from tests.shims.conftest import compile_for
 from tests.waiting import until
 from vbus.cli.run import exec as exec_module
-from vbus.cli.run.exec_avr import parse, run_avr, simulator
+from vbus.cli.run.firmware import parse, simulator
 from vbus.core.errors import ConfigError, ProgramError
 from vbus.serve.registry import running
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.avr.conftest import Compile
 from tests.avr.test_firmware import CLOCK, Run, run, transcript
+from tests.firmware import run_avr
 from vbus.board.build import load_board_text
-from vbus.cli.run.exec_avr import run_avr
 from vbus.core.errors import ConfigError
 
 __all__ = ["run", "transcript"]

@@ -6,8 +6,8 @@ import pytest
 
 from tests.avr.conftest import EXAMPLES, compile_avr
 from tests.avr.test_firmware import UNO, bus_of, exec_command
+from tests.firmware import run_avr
 from tests.shims.conftest import compile_for
-from vbus.cli.run.exec_avr import run_avr
 
 TWO_AXES = EXAMPLES / "lm629_two_axes"
 BIT_BANG = EXAMPLES / "lm629_avr_bitbang"

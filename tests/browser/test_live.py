@@ -144,7 +144,10 @@ def test_a_message_draws_new_columns_only(board: Board) -> None:
     after = state(page)
     tracks = len(after["tracks"])
     new = (after["start"] - seen["start"]) // seen["scale"]
-    assert after["columns"] - seen["columns"] <= tracks * (new + 5 * 12)
+    # Frames of texts and tables come by a clock, so that a busy machine draws more than five.
+    assert after["columns"] - seen["columns"] <= tracks * (
+        new + 12 * (after["frames"] - seen["frames"])
+    )
 
 
 def test_late_packets_come_to_their_place(board: Board) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.cpu.conftest import EXAMPLES, build
-from vbus.cli.run.exec_cpu import run_cpu
+from tests.firmware import run_cpu
 from vbus.core.errors import ConfigError, ProgramError
 
 FOLDER = EXAMPLES / "mc1241a_dos"

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.cpu.conftest import ARM, EXAMPLES, PROGRAMS, build, example
-from vbus.cli.run.exec_cpu import run_cpu, settings_of
+from tests.firmware import run_cpu
+from vbus.cli.run.firmware import settings_of
 from vbus.core.errors import ConfigError, ProgramError
 
 FOLDER = EXAMPLES / "stm32_lm629_mcp1200"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.cpu.conftest import EXAMPLES, M68K, PROGRAMS, build
-from vbus.cli.run.exec_cpu import run_cpu
+from tests.firmware import run_cpu
 from vbus.core.errors import ProgramError
 
 FOLDER = EXAMPLES / "lm629_vme_68000"

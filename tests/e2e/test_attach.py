@@ -22,7 +22,7 @@ from vbus.client import connect
 from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.runtime import lock_state
 from vbus.protocols.requests import REQUESTS
-from vbus.serve.registry import ask, status_path
+from vbus.serve.registry import ask, socket_path
 from vbus.serve.server import LinkSpec, Server
 
 HERE = Path(__file__).parent
@@ -65,7 +65,7 @@ def test_a_board_elsewhere_is_a_link_here(kind: str, link: str, runtime: Path) -
             bus.write(1, 0x41)
             assert [bus.read(1) for _ in range(3)] == [0x41, 0x42, 0x43]
         assert here.round_trips == 4  # HELLO and three reads
-        told = ask(status_path("near"))
+        told = ask(socket_path("near"))
         assert told["attached"]["to"] == link_of(server)
         assert told["attached"]["board"] == "bench"
         assert told["links"][0]["received"] == 2 + 2 + 3
@@ -171,7 +171,7 @@ def test_a_host_is_told_that_the_board_has_gone_and_its_links_come_back_with_it(
         os.close(fd)
         until(lambda: not (runtime / "near").is_symlink(), lambda: here.said)
         assert not (runtime / "near.sock").exists()
-        assert ask(status_path("near"))["attached"]["state"].startswith("lost: unix:")
+        assert ask(socket_path("near"))["attached"]["state"].startswith("lost: unix:")
         assert here.lost == 1  # the claim's
         told = [sentence for sentence in here.said if "answers lost" in sentence]
         assert len(told) == 1

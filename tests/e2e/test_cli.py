@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from importlib import metadata
 from pathlib import Path
 
@@ -51,7 +50,7 @@ runpy.run_module("vbus", run_name="__main__")
 
 
 @pytest.mark.parametrize(
-    "module", ["click", "vbus.core.errors", "vbus.cli.run.schema", "vbus.boardfile"]
+    "module", ["click", "vbus.core.errors", "vbus.cli.run.check", "vbus.boardfile"]
 )
 def test_ctrl_c_while_something_is_imported_ends_it_quietly(module: str) -> None:
     done = subprocess.run(
@@ -217,9 +216,7 @@ def test_check_finds_recordings_that_could_not_begin(board: Path) -> None:
 def test_run_tells_what_is_attached_where_and_ends_cleanly_with_ctrl_c(
     board: Path, runtime: Path
 ) -> None:
-    began = time.monotonic()
     with running(board) as (process, lines):
-        starting = time.monotonic() - began
         assert lines == [
             f"bench: realtime, process {process.pid}",
             "  chip x: ACME-1 at 8 MHz",
@@ -228,11 +225,8 @@ def test_run_tells_what_is_attached_where_and_ends_cleanly_with_ctrl_c(
             "ready; Ctrl-C stops it",
         ]
         assert (runtime / "x").is_symlink()
-        began = time.monotonic()
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60)
-        # A second, and what a busy machine takes: it was no quicker to start.
-        assert time.monotonic() - began < 2 + 3 * starting
     assert (process.returncode, out, err) == (0, "", "")
     assert [path.name for path in runtime.iterdir()] == ["boards"]
     assert list((runtime / "boards").iterdir()) == []

@@ -16,7 +16,7 @@ import pytest
 from tests.e2e.command import start, vbus
 from vbus.chips.lm628 import demo as lm629
 from vbus.cli.run import demo
-from vbus.cli.run.demos import NAMES
+from vbus.cli.run.demo_host import NAMES
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""Orders to a running board: one line of JSON in, one out, and nothing said there harms it."""
+"""Orders to a running board: a line of JSON in, a message out, and nothing said there harms it."""
 
 import asyncio
 import ctypes
@@ -15,7 +15,7 @@ import pytest
 
 from vbus.board.build import load_board_text
 from vbus.core.errors import TransportError, VbusError
-from vbus.serve.registry import control_path, order, running, status_path
+from vbus.serve.registry import order, running, socket_path
 from vbus.serve.server import Server
 
 BOARD = """\
@@ -56,6 +56,11 @@ def served(**orders: Any) -> Iterator[Server]:
 @pytest.fixture(autouse=True)
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+
+
+def answer_of(link: socket.socket) -> bytes:
+    with link.makefile("rb") as answers:
+        return answers.read(int.from_bytes(answers.read(4), "little"))
 
 
 def add(request: dict[str, Any]) -> int:
@@ -99,21 +104,21 @@ def test_garbage_is_answered_with_an_error(line: bytes) -> None:
     with served(add=add):
         with socket.socket(socket.AF_UNIX) as link:
             link.settimeout(60)
-            link.connect(str(control_path("bench")))
+            link.connect(str(socket_path("bench")))
             link.sendall(line)
-            assert "error" in json.loads(link.makefile().readline())
+            assert "error" in json.loads(answer_of(link))
         assert order("bench", "add", a=1, b=1) == 2
 
 
 def test_who_hangs_up_in_the_middle_leaves_nothing_behind() -> None:
     with served(add=add) as server:
         with socket.socket(socket.AF_UNIX) as link:
-            link.connect(str(control_path("bench")))
+            link.connect(str(socket_path("bench")))
             link.sendall(b'{"do": "ad')
         assert order("bench", "add", a=1, b=1) == 2
         assert order("bench", "add", a=1, b=1) == 2
-    assert not any(local.connections for local in server.local_sockets)
-    assert not control_path("bench").exists()
+    assert not server.local_socket.connections
+    assert not socket_path("bench").exists()
 
 
 SET_USERS = {"x86_64": (117, 122), "aarch64": (147, 151)}
@@ -121,7 +126,7 @@ SET_USERS = {"x86_64": (117, 122), "aarch64": (147, 151)}
 
 
 def answer_to_a_stranger() -> bytes:
-    """Return what user 65534 is answered at the control socket."""
+    """Return what user 65534 is answered at the socket."""
     answers = []
 
     def ask() -> None:
@@ -131,9 +136,9 @@ def answer_to_a_stranger() -> bytes:
         system(files, 0)  # the way to the socket is open: what counts is who connects
         with socket.socket(socket.AF_UNIX) as link:
             link.settimeout(60)
-            link.connect(str(control_path("bench")))
+            link.connect(str(socket_path("bench")))
             link.sendall(b'{"do": "add", "a": 1, "b": 1}\n')
-            answers.append(link.makefile("rb").readline())
+            answers.append(answer_of(link))
 
     thread = threading.Thread(target=ask)
     thread.start()
@@ -152,8 +157,8 @@ def test_orders_of_another_user_are_refused_in_a_sentence() -> None:
 
 def test_the_user_who_runs_a_board_and_root_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with served(add=add):
-        monkeypatch.setattr("vbus.serve.orders.control.user_behind", lambda fd: 1001)
-        monkeypatch.setattr("vbus.serve.orders.control.os.geteuid", lambda: 1000)
+        monkeypatch.setattr("vbus.serve.local_socket.user_behind", lambda fd: 1001)
+        monkeypatch.setattr("vbus.serve.local_socket.os.geteuid", lambda: 1000)
         with pytest.raises(VbusError, match="from user 1000, who runs it, and from root; you are"):
             order("bench", "add", a=1, b=1)
 
@@ -166,22 +171,22 @@ def test_a_board_that_does_not_run_is_named() -> None:
 def test_who_asks_for_the_status_and_does_not_read_it_stops_nobody(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    status = json.dumps({"board": "bench", "padding": "x" * 5_000_000}).encode()
-    monkeypatch.setattr(Server, "status", lambda self: status)
+    status = {"board": "bench", "padding": "x" * 5_000_000}
+    monkeypatch.setattr(Server, "statistics", lambda self: status)
     with served(add=add), socket.socket(socket.AF_UNIX) as link:
         link.settimeout(60)
-        link.connect(str(status_path("bench")))
+        link.connect(str(socket_path("bench")))
+        link.sendall(b'{"do": "status"}\n')
         assert order("bench", "add", a=1, b=1) == 2
-        with link.makefile("rb") as answer:
-            assert answer.read() == status
+        assert json.loads(answer_of(link)) == {"done": status}
 
 
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
         (b"[" * 200_000, "nested too deeply"),
-        (b"[1]", "no JSON object"),
-        (b'{"name": "x"}', "names no board"),
+        (b"[1]", "none of a board"),
+        (b'{"done": {"name": "x"}}', "names no board"),
         (b"x" * 5000, "more than 4096 bytes"),
         (None, "timed out"),
     ],
@@ -198,13 +203,15 @@ def test_a_socket_of_a_stranger_is_told_of_and_harms_nobody(
     def talk() -> None:
         link, _ = stranger.accept()
         with link, suppress(OSError):
+            link.recv(64)
+            link.sendall((4096 if answer is None else len(answer)).to_bytes(4, "little"))
             if answer is not None:
                 link.sendall(answer)
             while answer is None and not ended.wait(0.01):
                 link.sendall(b" ")
 
     with socket.socket(socket.AF_UNIX) as stranger:
-        stranger.bind(str(status_path("strange")))
+        stranger.bind(str(socket_path("strange")))
         stranger.listen()
         thread = threading.Thread(target=talk)
         thread.start()

@@ -14,7 +14,7 @@ from tests.e2e.test_pty import open_raw, read_exactly
 from tests.waiting import until
 from vbus import client
 from vbus.core.errors import ProtocolError, TransportError
-from vbus.serve.registry import ask, status_path
+from vbus.serve.registry import ask, socket_path
 
 ROOT = Path(__file__).parents[2]
 LIMIT = 64
@@ -90,7 +90,7 @@ def test_with_64_descriptors_50_hosts_are_served_or_told(
         closing.callback(text.link.close)
         assert text.ask(b"now\n", 99) == b"error: the board can take no more hosts\n"
         with pytest.raises(TransportError, match="the board has no descriptor left for this"):
-            ask(status_path("bench"))
+            ask(socket_path("bench"))
         host_name, port = url.removeprefix("rfc2217:").split(":")
         with socket.create_connection((host_name, int(port)), 60) as remote:
             remote.sendall(b"\x02\x01")
@@ -116,7 +116,7 @@ def test_with_64_descriptors_50_hosts_are_served_or_told(
         again = Connected(runtime / "x")
         closing.callback(again.link.close)
         assert again.ask(b"\x02\x07", 2) == b"E\x07"
-        until(lambda: ask(status_path("bench"))["sessions"] == 1, "the others have gone")
+        until(lambda: ask(socket_path("bench"))["sessions"] == 1, "the others have gone")
     said = (tmp_path / "said").read_text()
     assert "Traceback" not in said
     assert f"unix:{runtime}/x: hosts are turned away: Too many open files" in said

@@ -18,7 +18,7 @@ from tests.waiting import until
 from vbus.board.board import Board
 from vbus.core.kernel import END, MS, SECOND
 from vbus.core.signals import Observer
-from vbus.serve.registry import ask, status_path
+from vbus.serve.registry import ask, socket_path
 from vbus.serve.server import LinkSpec
 
 ONE = LinkSpec("pty:$VBUS_RUNTIME/one", "byte")
@@ -112,7 +112,7 @@ def test_a_delay_whose_host_has_gone_stands_still(runtime: Path) -> None:
         fd = open_raw(runtime / "one")
         instants = []
         for _ in range(5):
-            ask(status_path("bench"))
+            ask(socket_path("bench"))
             os.write(fd, b"\x52")
             instants.append(read_exactly(fd, 9)[1:])
         os.close(fd)

@@ -101,7 +101,7 @@ def test_a_monitor_ends_with_its_board(board: Path, tmp_path: Path) -> None:
         process = watch()
     assert process.communicate(timeout=30)[1] == ""
     assert process.returncode == 0
-    assert not list((tmp_path / "run" / "boards").glob("*.watch"))
+    assert not list((tmp_path / "run" / "boards").glob("*.sock"))
 
 
 @pytest.mark.slow

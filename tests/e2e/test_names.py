@@ -16,7 +16,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, start, toy_board
 from vbus import client
 from vbus.core.errors import NameInUseError, TransportError
-from vbus.serve.registry import boards_directory, running, status_path
+from vbus.serve.registry import boards_directory, running, socket_path
 from vbus.serve.server import LinkSpec, Server
 from vbus.transports.runtime import NameLock
 from vbus.transports.sockets import UnixTransport
@@ -63,7 +63,7 @@ def test_a_link_to_something_else_than_a_terminal_is_left_alone(runtime: Path) -
 
 
 def test_a_board_that_died_is_forgotten(listener: socket.socket) -> None:
-    listener.bind(str(status_path("dead")))
+    listener.bind(str(socket_path("dead")))
     listener.close()
     (boards_directory() / ".dead.sock.lock").write_text("12345\n")
 
@@ -72,13 +72,13 @@ def test_a_board_that_died_is_forgotten(listener: socket.socket) -> None:
 
 
 def test_a_board_that_is_just_starting_is_not_forgotten(listener: socket.socket) -> None:
-    lock = NameLock(status_path("young"))
+    lock = NameLock(socket_path("young"))
     lock.take()
-    listener.bind(str(status_path("young")))
+    listener.bind(str(socket_path("young")))
     listener.close()
 
     assert list(running()) == []
-    assert status_path("young").is_socket()
+    assert socket_path("young").is_socket()
     lock.give_back()
 
 

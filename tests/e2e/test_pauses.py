@@ -16,7 +16,7 @@ from vbus import connect
 from vbus.client.aio import connect as connect_aio
 from vbus.core.errors import TransportError
 from vbus.protocols.requests import REQUESTS
-from vbus.serve.registry import ask, order, status_path
+from vbus.serve.registry import ask, order, socket_path
 
 BOARD = """\
 [board]
@@ -44,7 +44,7 @@ def links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str,
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
     (tmp_path / "bench.toml").write_text(BOARD)
     with running(tmp_path / "bench.toml"):
-        urls = [link["url"] for link in ask(status_path("bench"))["links"]]
+        urls = [link["url"] for link in ask(socket_path("bench"))["links"]]
         yield {url.partition(":")[0]: url for url in urls}
 
 

@@ -343,10 +343,10 @@ def start(server: Server) -> None:
 
 def wait_for_sessions(server: Server, count: int) -> None:
     """Ask the running server until it has ``count`` sessions; it answers in its own thread."""
-    from vbus.serve.registry import ask, status_path
+    from vbus.serve.registry import ask, socket_path
 
     for _ in range(10_000):
-        status = ask(status_path(server.board.name))
+        status = ask(socket_path(server.board.name))
         if sum(link["sessions"] for link in status["links"]) == count:
             return
     raise AssertionError(f"still {status['links']}")

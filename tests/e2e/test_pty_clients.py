@@ -14,7 +14,7 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
-from vbus.serve.registry import ask, status_path
+from vbus.serve.registry import ask, socket_path
 from vbus.serve.server import Server
 from vbus.transports.open_watch import OpenWatch
 from vbus.transports.pty import PtyTransport, _Terminal
@@ -25,7 +25,7 @@ ECHO = b"\x02"
 def wait_until_served(server: Server, count: int) -> None:
     """Wait until ``count`` sessions have begun in all."""
     for _ in range(10_000):
-        if ask(status_path(server.board.name))["links"][0]["served"] >= count:
+        if ask(socket_path(server.board.name))["links"][0]["served"] >= count:
             return
     raise AssertionError(f"fewer than {count} sessions were served")
 

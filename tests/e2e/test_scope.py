@@ -23,7 +23,7 @@ from vbus import connect
 from vbus.cli.look.scope_bookmarks import of_journal
 from vbus.client.lm628 import Lm628
 from vbus.record.format import Entry, JournalReader
-from vbus.serve.registry import watch_path
+from vbus.serve.registry import socket_path
 from vbus.transports.runtime import socket_address
 
 BOARD = """\
@@ -300,9 +300,12 @@ def test_bookmarks_of_a_board_are_those_of_its_run_and_stay_with_its_journal(fol
 @pytest.mark.slow
 def test_who_does_not_read_what_he_asked_for_keeps_no_host_waiting(folder: Path) -> None:
     with running(folder / "bench.toml") as (board, _):
-        with socket.socket(socket.AF_UNIX) as stuck, socket_address(watch_path("bench")) as address:
+        with (
+            socket.socket(socket.AF_UNIX) as stuck,
+            socket_address(socket_path("bench")) as address,
+        ):
             stuck.connect(address)
-            stuck.sendall(b'{"scope": {}}\n')
+            stuck.sendall(b'{"do": "watch", "scope": {}}\n')
             for _ in range(3):
                 assert drive(folder)
         assert drive(folder)
@@ -312,9 +315,9 @@ def test_who_does_not_read_what_he_asked_for_keeps_no_host_waiting(folder: Path)
 @pytest.mark.slow
 def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
     with socket.socket(socket.AF_UNIX) as late, running(folder / "bench.toml") as (board, _):
-        with socket_address(watch_path("bench")) as address:
+        with socket_address(socket_path("bench")) as address:
             late.connect(address)
-        late.sendall(b'{"scope": {}}\n')
+        late.sendall(b'{"do": "watch", "scope": {}}\n')
         for target in (900, 0, 900, 0, 900):
             reached = drive(folder, target)
         board.send_signal(signal.SIGINT)
@@ -325,8 +328,8 @@ def test_who_reads_late_gets_all_of_a_board_that_ends(folder: Path) -> None:
         size = int.from_bytes(data[:4], "little")
         messages.append(data[4 : 4 + size])
         data = data[4 + size :]
-    _, description = json.loads(messages[1])  # the first is what the board is
-    frames = b"".join(messages[2:])
+    description = json.loads(messages[0])["done"]
+    frames = b"".join(messages[1:])
     seen = Seen(description, frames)
     assert len(frames) > 1 << 19, "more than a socket holds"
     assert seen.rows["x.real"][-1][1] == reached

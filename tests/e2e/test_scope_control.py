@@ -22,7 +22,8 @@ from tests.e2e.test_scope import folder as folder
 from tests.unit.faults.bench import build
 from tests.waiting import until
 from vbus.cli.sources import Feed
-from vbus.serve.registry import ask, status_path
+from vbus.core.errors import VbusError
+from vbus.serve.registry import ask, socket_path
 
 
 @contextmanager
@@ -40,7 +41,7 @@ def scope(*options: str) -> Iterator[str]:
 
 def attached() -> None:
     """Wait until a host has come to the board."""
-    until(lambda: ask(status_path("bench"))["sessions"], "a host")
+    until(lambda: ask(socket_path("bench"))["sessions"], "a host")
 
 
 class Page:
@@ -252,14 +253,11 @@ def test_a_program_is_paused_and_let_go_on_a_board_of_its_own(folder: Path) -> N
 def test_who_may_give_no_orders_gets_no_session(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vbus.serve.orders.control.user_behind", lambda fd: os.geteuid() + 1)
+    monkeypatch.setattr("vbus.serve.local_socket.user_behind", lambda fd: os.geteuid() + 1)
     board = build()
     with served(board):
-        for control, kind in ((True, "refused"), (False, "scope")):
-            with closing(Feed("bench")) as feed:
-                feed.send(json.dumps({"scope": {"control": control}}).encode() + b"\n")
-                told = next(item for item in feed if item[0] in ("refused", "scope"))
-                assert told[0] == kind
-                if control:
-                    assert told[1].startswith("this board takes orders from ")
+        with closing(Feed("bench")) as feed:
+            with pytest.raises(VbusError, match="this board takes orders from "):
+                feed.ask("scope", control=True)
+            assert not feed.ask("scope", control=False)["control"]
         assert board.ports == []

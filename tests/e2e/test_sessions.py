@@ -18,7 +18,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.core.signals import Observer
 from vbus.protocols.byte import ByteProtocol
-from vbus.serve.registry import ask, status_path
+from vbus.serve.registry import ask, socket_path
 from vbus.serve.server import LinkSpec
 
 UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
@@ -40,7 +40,7 @@ def test_a_host_that_closes_its_sending_side_still_gets_every_reply(runtime: Pat
         link.sendall(b"\x32\x01\xff" * reads)
         link.shutdown(socket.SHUT_WR)
         until(
-            lambda: ask(status_path("bench"))["links"][0]["received"] == 3 * reads,
+            lambda: ask(socket_path("bench"))["links"][0]["received"] == 3 * reads,
             "all requests, before an answer is read",
         )
 

@@ -17,7 +17,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import read_exactly, start, toy_board, wait_for_sessions
 from vbus.core.errors import TransportError
 from vbus.protocols.frames import frame
-from vbus.serve.registry import ask, running, status_path
+from vbus.serve.registry import ask, running, socket_path
 from vbus.serve.server import LinkSpec, Server
 from vbus.transports.base import split_url
 from vbus.transports.runtime import socket_address
@@ -174,7 +174,7 @@ def test_a_board_tells_what_it_is_and_what_was_done_on_it() -> None:
         port = int(server.urls[0].rpartition(":")[2])
         with socket.create_connection(("127.0.0.1", port)) as link:
             ask_socket(link, b"\x21\x05\x11", 2)
-            status = ask(status_path("bench"))
+            status = ask(socket_path("bench"))
         assert status["pid"] == os.getpid()
         assert status["policy"] == "lockstep"
         assert status["time_ps"] == 2_000_000
@@ -228,7 +228,7 @@ def test_a_real_serial_device_is_a_host_and_may_be_unplugged_and_plugged_in_agai
 
         cable.unplug()
         wait_for_sessions(server, 0)
-        assert ask(status_path("bench"))["links"][0]["state"] == "unplugged"
+        assert ask(socket_path("bench"))["links"][0]["state"] == "unplugged"
 
         cable.plug()
         wait_for_sessions(server, 1)

@@ -14,22 +14,23 @@ from tests.e2e.test_sessions import UNIX, connect
 from tests.waiting import until
 from vbus.cli.sources import Feed
 from vbus.core.errors import VbusError
-from vbus.serve.orders.watching import MOST_WAVE, RemoteWatcher, WaveView
-from vbus.serve.registry import watch_path
+from vbus.serve.local_socket import Connection, WatchView
+from vbus.serve.orders.watching import MOST_WAVE, WaveView
+from vbus.serve.registry import socket_path
 from vbus.serve.server import Server
 
 
 def watch(**asked: Any) -> socket.socket:
     link = socket.socket(socket.AF_UNIX)
     link.settimeout(60)
-    link.connect(str(watch_path("bench")))
+    link.connect(str(socket_path("bench")))
     if asked:
-        link.sendall(json.dumps(asked).encode() + b"\n")
+        link.sendall(json.dumps({"do": "watch", **asked}).encode() + b"\n")
     return link
 
 
-def watchers(server: Server) -> list[RemoteWatcher]:
-    return [one for one in server.local_sockets[1].connections if isinstance(one, RemoteWatcher)]
+def watchers(server: Server) -> list[Connection]:
+    return server.local_socket.connections
 
 
 def messages(link: socket.socket) -> Iterator[Any]:
@@ -44,8 +45,7 @@ def test_events_beyond_the_limit_are_counted_as_lost(
     monkeypatch.setattr("vbus.serve.orders.watching.MOST_EVENTS", 5)
     with served(toy_board(), UNIX), watch(events={}) as link:
         told = messages(link)
-        assert next(told)["board"] == "bench"
-        assert next(told) == ["events", {}]
+        assert next(told) == {"done": {}}
         with connect(runtime / "x") as host:
             host.sendall(b"\x31\x01\x00" * 1000 + b"\x02\x01")  # one message: nothing goes between
             assert host.recv(2) == b"E\x01"
@@ -64,12 +64,12 @@ def test_a_board_is_not_looked_at_for_who_does_not_read(
     runtime: Path, monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any]
 ) -> None:
     """What is stored has an end, and behind it hosts are served as if nobody watched."""
-    for limit in ("MOST_PENDING", "MOST_FRAMES"):
-        monkeypatch.setattr(f"vbus.serve.orders.watching.{limit}", 1000)
-    monkeypatch.setattr("vbus.serve.orders.watching.WatchView.most", 1000)
+    monkeypatch.setattr("vbus.serve.orders.watching.MOST_PENDING", 1000)
+    monkeypatch.setattr(WatchView, "most", 1000)
     monkeypatch.setattr("vbus.serve.orders.watching.MOST_EVENTS", 100)
-    for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS", "WatchView.pause"):
+    for pause in ("EVERY_SECONDS", "UNSEEN_SECONDS"):
         monkeypatch.setattr(f"vbus.serve.orders.watching.{pause}", 0.001)
+    monkeypatch.setattr(WatchView, "pause", 0.001)
     board = toy_board()
     with served(board, UNIX) as server, watch(**asked) as link, connect(runtime / "x") as host:
         number = 0
@@ -108,7 +108,7 @@ def test_a_board_is_not_looked_at_for_who_does_not_read(
         ({"scope": {"after": -2}}, "after"),
         ({"everything": {}}, "one of these can be asked for: events, wave, scope, pins"),
         ({"scope": {}, "pins": {}}, "one of these can be asked for"),
-        ([], "one of these can be asked for"),
+        ({}, "one of these can be asked for"),
     ],
 )
 def test_what_makes_no_sense_is_refused_and_something_else_can_be_asked_for(
@@ -116,13 +116,10 @@ def test_what_makes_no_sense_is_refused_and_something_else_can_be_asked_for(
 ) -> None:
     with served(toy_board(), UNIX), watch() as link:
         told = messages(link)
-        next(told)
-        link.sendall(json.dumps(asked).encode() + b"\n")
-        refused, said = next(told)
-        assert refused == "refused"
-        assert reason in said
-        link.sendall(b'{"events": {}}\n')
-        assert next(told) == ["events", {}]
+        link.sendall(json.dumps({"do": "watch", **asked}).encode() + b"\n")
+        assert reason in next(told)["error"]
+        link.sendall(b'{"do": "watch", "events": {}}\n')
+        assert next(told) == {"done": {}}
 
 
 def test_a_board_that_stops_before_it_answers_is_an_error(runtime: Path) -> None:
@@ -137,7 +134,7 @@ def test_who_closes_half_and_does_not_read_is_not_waited_for(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        RemoteWatcher, "_send_last", lambda self: pytest.fail("the server waits for who watches")
+        Connection, "send_last", lambda self: pytest.fail("the server waits for who watches")
     )
     with served(toy_board(), UNIX) as server, watch(scope={}) as link:
         until(lambda: [one.view for one in watchers(server) if one.view], "the watcher")
@@ -148,8 +145,8 @@ def test_who_closes_half_and_does_not_read_is_not_waited_for(
 def test_a_waveform_that_nobody_reads_ends() -> None:
     view = WaveView.__new__(WaveView)
     view._text = bytearray(MOST_WAVE)
-    view._watcher = RemoteWatcher.__new__(RemoteWatcher)
-    view._watcher.pending = bytearray()
+    view._connection = Connection.__new__(Connection)
+    view._connection.pending = bytearray()
     assert view.write("#1\n") == 3
     with pytest.raises(OSError, match="the other end does not read"):
         view.write("#2\n")

@@ -19,7 +19,7 @@ from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot, take
 from vbus.board.snapshot import read as read_board
 from vbus.board.snapshot import write as write_board
-from vbus.cli.run.snap_machine import save_machine
+from vbus.cli.run.snap import save_machine
 from vbus.core.errors import SnapshotError, VbusError
 from vbus.network.session import close_session, open_session
 from vbus.nodes.machine import conductor_of

@@ -10,7 +10,6 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-import msgpack
 import msgspec
 import pytest
 from click.testing import CliRunner
@@ -24,8 +23,7 @@ from vbus.board.board import Board
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import seal, take
 from vbus.board.snapshot import write as write_board
-from vbus.cli.run.snap import save
-from vbus.cli.run.snap_machine import save_machine
+from vbus.cli.run.snap import save, save_machine
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import SnapshotError, VbusError
@@ -321,12 +319,12 @@ def test_a_file_that_is_damaged_or_of_another_format_is_refused() -> None:
         with pytest.raises(SnapshotError, match=r"^x: cut short or damaged: its checksum does not"):
             read(data[:cut], "x")
     with pytest.raises(SnapshotError, match=r"^x: format 2; this vbus reads format 1$"):
-        read(seal(MAGIC, msgpack.packb((2, "four", 20, {}))), "x")
+        read(seal(MAGIC, 2, "four", 20, {}), "x")
     for body in (b"", b"\x93\x01\x02\x03", b"\xc1", b"\x07", b"\x94\x01\xa1m\x05\x80"):
         with pytest.raises(SnapshotError, match=r"^x: its content makes no sense: "):
             read(MAGIC + hashlib.sha256(body).digest() + body, "x")
     with pytest.raises(SnapshotError, match=r"^x, node a is no snapshot of vbus"):
-        read(seal(MAGIC, msgpack.packb((1, "four", 20, {"a": b"state"}))), "x")
+        read(seal(MAGIC, 1, "four", 20, {"a": b"state"}), "x")
     three = {node: part for node, part in snapshot.nodes.items() if node != "d"}
     lesser = msgspec.structs.replace(snapshot, nodes=three)
     with pytest.raises(SnapshotError, match=r"^the snapshot has no node d$"):

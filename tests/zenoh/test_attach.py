@@ -23,7 +23,7 @@ from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.protocols.requests import REQUESTS
-from vbus.serve.registry import ask, order, status_path
+from vbus.serve.registry import ask, order, socket_path
 from vbus.serve.server import LinkSpec
 
 POLLING_HOST = Path(__file__).parents[1] / "e2e" / "polling_host.c"
@@ -131,7 +131,7 @@ def test_a_board_that_is_late_is_asked_again_and_answers_once(
             assert answers[80:] == bytes((ord("E"), number))
         os.close(fd)
         assert (here.lost, here.reconnections) == (0, 0)
-    assert [chip["reads"] for chip in ask(status_path("bench"))["chips"]] == [80, 0]
+    assert [chip["reads"] for chip in ask(socket_path("bench"))["chips"]] == [80, 0]
 
 
 def test_a_board_that_is_killed_is_said_so_and_found_again(

@@ -11,7 +11,6 @@ from vbus.board.card.cards import Card
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.boardfile.sections import PinMapSection
-from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.core.signals import Policy, TraceHash
 from vbus.core.state import Names, Saved, save
@@ -96,9 +95,7 @@ class Board(Circuit):
         """Name of that file."""
         self.hosts: Hosts = Hosts()
         self.ports: list[HostBus] = self.hosts.ports
-        self.port_type: Callable[[Circuit, Hosts, str, list[Chip], int, Card | None], HostBus] = (
-            HostBus
-        )
+        self.port_type: Callable[..., HostBus] = HostBus
         """What makes a port; a journal puts a recording one in its place."""
         self.beyond: Beyond | None = None
         """What leads to other boards, where this one is a node."""
@@ -178,7 +175,7 @@ class Board(Circuit):
     def end_leases(self) -> None:
         """Carry out the cycles that leases promise, before anything else acts on the board."""
         for port in self.ports:
-            port.leases.end()
+            port.polls.end()
 
     # -- trace --------------------------------------------------------------------------------
 

@@ -7,10 +7,9 @@ from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.card.cards import Card, Places
 from vbus.board.host_clock import HostClock
-from vbus.board.host_info import port_info
-from vbus.board.host_leases import HostLeases
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
+from vbus.board.pin_maps import wiring
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.boardfile.sections import PinMapSection
 from vbus.chips.base import OUTPUT, Chip
@@ -20,7 +19,8 @@ from vbus.circuit.orders import READ, WRITE, Order, Orders
 from vbus.core.kernel import END, NEVER, Kernel
 from vbus.core.state import Names
 from vbus.protocols import codes
-from vbus.protocols.port import CardAccess, HostPort, PortError, PortInfo
+from vbus.protocols.port import CardAccess, ChipInfo, HostPort, PortError, PortInfo
+from vbus.protocols.requests import features
 
 
 class Hosts:
@@ -75,10 +75,9 @@ class HostBus(HostPort):
         clock: when the host's next cycle happens.
         selection: the chips of following cycles.
         pins: what the host has soldered to the chips' nets.
-        leases: what it may know of polls to come.
-        promises: whether it may know that; not where asking takes time, on a serial line.
+        promises: whether it may be given leases; not where asking takes time, on a serial line.
         strobes: the bus cycles it makes by strobes.
-        polls: the polls it has answered from leases.
+        polls: its leases, and the polls it has answered from them.
     """
 
     STATE: ClassVar[Names] = (
@@ -87,7 +86,7 @@ class HostBus(HostPort):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_card", "_due", "_hosts", "_kernel", "_order", "_orders", "_places", "board", "chips",
-        "cycle_ps", "held", "hold_until", "label", "leases", "on_events", "on_resume", "pin_map",
+        "cycle_ps", "held", "hold_until", "label", "on_events", "on_resume", "pin_map",
         "promises",
     )  # fmt: skip
 
@@ -120,9 +119,8 @@ class HostBus(HostPort):
         )
         board.player.hosts.append(self.pins)
         self._places: Places = card.places(self.pins.side_names()) if card else [{}, {}]
-        self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
-        self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
+        self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock, self.pins)
         self._orders: Orders | None = Orders(board, label, saved=False) if board.granted else None
         self._order: int = -1
         self._due: int = 0
@@ -135,8 +133,26 @@ class HostBus(HostPort):
 
     def info(self) -> PortInfo:
         """Return what HELLO tells."""
-        return port_info(
-            self.board, self.selection, self.pins, self.promises, self.pin_map, self._card
+        board, selection, pins, card = self.board, self.selection, self.pins, self._card
+        sides = pins.side_names()
+        program = "" if card is None and self.pin_map is None else f"step={board.clock_step};"
+        if card is not None:
+            program += card.program_text(lambda name: pins.output_of(board.find_pin(name)))
+        return PortInfo(
+            board.name,
+            board.policy,
+            board.rate if board.policy == "realtime" else 0.0,
+            [
+                ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
+                for chip, cycle in zip(self.chips, selection.cycles, strict=True)
+            ],
+            pins.line_names(),
+            pins.output_names(),
+            sides,
+            features(self.promises),
+            wiring(self.pin_map, self.chips, selection.decoded, board.glue_of(self.chips), pins),
+            card.text(sides) if card is not None else "",
+            program,
         )
 
     def cost(self, *cycles: int) -> list[int]:
@@ -330,11 +346,11 @@ class HostBus(HostPort):
 
         Nothing is promised while another host could touch the chips.
         """
-        return self.leases.give(address) if self.promises and len(self._hosts.ports) <= 1 else None
+        return self.polls.lease(address) if self.promises and len(self._hosts.ports) <= 1 else None
 
     def foresee(self, address: int) -> tuple[int, int] | None:
         """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
-        return self.leases.foresee(address)
+        return self.polls.foresee(address)
 
     def polled(self, address: int, count: int) -> bool:
         """Run the polls a host has answered from a lease; False to be resumed later."""
@@ -348,13 +364,17 @@ class HostBus(HostPort):
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels, all at this instant."""
-        self._arrive()
-        if self.board.player.lent:
-            self.board.player.give_back()
+        self._take_back()
         self.clock.judge(self.chips, self.clock.timed or self.pins.held_lines(mask))
         self.strobes.before()
         self.pins.set_lines(mask, levels)
         self.strobes.after()
+
+    def _take_back(self) -> None:
+        """Come to the host's instant, with all lines as hosts have left them by hand."""
+        self.clock.arrive()
+        if self.board.player.lent:
+            self.board.player.give_back()
 
     def _data_chip(self) -> Chip:
         known = self.selection.selected or self.chips
@@ -364,9 +384,7 @@ class HostBus(HostPort):
 
     def drive(self, data: int) -> None:
         """Drive D0-D7 of the selected chips' bus."""
-        self._arrive()
-        if self.board.player.lent:
-            self.board.player.give_back()
+        self._take_back()
         self.clock.judge(self.chips, self.clock.timed)
         self.pins.output_word()  # what lazy chips drive may be fought
         self.pins.of(self._data_chip().data_pin).drive(data & 0xFF)
@@ -374,21 +392,19 @@ class HostBus(HostPort):
 
     def release(self) -> None:
         """Let D0-D7 float."""
-        self._arrive()
-        if self.board.player.lent:
-            self.board.player.give_back()
+        self._take_back()
         self.pins.of(self._data_chip().data_pin).release()
         self._kernel.settle()
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
-        self._arrive()
+        self.clock.arrive()
         outputs = self.pins.output_word()
         return self._data_chip().bus_net.value, outputs
 
     def pin(self, number: int, level: int) -> None:
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""
-        self._arrive()
+        self.clock.arrive()
         self.clock.judge(self.chips, self.clock.timed or self.pins.held(self.pins.side(number)))
         self.strobes.goes_through_glue()
         self.pins.set_side(number, level)
@@ -396,15 +412,11 @@ class HostBus(HostPort):
     def getpin(self, number: int) -> int:
         """Return the level of side pin ``number``."""
         side = self.pins.side(number)
-        self._arrive()
+        self.clock.arrive()
         self.pins.output_word()  # what lazy chips drive
         return side.net.value
 
     # -- time ---------------------------------------------------------------------------------
-
-    def _arrive(self) -> None:
-        """Come to the host's instant for something that takes no time of its own."""
-        self.clock.arrive()
 
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
@@ -420,7 +432,7 @@ class HostBus(HostPort):
 
     def wait(self, longest: int) -> tuple[bool, int] | None:
         """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
-        self._arrive()
+        self.clock.arrive()
         clock = self.clock
         clock.used = True
         if clock.target < 0:
@@ -441,7 +453,7 @@ class HostBus(HostPort):
 
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""
-        self._arrive()
+        self.clock.arrive()
         outputs, due = self.pins.output_word(), self._kernel.next_due
         return outputs, min([due, *(chip.due(OUTPUT) for chip in self.chips)])
 
@@ -476,7 +488,7 @@ class HostBus(HostPort):
         self.board.player.flush()
         self.pins.unsolder()
         self.unclaim()
-        self.leases.until = 0
+        self.polls.until = 0
 
     def forget_time(self) -> None:
         """Time has been set: forget stamps, and what the session waited for."""
@@ -487,4 +499,4 @@ class HostBus(HostPort):
     def after_load(self) -> None:
         """A session that was held makes its call again; nothing is promised to it."""
         self.held = False
-        self.leases.until = 0
+        self.polls.until = 0

@@ -25,23 +25,28 @@ from vbus.core.state.kinds import Load
 from vbus.protocols.base import Protocol
 from vbus.version import __version__
 
+VERSION: Final = 1
+"""Version of the file format."""
 
-def seal(magic: bytes, body: bytes) -> bytes:
-    """Return a body as the content of a file."""
+
+def seal(magic: bytes, *content: Any) -> bytes:
+    """Return a file: what it begins with, a checksum, and its version and the rest in msgpack."""
+    body: bytes = msgpack.packb(content)
     return magic + hashlib.sha256(body).digest() + body
 
 
-def unseal(magic: bytes, data: bytes, name: str, kind: str) -> bytes:
-    """Return the body in a file's content.
+def unseal(magic: bytes, data: bytes, name: str, kind: str, shape: Any) -> Any:
+    """Return what :func:`seal` was given behind the version.
 
     Args:
         magic: what the file begins with.
         data: the bytes.
         name: what to call it in an error.
         kind: what it should be.
+        shape: the type that the values have together.
 
     Raises:
-        SnapshotError: it is none, or was cut short or damaged.
+        SnapshotError: it is none, was cut short or damaged, or is of a later version.
     """
     if not data.startswith(magic):
         made = '"vbus snap save" takes one of a running board'
@@ -50,12 +55,16 @@ def unseal(magic: bytes, data: bytes, name: str, kind: str) -> bytes:
     body = data[start:]
     if hashlib.sha256(body).digest() != data[len(magic) : start]:
         raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
-    return body
+    try:
+        version, *content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
+        if version == VERSION:
+            return msgspec.convert(content, shape, builtin_types=(bytes,))
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
+    raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
 
 
 MAGIC: Final = b"vbus snapshot\n"
-VERSION: Final = 1
-"""Version of the file format."""
 
 TRIED: Final = 2 * MS
 """Chip time that a snapshot from elsewhere is tried for on a twin."""
@@ -64,7 +73,10 @@ Hosts = dict[int, Protocol]
 """Wire formats of sessions, by the place of their port in ``board.ports``."""
 
 
-class HostState(Struct, frozen=True):
+_Count = Annotated[int, msgspec.Meta(ge=0, le=NEVER)]
+
+
+class HostState(Struct, frozen=True, array_like=True):
     """A host's session at the time of a snapshot.
 
     Attributes:
@@ -77,8 +89,8 @@ class HostState(Struct, frozen=True):
 
     label: str
     chips: tuple[str, ...]
-    cycle_ps: int
-    leased_until: int
+    cycle_ps: _Count
+    leased_until: Annotated[int, msgspec.Meta(ge=-1, le=NEVER)]
     wire: Any
 
 
@@ -135,7 +147,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
             port.label,
             tuple(chip.name for chip in port.chips),
             port.cycle_ps,
-            port.leases.until,
+            port.polls.until,
             save(wires[number]) if number in wires else None,
         )
         for number, port in enumerate(board.ports)
@@ -259,7 +271,7 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
     for port in mine:
         port.forget_time()
     for port, host in zip(order, snapshot.hosts, strict=True):
-        port.leases.until = host.leased_until
+        port.polls.until = host.leased_until
     for half in halves:
         half.apply()
     board.set_counters(snapshot.counters)
@@ -327,27 +339,18 @@ def rebuild(snapshot: Snapshot) -> Board:
 
 # -- as a file ----------------------------------------------------------------------------------
 
-_Count = Annotated[int, msgspec.Meta(ge=0, le=NEVER)]
-_Host = tuple[str, tuple[str, ...], _Count, Annotated[int, msgspec.Meta(ge=-1, le=NEVER)], Any]
 _Content = tuple[
-    int, _Count, str, str, str, str, dict[str, str], tuple[_Host, ...], Any, dict[str, int], str
+    _Count, str, str, str, str, dict[str, str], tuple[HostState, ...], Any, dict[str, int], str
 ]  # fmt: skip
 
 
 def write(snapshot: Snapshot) -> bytes:
     """Return a snapshot as the content of a file."""
-    body: bytes = msgpack.packb(
-        (
-            VERSION, snapshot.when, snapshot.board, snapshot.file, snapshot.text, snapshot.vbus,
-            snapshot.parts,
-            [
-                (host.label, host.chips, host.cycle_ps, host.leased_until, host.wire)
-                for host in snapshot.hosts
-            ],
-            snapshot.state, snapshot.counters, snapshot.digest,
-        )
+    s, hosts = snapshot, [msgspec.structs.astuple(host) for host in snapshot.hosts]
+    return seal(
+        MAGIC, VERSION, s.when, s.board, s.file, s.text, s.vbus, s.parts, hosts, s.state,
+        s.counters, s.digest,
     )  # fmt: skip
-    return seal(MAGIC, body)
 
 
 def read(data: bytes, name: str = "the snapshot") -> Snapshot:
@@ -360,20 +363,10 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
     Raises:
         SnapshotError: it is none, was cut short or damaged, or is of a later version.
     """
-    body = unseal(MAGIC, data, name, "snapshot of vbus")
+    found = Snapshot(*unseal(MAGIC, data, name, "snapshot of vbus", _Content))
     try:
-        content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
-        version = content[0]
-        if version != VERSION:
-            raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
-        _, when, board, file, text, made_by, parts, hosts, state, counters, digest = (
-            msgspec.convert(content, _Content)
-        )
-        if _digest(state) != digest:
+        if _digest(found.state) != found.digest:
             raise ValueError("the state has not the hash that stands beside it")
-        return Snapshot(
-            when, board, file, text, made_by, parts, tuple(HostState(*host) for host in hosts),
-            state, counters, digest,
-        )  # fmt: skip
-    except (ValueError, TypeError, LookupError, RecursionError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
+    return found

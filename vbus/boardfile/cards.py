@@ -29,14 +29,16 @@ class CardRegisterSection(Section, frozen=True, kw_only=True):
         "latch: holds the byte written last, on Q0 to Q7; status: a read gives I0 to I7; fixed: a "
         "read gives values; pending: edges at I0 to I7 set bits, which a written 1 clears",
         choices=REGISTER_KINDS)] = "latch"  # fmt: skip
-    reset: Annotated[int, row("what a latch holds after power-on and RESET", low=0, high=0xFF)] = 0
-    read_back: Annotated[bool, row("a latch can be read, too")] = True
-    values: Annotated[
-        str, row('bytes that a fixed register gives from this address on, such as "5A 01"')
-    ] = ""
-    sense: Annotated[
-        str, row("what sets a pending bit: its input being high, or going high", choices=SENSES)
-    ] = "edge"
+    reset: Annotated[int, row(
+        "what a latch holds after power-on and RESET",
+        low=0, high=0xFF, needs="kind=latch")] = 0  # fmt: skip
+    read_back: Annotated[bool, row("a latch can be read, too", needs="kind=latch")] = True
+    values: Annotated[str, row(
+        'bytes that a fixed register gives from this address on, such as "5A 01"',
+        needs="kind=fixed")] = ""  # fmt: skip
+    sense: Annotated[str, row(
+        "what sets a pending bit: its input being high, or going high",
+        choices=SENSES, needs="kind=pending")] = "edge"  # fmt: skip
     low: Annotated[Names, row("its inputs that are tied to ground")] = ()
     high: Annotated[Names, row("its inputs that are tied to the supply")] = ()
     hosts: Annotated[Names, row('its pins that hosts drive or see, as "REGISTER.pin"')] = ()
@@ -52,12 +54,12 @@ class CardSection(Section, frozen=True, kw_only=True):
     decode: Annotated[
         str, row("a decode circuit known by name, in place of ports", needs="chips")
     ] = ""
-    chips: Annotated[
-        Names, row("the chips behind the decode circuit, one block each", ref="chips")
-    ] = ()
-    block: Annotated[
-        int, row("ports from one chip's block to the next; 0: the circuit's own", low=0)
-    ] = 0
+    chips: Annotated[Names, row(
+        "the chips behind the decode circuit, one block each",
+        ref="chips", needs="decode")] = ()  # fmt: skip
+    block: Annotated[int, row(
+        "ports from one chip's block to the next; 0: the circuit's own",
+        low=0, needs="decode")] = 0  # fmt: skip
     memory: Annotated[
         bool, row("its addresses are memory, not I/O ports (for programs: vbus exec)")
     ] = False
@@ -88,23 +90,23 @@ class CardSection(Section, frozen=True, kw_only=True):
     bus: Annotated[str, row(
         "its connector, wired by pins, in place of ports and decode",
         choices=tuple(BUSES))] = ""  # fmt: skip
-    size: Annotated[int, row("ports of a card with a bus", low=1, high=256)] = 16
-    setup: Annotated[
-        int, row("how long address and data stand before the strobe; 0 s: as usual", "s", low=0)
-    ] = 0
-    strobe: Annotated[
-        int, row("how long the strobe of a cycle on its bus is low; 0 s: as usual", "s", low=0)
-    ] = 0
-    wait_states: Annotated[
-        int, row("by how many cycles of the bus clock strobes are longer", low=0, high=1000)
-    ] = 0
-    hold: Annotated[
-        int, row("how long written data stays after the strobe; 0 s: as usual", "s", low=0)
-    ] = 0
+    size: Annotated[int, row("ports of a card with a bus", low=1, high=256, needs="bus")] = 16
+    setup: Annotated[int, row(
+        "how long address and data stand before the strobe; 0 s: as usual",
+        "s", low=0, needs="bus")] = 0  # fmt: skip
+    strobe: Annotated[int, row(
+        "how long the strobe of a cycle on its bus is low; 0 s: as usual",
+        "s", low=0, needs="bus")] = 0  # fmt: skip
+    wait_states: Annotated[int, row(
+        "by how many cycles of the bus clock strobes are longer",
+        low=0, high=1000, needs="bus")] = 0  # fmt: skip
+    hold: Annotated[int, row(
+        "how long written data stays after the strobe; 0 s: as usual",
+        "s", low=0, needs="bus")] = 0  # fmt: skip
     ports: tuple[CardPortSection, ...] = ()
-    pins: Wires = {}
-    selects: Wires = {}
-    registers: tuple[CardRegisterSection, ...] = ()
+    pins: Annotated[Wires, row("", needs="bus")] = {}
+    selects: Annotated[Wires, row("", needs="bus")] = {}
+    registers: Annotated[tuple[CardRegisterSection, ...], row("", needs="bus")] = ()
 
     def address(self, port: int) -> int:
         """Return the address of a port, counted from the base in strides."""

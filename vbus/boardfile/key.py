@@ -41,7 +41,8 @@ def row(
         high: greatest number.
         ref: the section or the group of entry points whose names it may be; words that are
             allowed instead stand behind it: ``"plants|none"``.
-        needs: the keys beside it without which it means nothing, with blanks between.
+        needs: the keys beside it without which it means nothing, with blanks between; or the value
+            that one must have, ``"kind=latch"``.
     """
     kind = kind or ("choice" if choices else "")
     option = Option("", kind, "", title, tuple(choices), low, high, ref=ref)
@@ -103,7 +104,7 @@ class Below(NamedTuple):
         name: of the field, and of the key in the file.
         shape: ``None`` for one table, ``tuple`` for tables by name or in a list, ``dict``.
         of: the section of each; in a dictionary also the row of a text, or :data:`Names`.
-        row: the title and the allowed names, of a dictionary that has them.
+        row: the title, the allowed names of a dictionary that has them, and what it needs.
     """
 
     name: str
@@ -126,16 +127,16 @@ def fields(section: type[Section]) -> tuple[Option | Below, ...]:
         if NoneType in get_args(kind):
             kind = get_args(kind)[0]
         shape, args = get_origin(kind), get_args(kind)
-        if option is not None and shape is not dict:
-            default = None if field.required else field.default
-            found.append(replace(option, name=field.name, default=default))
-        elif isinstance(kind, type) and issubclass(kind, Section):
-            found.append(Below(field.name, None, kind, None))
+        if isinstance(kind, type) and issubclass(kind, Section):
+            found.append(Below(field.name, None, kind, option))
         elif shape is dict and args[1] is not Value:
             of, inner = _unwrapped(args[1])
             found.append(Below(field.name, dict, inner or of, option))
         elif shape is tuple and issubclass(args[0], Section):
-            found.append(Below(field.name, tuple, args[0], None))
+            found.append(Below(field.name, tuple, args[0], option))
+        elif option is not None:
+            default = None if field.required else field.default
+            found.append(replace(option, name=field.name, default=default))
     return tuple(found)
 
 

@@ -87,7 +87,8 @@ def _table(options: Iterable[Option], extra: Schema) -> Schema:
         "properties": {**{row.name: value(row) for row in rows}, **extra},
         "additionalProperties": False,
     }
-    if needed := {row.name: list(row.needs) for row in rows if row.needs}:
+    needs = {row.name: [key for key in row.needs if "=" not in key] for row in rows}
+    if needed := {name: keys for name, keys in needs.items() if keys}:
         found["dependencies"] = needed
     required = [row.name for row in rows if row.default is None]
     return {**found, "required": required} if required else found
@@ -99,7 +100,7 @@ def _below(field: Below, definitions: Schema) -> Schema:
         return _section(of, definitions)
     if field.shape is tuple and not field.named:
         return {"type": "array", "items": _section(of, definitions)}
-    if field.row:
+    if field.row and field.row.choices:
         return _table((), dict.fromkeys(field.row.choices, _section(of, definitions)))
     each: Schema
     if of == Names:

@@ -10,7 +10,6 @@ from typing import Annotated, Final
 
 from vbus import plugins
 from vbus.boardfile.cards import CardSection
-from vbus.boardfile.cpu import CpuSection
 from vbus.boardfile.key import NAME, Further, Kinds, Names, Section, Wires, row
 from vbus.chips.base import Chip
 from vbus.core.errors import ConfigError
@@ -22,6 +21,8 @@ from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
 RESTS: Final = ("low", "high", "keep")
+CPU_FAMILIES: Final = ("stm32f1", "stm32f4")
+
 
 NO_PLANT: Final = "none"
 """In place of a plant's name: nothing is behind the axis, or nets drive its encoder inputs."""
@@ -331,6 +332,29 @@ class GlueSection(Section, frozen=True, kw_only=True):
     hosts: Annotated[Names, row('its pins that hosts drive or see, as side pins "NAME.pin"')] = ()
     pins: Wires = {}
     equations: dict[str, Annotated[str, row('write an equation in quotes, such as "A & !B"')]] = {}
+
+
+class CpuSection(Section, frozen=True, kw_only=True):
+    """``[cpu]``: clock, memory and peripherals of a processor that an emulator runs."""
+
+    clock: Annotated[int, row("clock of the processor", "Hz", low=0)] = 0
+    cycles: Annotated[int, row("clock cycles that each instruction takes", low=1, high=1000)] = 1
+    access: Annotated[int, row(
+        "clock cycles that each byte on the bus of its card takes on top",
+        low=0, high=1000)] = 4  # fmt: skip
+    family: Annotated[str, row(
+        "whose peripherals a Cortex-M has; else stm32f1 with cortex-m3, stm32f4 with cortex-m4",
+        choices=CPU_FAMILIES)] = ""  # fmt: skip
+    rom: Annotated[int, row("where the program memory begins; 0: where it usually is", low=0)] = 0
+    rom_size: Annotated[int, row("its size in bytes; 0: as usual", low=0, high=1 << 28)] = 0
+    ram: Annotated[int, row("where the RAM begins; 0: where it usually is", low=0)] = 0
+    ram_size: Annotated[int, row("its size in bytes; 0: as usual", low=0, high=1 << 28)] = 0
+    vectors: Annotated[
+        int, row("address of the vector table; 0: the beginning of the program memory", low=0)
+    ] = 0
+    uart: Annotated[
+        int, row("address of the serial port (MC68681, channel A) of a 68000; 0: none", low=0)
+    ] = 0
 
 
 class BoardFile(Section, frozen=True, kw_only=True):

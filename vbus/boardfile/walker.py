@@ -84,12 +84,16 @@ class Walker:
             if row.default is None and row.name not in table:
                 self._source.fail(path, f'key "{row.name}" is missing: {row.title}; {allowed(row)}')
             whole = whole and (row.default is not None or row.name in extra or row.name in settings)
-        absent = {n for n, row in mine.items() if n not in table or extra.get(n) == row.default}
-        for name in mine.keys() & table.keys():
-            lacking = [mine[one] for one in mine[name].needs if one in absent]
-            if lacking:
-                keys = ", ".join(f'"{one.name}" ({one.title})' for one in lacking)
-                self._source.fail((*path, name), f'"{name}" needs {keys}')
+        values = {n: extra.get(n) if n in table else row.default for n, row in mine.items()}
+        for name, needed in (mine | {one.name: one.row for one in below(of) if one.row}).items():
+            lacking = [
+                f'{key} = "{wanted}"' if wanted else f'"{key}" ({mine[key].title})'
+                for key, _, wanted in (need.partition("=") for need in needed.needs)
+                if (values[key] not in (wanted, None)
+                    if wanted else values[key] == mine[key].default)
+            ]  # fmt: skip
+            if lacking and name in table:
+                self._source.fail((*path, name), f'"{name}" needs {", ".join(lacking)}')
         if settings:
             extra["settings"] = settings
         return of(**extra) if whole else None

@@ -199,6 +199,7 @@ class Register(NamedTuple):
         title: the manual's name.
         unit: what its value counts.
         counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
+        cleared: a sample sets it to 0 when it has obeyed it, or stops.
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
@@ -215,6 +216,7 @@ class Register(NamedTuple):
     title: str = ""
     unit: str = ""
     counts: str = ""
+    cleared: bool = False
     fields: tuple[Bit, ...] = ()
     on_read: str = ""
     on_write: str = ""

@@ -374,7 +374,7 @@ class Circuit:
     def left_over(self) -> list[Violation]:
         """Return what hosts have begun and not ended, or never done: ask at the end of a run."""
         return [
-            Violation(self.kernel.now, chip.name, rule.name, rule.clause, rule.severity, 0, 0, text)
+            self._broken(rule, chip.name, text)
             for chip in self.chips
             for rule, text in chip.left_over()
             if self.violation_policy.of(rule.name)
@@ -407,26 +407,24 @@ class Circuit:
             self._contention(f"{host}.D0-D7", levels)
 
     def _contention(self, net: str, levels: list[tuple[str, int]]) -> None:
-        if self.violation_policy.of(CONTENTION.name):
-            fighters = ", ".join(f"{name}={level:X}" for name, level in levels)
-            self.file_violation(
-                Violation(
-                    self.kernel.now, net, CONTENTION.name, CONTENTION.clause, CONTENTION.severity,
-                    0, 0, f"net {net}: outputs disagree ({fighters})",
-                )
-            )  # fmt: skip
+        fighters = ", ".join(f"{name}={level:X}" for name, level in levels)
+        self._find(CONTENTION, net, f"outputs disagree ({fighters})")
 
     def _swing(self, net: str) -> None:
         """Glue and a chip move each other without end; ``net`` is one that they move."""
-        rule = OSCILLATION
+        text = (
+            "it moves what moves it, without end; give the glue a delay, or take the data bus out"
+        )
+        self._find(OSCILLATION, net, f"{text} of what selects")
+
+    def _find(self, rule: Rule, net: str, text: str) -> None:
+        """File what is wrong on a net, unless the rule is off."""
         if self.violation_policy.of(rule.name):
-            self.file_violation(
-                Violation(
-                    self.kernel.now, net, rule.name, rule.clause, rule.severity, 0, 0,
-                    f"net {net}: it moves what moves it, without end; give the glue a delay, or"
-                    " take the data bus out of what selects",
-                )
-            )  # fmt: skip
+            self.file_violation(self._broken(rule, net, f"net {net}: {text}"))
+
+    def _broken(self, rule: Rule, where: str, text: str) -> Violation:
+        now = self.kernel.now
+        return Violation(now, where, rule.name, rule.clause, rule.severity, 0, 0, text)
 
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` see bus cycles and violations from now on, and packets if it reads."""

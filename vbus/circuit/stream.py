@@ -1,7 +1,9 @@
 """The stream of what happens on a board: its bus cycles become packets here, once for all."""
 
 import copy
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, Self
 
@@ -206,3 +208,35 @@ class PacketStream(Observer):
             for packet in decoder.finish():
                 for reader in self.readers if leaves is None else (leaves,):
                     reader.packet(name, packet)
+
+
+@dataclass(slots=True)
+class CountedLine:
+    """A line, and how often it came in a row.
+
+    Attributes:
+        when: instant at which it came first (ps).
+        text: the line.
+        times: how often.
+    """
+
+    when: int
+    text: str
+    times: int = 1
+
+    def counted(self, gap: str = " ") -> str:
+        """Return the line with its count behind a gap, if it came more than once."""
+        return f"{self.text}{gap}x{self.times}" if self.times > 1 else self.text
+
+
+class LatestLines(deque[CountedLine]):
+    """The latest lines, oldest first; ``maxlen`` says how many."""
+
+    def add(self, when: int, text: str) -> bool:
+        """Take a line; tell whether it is the one before again."""
+        again = bool(self) and self[-1].text == text
+        if again:
+            self[-1].times += 1
+        else:
+            self.append(CountedLine(when, text))
+        return again

@@ -67,6 +67,11 @@ _GONE: Final = {
 }
 """What to use in place of a command that there was."""
 
+_TOGETHER: Final = {
+    "running": ("ls", "wait", "logs", "stop"), "check": ("check", "schema"), "up": ("up", "trace"),
+}  # fmt: skip
+"""Modules with several commands, each of which has its own name there; else it is ``command``."""
+_MODULES: Final = {name: module for module, names in _TOGETHER.items() for name in names}
 _FOLDERS: Final = {name: title.lower() for title, group in _GROUPS.items() for name in group}
 _COMMANDS: Final = sorted(_FOLDERS)
 _USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
@@ -102,8 +107,9 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
             return None
-        module = importlib.import_module(f"vbus.cli.{_FOLDERS[cmd_name]}.{cmd_name}")
-        command: click.Command = module.command
+        name = _MODULES.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"vbus.cli.{_FOLDERS[cmd_name]}.{name}")
+        command: click.Command = getattr(module, cmd_name if cmd_name in _MODULES else "command")
         if _COMPLETING in os.environ:
             from vbus.cli.completing import prepared
 

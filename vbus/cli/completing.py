@@ -28,7 +28,7 @@ def _faults() -> Iterable[str]:
 
 
 def _demos() -> Iterable[str]:
-    from vbus.cli.run.demos import NAMES
+    from vbus.cli.run.demo_host import NAMES
 
     return NAMES
 

@@ -1,15 +1,17 @@
 """Processes that begin and end together, and whose output is shown with their names in front."""
 
-import contextlib
 import os
-import select
+import selectors
 import signal
+import socket
 import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import IO, Final
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
 
 from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
@@ -34,35 +36,41 @@ class ProcessDiedError(VbusError):
         self.code: int = code
 
 
+@dataclass(eq=False, slots=True)
 class Child:
     """One process.
 
-    Args:
+    Attributes:
         name: for its lines.
         what: for sentences, such as "node x".
         popen: the process.
         taken: is given each line; returns whether it has made something of it, so that it is not
             shown.
-
-    Attributes:
         ready: whether it does what it is for; set by who takes its lines.
+        ended: whether it has ended.
+        last: its last lines that were shown.
+        rest: what it has said of a line that is not whole.
     """
 
-    def __init__(
-        self, name: str, what: str, popen: subprocess.Popen[bytes], taken: Callable[[str], bool]
-    ) -> None:
-        assert popen.stdout is not None
-        self.name: str = name
-        self.what: str = what
-        self.pid: int = popen.pid
-        self.popen: subprocess.Popen[bytes] = popen
-        self.output: IO[bytes] = popen.stdout
-        self.taken: Callable[[str], bool] = taken
-        self.ready: bool = False
-        self.ended: bool = False
-        self.last: deque[str] = deque(maxlen=LAST_LINES)
-        self.rest: bytes = b""
-        self.open: bool = True
+    name: str
+    what: str
+    popen: subprocess.Popen[bytes]
+    taken: Callable[["Child", str], bool]
+    ready: bool = False
+    ended: bool = False
+    last: deque[str] = field(default_factory=lambda: deque(maxlen=LAST_LINES))
+    rest: bytes = b""
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self.popen.pid
+
+    @property
+    def output(self) -> int:
+        """The descriptor of what it says."""
+        assert self.popen.stdout is not None
+        return self.popen.stdout.fileno()
 
     def __str__(self) -> str:
         return f"{self.what} (process {self.pid})"
@@ -87,23 +95,30 @@ class Processes:
         self.children: list[Child] = []
         self.asked: int = 0
         self.killed: list[str] = []
+        self._died: list[Child] = []
+        """Those whose end :meth:`_step` has seen."""
         self._stack: ExitStack = ExitStack()
-        self._poll: select.poll = select.poll()
-        self._who: dict[int, Child] = {}
-        self._ends: dict[int, Child] = {}
+        self._selector: selectors.BaseSelector = selectors.DefaultSelector()
 
     def __enter__(self) -> "Processes":
-        self._woken, wake = os.pipe()
-        for descriptor in (self._woken, wake):
-            self._stack.callback(os.close, descriptor)
-            os.set_blocking(descriptor, False)
-        before = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+        woken, wake = socket.socketpair()
+        for end in (woken, wake):
+            self._stack.enter_context(end)
+            end.setblocking(False)
+        before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
         self._stack.callback(signal.set_wakeup_fd, before)
         for number in _ASKING:
             handler = signal.signal(number, lambda *_: None)
             self._stack.callback(signal.signal, number, handler)
-        self._poll.register(self._woken, select.POLLIN)
+        self._stack.enter_context(self._selector)
+        self._watch(woken.fileno(), lambda: self._signalled(woken.recv(64)))
         return self
+
+    def _watch(self, descriptor: int, happened: Callable[[], object]) -> None:
+        self._selector.register(descriptor, selectors.EVENT_READ, happened)
+
+    def _signalled(self, numbers: bytes) -> None:
+        self.asked += sum(number in _ASKING for number in numbers)
 
     def __exit__(self, *_: object) -> None:
         with self._stack:
@@ -136,16 +151,15 @@ class Processes:
             process_group=0,
             preexec_fn=end_with_parent(),
         )
-        child = Child(name, what, popen, lambda line: taken(child, line))
+        child = Child(name, what, popen, taken)
         self.children.append(child)
-        os.set_blocking(child.output.fileno(), False)
+        os.set_blocking(child.output, False)
         ended = os.pidfd_open(child.pid)
         self._stack.callback(os.close, ended)
-        self._stack.callback(child.output.close)
-        self._ends[ended] = child
-        self._who[child.output.fileno()] = child
-        for descriptor in (ended, child.output.fileno()):
-            self._poll.register(descriptor, select.POLLIN)
+        if popen.stdout is not None:
+            self._stack.enter_context(popen.stdout)
+        self._watch(ended, partial(self._ended, child, ended))
+        self._watch(child.output, partial(self._read, child))
         return child
 
     def until(
@@ -205,37 +219,30 @@ class Processes:
 
     def _step(self, seconds: float | None = None) -> list[Child]:
         """Wait until something happens, and take it in; return who has ended."""
-        died = []
-        wait = None if seconds is None else max(0, int(seconds * 1000)) + 1
-        for descriptor, _ in self._poll.poll(wait):
-            if descriptor == self._woken:
-                numbers = os.read(descriptor, 64)
-                self.asked += sum(number in _ASKING for number in numbers)
-            elif descriptor in self._who:
-                self._read(self._who[descriptor])
-            elif descriptor in self._ends:
-                self._poll.unregister(descriptor)
-                child = self._ends.pop(descriptor)
-                child.popen.wait()
-                child.ended = True
-                while self._read(child):
-                    pass
-                self._finish_line(child)
-                died.append(child)
+        for key, _ in self._selector.select(seconds):
+            key.data()
+        died, self._died = self._died, []
         return died
+
+    def _ended(self, child: Child, descriptor: int) -> None:
+        self._selector.unregister(descriptor)
+        child.popen.wait()
+        child.ended = True
+        while self._read(child):  # what comes from it may go on, and say more
+            pass
+        self._finish_line(child)
+        self._died.append(child)
 
     def _read(self, child: Child) -> bool:
         """Show what a process has said; tell whether there may be more."""
-        if not child.open:
+        if child.output not in self._selector.get_map():
             return False
-        data = None
-        with contextlib.suppress(BlockingIOError):
-            data = os.read(child.output.fileno(), LONGEST_LINE)
-        if data is None:
+        try:
+            data = os.read(child.output, LONGEST_LINE)
+        except BlockingIOError:
             return False
         if not data:
-            self._poll.unregister(child.output.fileno())
-            child.open = False
+            self._selector.unregister(child.output)
             return False
         *lines, child.rest = (child.rest + data).split(b"\n")
         for line in lines:
@@ -251,7 +258,7 @@ class Processes:
 
     def _line(self, child: Child, data: bytes) -> None:
         line = data.decode(errors="replace")
-        if not child.taken(line):
+        if not child.taken(child, line):
             child.last.append(line)
             self._show(f"{child.name:<{self._width}} | {line}")
 

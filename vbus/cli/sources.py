@@ -59,7 +59,7 @@ def replay_code(path: Path, outcome: "Outcome", damage: str) -> int:
 
 
 class Feed:
-    """The events of a running board, over its watch socket.
+    """What a running board tells, over its socket.
 
     Args:
         board: name of the board.
@@ -69,12 +69,12 @@ class Feed:
     """
 
     def __init__(self, board: str) -> None:
-        from vbus.serve.registry import not_there, watch_path
+        from vbus.serve.registry import not_there, socket_path
         from vbus.transports.runtime import socket_address
 
         self._socket: socket.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            with socket_address(watch_path(board)) as address:
+            with socket_address(socket_path(board)) as address:
                 self._socket.connect(address)
         except OSError as error:
             self._socket.close()
@@ -83,8 +83,10 @@ class Feed:
         self._unsent: SimpleQueue[bytes] | None = None
         self._board: str = board
         self._file: io.BufferedReader = self._socket.makefile("rb")
-        self.hello: dict[str, Any] = json.loads(next(self.messages(), b"{}"))
+        self.hello: dict[str, Any] = {}
         """What ``vbus ls --json`` tells of the board."""
+        with suppress(VbusError):  # it has just stopped
+            self.hello = self._order("status")
 
     def __iter__(self) -> Iterator[list[Any]]:
         for message in self.messages():
@@ -130,13 +132,16 @@ class Feed:
             TransportError: the board has stopped.
             VbusError: it refuses; says why.
         """
+        return self._order("watch", **{what: given})
+
+    def _order(self, do: str, **given: Any) -> Any:
         with suppress(OSError):  # it has gone
-            self.send(json.dumps({what: given}).encode() + b"\n")
-            answer = next(iter(self), None)
-            if answer is not None and answer[0] == "refused":
-                raise VbusError(answer[1])
-            if answer is not None:
-                return answer[1]
+            self.send(json.dumps({"do": do, **given}).encode() + b"\n")
+            answer = json.loads(next(self.messages(), b"{}"))
+            if "error" in answer:
+                raise VbusError(answer["error"])
+            if "done" in answer:
+                return answer["done"]
         raise TransportError(f'board "{self._board}" has stopped')
 
     def watch(self, until: str = "") -> None:
@@ -231,11 +236,11 @@ def boards_of(names: Sequence[str]) -> list[str]:
 
     Nodes that begin within two seconds are waited for; of those that do not, it is said.
     """
-    from vbus.serve.registry import watch_path
+    from vbus.serve.registry import socket_path
 
     boards: list[str] = []
     for name in names:
-        boards += [name] if watch_path(name).exists() else _nodes_of(name) or [name]
+        boards += [name] if socket_path(name).exists() else _nodes_of(name) or [name]
     return list(dict.fromkeys(boards))
 
 

@@ -1,4 +1,4 @@
-# Made from aio/access.py by vbus.cli.generate; change that.
+# Made from aio/access.py by contrib.generate; change that.
 """How a host moves words and register values to and from a chip, blocking."""
 
 from typing import Final

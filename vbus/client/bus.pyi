@@ -1,4 +1,4 @@
-# Made from aio/bus.py by vbus.cli.generate; change that.
+# Made from aio/bus.py by contrib.generate; change that.
 """A bus over any link, blocking."""
 
 from __future__ import annotations

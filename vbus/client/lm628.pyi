@@ -1,4 +1,4 @@
-# Made from vbus/chips/lm628 (calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/lm628 (calls, host) by contrib.generate; change that.
 """The client of the LM628 and LM629."""
 
 from vbus.chips.lm628 import datasheet as lm

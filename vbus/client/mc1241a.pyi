@@ -1,4 +1,4 @@
-# Made from vbus/chips/mc1241a (calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/mc1241a (calls, host) by contrib.generate; change that.
 """The client of the MC1241A and MC1141A."""
 
 from typing import Final

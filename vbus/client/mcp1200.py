@@ -1,4 +1,4 @@
-# Made by vbus.cli.generate.
+# Made by contrib.generate.
 """The client of the MCP-1200."""
 
 from vbus.chips.mcp1200 import host

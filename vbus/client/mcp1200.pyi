@@ -1,4 +1,4 @@
-# Made from vbus/chips/mcp1200 (calls, host) by vbus.cli.generate; change that.
+# Made from vbus/chips/mcp1200 (calls, host) by contrib.generate; change that.
 """The client of the MCP-1200."""
 
 from typing import Final

@@ -50,7 +50,7 @@ COMPILED: Final = (
     "core/signals/*.py", "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py",
     "protocols/codes.py", "protocols/frames.py", "protocols/text.py", "board/board.py",
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
-    "board/card/card_cycle.py", "circuit/glue_cycles.py",
+    "circuit/glue_cycles.py",
     "serve/fast_readers.py", "serve/session.py", "serve/time/pacer.py",
     "serve/time/spin_policy.py", "serve/time/statistics.py", "serve/time/time_source.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
@@ -62,7 +62,7 @@ COMPILED: Final = (
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
-    "compatible.py", "host.py", "demo.py", "board/host_info.py", "core/signals/values.py",
+    "compatible.py", "host.py", "demo.py", "core/signals/values.py",
     "core/signals/trace_hash.py", "core/signals/violation.py", "plant/fmu.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little

@@ -35,7 +35,7 @@ class GlueBlock:
     STATE: ClassVar[Names] = (
         "state", "levels", "driven", "queue: list[(i64, i64, i64), ...]",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_delay", "_kernel", "_timer", "inputs", "outputs", "row")
+    WIRING: ClassVar[Names] = ("_kernel", "_timer", "delay", "inputs", "outputs", "row")
     DERIVED: ClassVar[Names] = ("_was", "asleep")
 
     def __init__(
@@ -50,7 +50,7 @@ class GlueBlock:
         self.queue: list[tuple[int, int, int]] = []
         """Levels, and which are driven, that are on their way to the outputs, by instant."""
         self._kernel: Kernel = kernel
-        self._delay: int = delay
+        self.delay: int = delay
         """How long its outputs take to follow (ps); a fault may have made it longer."""
         self._was: Levels = ()
         self.asleep: bool = False
@@ -86,11 +86,11 @@ class GlueBlock:
             return False
         self.levels, self.driven = levels, driven
         asserts = self.row.holds and not now[0]
-        if self._timer is None or not self._delay or asserts:
+        if self._timer is None or not self.delay or asserts:
             self.queue.clear()
             self._drive(levels, driven)
             return True
-        due = self._kernel.now + self._delay
+        due = self._kernel.now + self.delay
         self.queue.append((max(due, self.queue[-1][0]) if self.queue else due, levels, driven))
         if self._timer.due == NEVER:
             self._timer.at(self.queue[0][0])
@@ -98,7 +98,7 @@ class GlueBlock:
 
     def slow(self, by: int) -> None:
         """Let its outputs follow so much later than they do (ps); negative: earlier."""
-        self._delay += by
+        self.delay += by
         if self._timer is None:
             self._timer = self._kernel.timer(self._due, saved=False)
         if self.queue and self._timer.due == NEVER:
@@ -118,11 +118,6 @@ class GlueBlock:
             pin.drive(levels & mask if driven & mask else Z)
             levels >>= width
             driven >>= width
-
-    @property
-    def delay(self) -> int:
-        """How long its outputs take to follow (ps)."""
-        return self._delay
 
     def stand(self, state: int) -> None:
         """Take what it holds, and its inputs and outputs as they have come to stand."""
@@ -204,7 +199,7 @@ class Glue:
     """
 
     STATE: ClassVar[Names] = ("parts: parts",)
-    WIRING: ClassVar[Names] = ("_blocks", "_kernel", "_swings", "_watcher", "order", "pins")
+    WIRING: ClassVar[Names] = ("_kernel", "_swings", "_watcher", "blocks", "order", "pins")
     DERIVED: ClassVar[Names] = ("_batch", "_turns")
 
     def __init__(self, kernel: Kernel, swings: Callable[[str], None]) -> None:
@@ -217,13 +212,9 @@ class Glue:
         """Pins of all parts, by "part.pin"."""
         self.order: list[tuple[str, int]] = []
         """Name of the part and number of the block, of all that follow one another, in order."""
-        self._blocks: list[GlueBlock] = []
-        self._watcher: Watcher = Watcher(kernel, self._moved)
-
-    @property
-    def blocks(self) -> list[GlueBlock]:
+        self.blocks: list[GlueBlock] = []
         """All blocks, in an order in which none comes before one it follows."""
-        return self._blocks
+        self._watcher: Watcher = Watcher(kernel, self._moved)
 
     def add(self, part: GluePart) -> None:
         """Put a part on the board: it follows its inputs from now on."""
@@ -231,7 +222,7 @@ class Glue:
         for name, pin in part.pins.items():
             self.pins.setdefault(f"{part.name}.{name}", pin)
         for block in part.blocks:
-            self._blocks.append(block)
+            self.blocks.append(block)
             block.after_load()
             for net in dict.fromkeys(pin.net for pin, _ in block.inputs):
                 if self._watcher not in net.watchers:
@@ -246,11 +237,11 @@ class Glue:
             for place, block in enumerate(part.blocks)
         ]
         placed.sort(key=lambda one: one[0])
-        self._blocks = [block for _, block in placed]
+        self.blocks = [block for _, block in placed]
         # A clear or preset may come from a block that starts later; and no clock has moved yet.
-        for block in (*self._blocks, *self._blocks):
+        for block in (*self.blocks, *self.blocks):
             block.start()
-        for block in self._blocks:
+        for block in self.blocks:
             block.after_load()
 
     def around(self, pins: Iterable[Pin]) -> list[GluePart]:
@@ -270,7 +261,7 @@ class Glue:
     def leading_to(self, nets: Iterable[Net]) -> list[GlueBlock]:
         """Return the blocks that decide about the levels of some nets."""
         drivers: dict[int, list[GlueBlock]] = {}
-        for block in self._blocks:
+        for block in self.blocks:
             for net in dict.fromkeys(pin.net for pin in block.outputs):
                 drivers.setdefault(id(net), []).append(block)
         waiting, found = list(nets), dict[int, GlueBlock]()
@@ -295,7 +286,7 @@ class Glue:
         self._turns += 1
         if self._turns > MOST_TURNS:
             return
-        moved = [block for block in self._blocks if block.look()]
+        moved = [block for block in self.blocks if block.look()]
         if self._turns == MOST_TURNS and moved:
             self._swings(moved[0].outputs[0].net.name)
 

@@ -7,21 +7,19 @@ way. Nodes that have each loaded their own part go on together, in any number of
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Final
 
-import msgpack
 import msgspec
 
 from vbus.board import snapshot as of_board
-from vbus.board.snapshot import Snapshot, seal, unseal
+from vbus.board.snapshot import VERSION, Snapshot, seal, unseal
 from vbus.core.errors import SnapshotError
 from vbus.core.kernel import NEVER
 from vbus.nodes.conductor import Conductor
 
 MAGIC: Final = b"vbus machine snapshot\n"
-VERSION: Final = 1
 NO_ROUNDS: Final = "a snapshot is for virtual time; this board is realtime"
 
 _Content = tuple[
-    int, str, Annotated[int, msgspec.Meta(ge=0, le=NEVER)],
+    str, Annotated[int, msgspec.Meta(ge=0, le=NEVER)],
     Annotated[dict[str, bytes], msgspec.Meta(min_length=1)],
 ]  # fmt: skip
 
@@ -102,7 +100,7 @@ def is_machine(data: bytes) -> bool:
 def write(snapshot: MachineSnapshot) -> bytes:
     """Return a snapshot as the content of a file."""
     nodes = {name: of_board.write(part) for name, part in snapshot.nodes.items()}
-    return seal(MAGIC, msgpack.packb((VERSION, snapshot.board, snapshot.round, nodes)))
+    return seal(MAGIC, VERSION, snapshot.board, snapshot.round, nodes)
 
 
 def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
@@ -115,14 +113,7 @@ def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
     Raises:
         SnapshotError: it is none, was cut short or damaged, or is of a later version.
     """
-    body = unseal(MAGIC, data, name, "snapshot of a machine of nodes")
-    try:
-        content = msgpack.unpackb(body)
-        version = content[0]
-        if version != VERSION:
-            raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
-        _, board, number, nodes = msgspec.convert(content, _Content, builtin_types=(bytes,))
-    except (ValueError, TypeError, LookupError, RecursionError) as error:
-        raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
+    kind = "snapshot of a machine of nodes"
+    board, number, nodes = unseal(MAGIC, data, name, kind, _Content)
     parts = {node: of_board.read(part, f"{name}, node {node}") for node, part in nodes.items()}
     return MachineSnapshot(board, number, parts)

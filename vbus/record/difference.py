@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
+from typing import Any, Final
 
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.core.signals import Observer, Violation
@@ -39,97 +39,89 @@ class Divergence:
     clause: str = ""
 
 
-class Findings(Observer):
-    """Violations by chip, and cycles that were ordered: what the journal has and what the run has.
+Found = tuple[int, Any]
+"""Number of the entry; a violation, or a bus cycle as entries have it."""
+ORDERED: Final = ""
+"""In place of a chip's name: cycles that came of orders."""
 
-    Each is kept until it is matched.
+
+class Findings(Observer):
+    """Violations, and cycles that came of orders: what the journal has and what the run has.
+
+    Each is kept until it is matched; a chip finds its own in their order.
 
     Args:
         making: knows which entry is played.
     """
 
     def __init__(self, making: StretchReplayer) -> None:
-        self.recorded: dict[str, deque[tuple[int, Violation]]] = {}
-        self.found: dict[str, deque[tuple[int, Violation]]] = {}
-        self._making: StretchReplayer = making
         self.expecting: int = 0
         """How much the journal has that the run has not found yet."""
-        self.ordered: deque[tuple[int, tuple[Any, ...]]] = deque()
-        """Bus cycles that came of orders, in the journal."""
-        self.made: deque[tuple[int, tuple[Any, ...]]] = deque()
-        """Those of the run."""
+        self._making: StretchReplayer = making
+        self._recorded: dict[str, deque[Found]] = {}
+        """By name of the chip; those that were ordered by :data:`ORDERED`, and last."""
+        self._found: dict[str, deque[Found]] = {}
 
     def outside(self, order: str, values: list[object]) -> None:
         """Note a bus cycle of the run that came of an order."""
         if order == "made":
-            self.made.append((self._making.entry, tuple(values)))
+            self._note(self._found, self._making.entry, tuple(values))
 
     def violation(self, violation: Violation) -> None:
         """Note one of the run."""
-        self.found.setdefault(violation.chip, deque()).append((self._making.entry, violation))
+        self._note(self._found, self._making.entry, violation)
 
     def expect(self, entry: Entry) -> None:
         """Note a violation, or a cycle that was ordered, of the journal."""
         self.expecting += 1
-        if entry.op == "made":
-            self.ordered.append((entry.number, entry.args))
-            return
-        violation = violation_of(entry)
-        self.recorded.setdefault(violation.chip, deque()).append((entry.number, violation))
+        found = entry.args if entry.op == "made" else violation_of(entry)
+        self._note(self._recorded, entry.number, found)
+
+    @staticmethod
+    def _note(queues: dict[str, deque[Found]], number: int, found: Any) -> None:
+        chip = found.chip if isinstance(found, Violation) else ORDERED
+        queues.setdefault(chip, deque()).append((number, found))
 
     def compare(self) -> Divergence | None:
-        """Match pairs; return the first that differ. A chip finds its own in their order."""
-        for chip, recorded in self.recorded.items():
-            found = self.found.get(chip)
+        """Match pairs; return the first that differ."""
+        for chip in sorted(self._recorded, key=ORDERED.__eq__):
+            recorded, found = self._recorded[chip], self._found.get(chip)
             while found and recorded:
                 number, was = recorded.popleft()
                 self.expecting -= 1
                 _, now = found.popleft()
                 if was != now:
-                    lines = line_of(was), line_of(now)
-                    return Divergence(number, was.when, "violation", chip, *lines, was.clause)
-        while self.ordered and self.made:
-            number, cycle = self.ordered.popleft()
-            self.expecting -= 1
-            _, again = self.made.popleft()
-            if cycle != again:
-                lines = cycle_line(cycle), cycle_line(again)
-                return Divergence(number, cycle[0], "reply", _orderer(cycle), *lines)
+                    what = "reply" if chip == ORDERED else "violation"
+                    return _differs(number, what, was, line_of(was), line_of(now))
         return None
 
     def rest(self) -> Divergence | None:
-        """Return the earliest violation that stands on one side only."""
+        """Return the earliest violation, or ordered cycle, that stands on one side only."""
         left = [
-            Divergence(number, v.when, "unconsumed", v.chip, line_of(v), "nothing", v.clause)
-            for queue in self.recorded.values()
-            for number, v in queue
-        ] + [
-            Divergence(number, v.when, "missing", v.chip, "nothing", line_of(v), v.clause)
-            for queue in self.found.values()
-            for number, v in queue
-        ]
-        for queue, what in ((self.ordered, "unconsumed"), (self.made, "missing")):
-            for number, cycle in queue:
-                sides = (cycle_line(cycle), "nothing")
-                was, now = sides if what == "unconsumed" else sides[::-1]
-                left.append(Divergence(number, cycle[0], what, _orderer(cycle), was, now))
+            _differs(number, what, found, *(line_of(found), "nothing")[::way])
+            for queues, what, way in (
+                (self._recorded, "unconsumed", 1), (self._found, "missing", -1),
+            )
+            for chip in sorted(queues, key=ORDERED.__eq__)
+            for number, found in queues[chip]
+        ]  # fmt: skip
         return min(left, key=attrgetter("entry"), default=None)
 
 
-def cycle_line(cycle: tuple[Any, ...]) -> str:
-    """Return a bus cycle that came of an order in one line."""
-    when, _, _, write, address, data = cycle
+def line_of(found: Any) -> str:
+    """Return a violation, or a bus cycle that came of an order, in one line."""
+    if isinstance(found, Violation):
+        v = found
+        return f"{v.rule} at {v.when} ps, measured {v.measured}, limit {v.limit}: {v.detail}"
+    when, _, _, write, address, data = found
     return f"{'w' if write else 'r'} {address:X} {data:02X} at {when} ps"
 
 
-def _orderer(cycle: tuple[Any, ...]) -> str:
-    return f"{cycle[1]}, {cycle[2]}: ordered cycle"
-
-
-def line_of(violation: Violation) -> str:
-    """Return a violation in one line."""
-    v = violation
-    return f"{v.rule} at {v.when} ps, measured {v.measured}, limit {v.limit}: {v.detail}"
+def _differs(number: int, what: str, found: Any, recorded: str, now: str) -> Divergence:
+    if isinstance(found, Violation):
+        return Divergence(number, found.when, what, found.chip, recorded, now, found.clause)
+    where = f"{found[1]}, {found[2]}: ordered cycle"
+    return Divergence(number, found[0], what, where, recorded, now)
 
 
 class Side:

@@ -6,10 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
 from vbus.board.board import Board
-from vbus.board.card.cards import Card
-from vbus.board.host_bus import HostBus, Hosts
-from vbus.chips.base import Chip
-from vbus.circuit.circuit import Circuit
+from vbus.board.host_bus import HostBus
 from vbus.circuit.stream import settings_for_decoders
 from vbus.core.errors import VbusError
 from vbus.core.signals import Observer, Violation
@@ -95,19 +92,9 @@ class Journal(Observer):
         board.port_type = self._port
         board.listen(self)
 
-    def _port(
-        self,
-        board: Circuit,
-        hosts: Hosts,
-        label: str,
-        chips: list[Chip],
-        cycle_ps: int,
-        card: Card | None,
-    ) -> HostBus:
+    def _port(self, *asked: object) -> HostBus:
         self._ports += 1
-        return self._recorded(
-            board, hosts, label, chips, cycle_ps, card, self.rows, self._ports - 1
-        )
+        return self._recorded(*asked, self.rows, self._ports - 1)
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""

@@ -106,9 +106,7 @@ class Replay(Player):
         making.entry = entry.number
         making.played += 1
         if self._ended:
-            return self._stop(
-                Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
-            )
+            return self._stop(_difference(entry, "unconsumed", "the end", entry.op, ""))
         if entry.op == "violation":
             self._findings.expect(entry)
         elif entry.op == "made":
@@ -166,8 +164,8 @@ class Replay(Player):
         """Compare the end: number of entries, violations, and the whole state."""
         count, state, telemetry, observations = entry.args
         if count != entry.number:
-            return Divergence(
-                entry.number, entry.when, "unconsumed", "the end", f"{count} entries before it",
+            return _difference(
+                entry, "unconsumed", "the end", f"{count} entries before it",
                 f"{entry.number} entries before it",
             )  # fmt: skip
         self.run_to(entry)
@@ -180,8 +178,8 @@ class Replay(Player):
             bool(observations or observations_now) or state_now == state
         )
         if not same:
-            return Divergence(
-                entry.number, entry.when, "state", "the end", f"state hash {state}",
+            return _difference(
+                entry, "state", "the end", f"state hash {state}",
                 f"state hash {state_now}: all replies agree, but the board stands otherwise",
             )  # fmt: skip
         return None
@@ -190,8 +188,8 @@ class Replay(Player):
         self.run_to(entry)
         if self.board.now != entry.when:
             where = f"{self._sessions.host(entry)}: {entry.op}"
-            return Divergence(
-                entry.number, entry.when, "instant", where, f"called at {entry.when} ps",
+            return _difference(
+                entry, "instant", where, f"called at {entry.when} ps",
                 f"it is {self.board.now} ps already",
             )  # fmt: skip
         reply, error = self.call(entry)
@@ -211,13 +209,13 @@ class Replay(Player):
             chips = self._sessions.chip(entry)
             self._past.append((chips, write, entry.args[0], data, entry.after, 0, 1))
         if not same:
-            return Divergence(
-                entry.number, entry.when, "reply", self._where(entry),
+            return _difference(
+                entry, "reply", self._where(entry),
                 _answer(entry.reply, entry.error), _answer(reply, error),
             )  # fmt: skip
         if self.board.now != entry.after:
-            return Divergence(
-                entry.number, entry.when, "instant", self._where(entry),
+            return _difference(
+                entry, "instant", self._where(entry),
                 f"returned at {entry.after} ps", f"returned at {self.board.now} ps",
             )  # fmt: skip
         return None
@@ -288,6 +286,10 @@ class Replay(Player):
                 data = following.args[1] if write else data
                 side.feed(Cycle(following.after, write, following.args[0], data))
         return difference_of(entry.number, entry.after, "reply", self._where(entry), sides)
+
+
+def _difference(entry: Entry, what: str, where: str, recorded: str, now: str) -> Divergence:
+    return Divergence(entry.number, entry.when, what, where, recorded, now)
 
 
 def _alone(entry: Entry) -> Stretch:

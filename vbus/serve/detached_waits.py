@@ -10,8 +10,8 @@ from typing import Final
 from vbus.core.kernel import NEVER, SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.time.time_source import TimeSource, nothing
-from vbus.transports.base import Link
+from vbus.serve.time.time_source import TimeSource
+from vbus.transports.base import Link, ignore
 
 LONGEST: Final = 60 * SECOND
 """A wait longer than this (ps) is given up where another host has come meanwhile."""
@@ -58,7 +58,7 @@ class DetachedWaits:
         self.under_way: list[Departed] = []
         self._arrivals: list[_Arrival] = []
         self.closed: bool = False
-        self.look_for_hosts: Callable[[], None] = nothing
+        self.look_for_hosts: Callable[[], None] = ignore
         """Ends the sessions of hosts that have gone, when what they had sent is carried out."""
 
     def take(self, session: Departed) -> str | None:

@@ -9,15 +9,14 @@ from vbus.board.board import Board
 from vbus.board.snapshot import fork
 from vbus.chips.base import Chip
 from vbus.chips.packets import Cycle, Packet
-from vbus.circuit.stream import PacketStream
+from vbus.circuit.stream import LatestLines, PacketStream
 from vbus.core.errors import SnapshotError
 from vbus.core.kernel import END, MS, NEVER, SECOND
 from vbus.core.signals import Observer, Violation
 from vbus.faults.armed import BEGUN
 from vbus.protocols.quantities import format_instant
 from vbus.serve.time.polls import Polls
-from vbus.views.findings.no_effect import NoEffect
-from vbus.views.latest_lines import LatestLines
+from vbus.views.findings.report import NoEffect
 
 KEPT: Final = 40
 """Lines of a transcript that are stored."""

@@ -6,7 +6,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.faults.table import faults
 from vbus.protocols.port import PIN_LEVELS, PortError
-from vbus.serve.orders.control import Order
+from vbus.serve.local_socket import Order
 from vbus.serve.time.steps import Steps
 
 

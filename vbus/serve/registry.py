@@ -18,6 +18,8 @@ ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
 LONGEST_ANSWER: Final = 1 << 28
 """Bytes of an answer."""
+HEAD_SIZE: Final = 4
+"""Bytes of a message's length, which stands before it."""
 ORDER_SECONDS: Final = 60.0
 """How long it may take to carry out an order."""
 _OWNED: Final[Counter[Path]] = Counter()
@@ -25,23 +27,13 @@ _OWNED: Final[Counter[Path]] = Counter()
 
 
 def boards_directory() -> Path:
-    """Return the directory in which running boards have their status sockets."""
+    """Return the directory in which running boards have their sockets."""
     return subdirectory("boards")
 
 
-def status_path(board: str) -> Path:
-    """Return the status socket of the board called ``board``."""
+def socket_path(board: str) -> Path:
+    """Return the socket at which the board called ``board`` is asked, ordered and watched."""
     return boards_directory() / f"{_safe(board)}.sock"
-
-
-def watch_path(board: str) -> Path:
-    """Return the socket at which the board called ``board`` can be watched."""
-    return boards_directory() / f"{_safe(board)}.watch"
-
-
-def control_path(board: str) -> Path:
-    """Return the socket at which the board called ``board`` takes orders."""
-    return boards_directory() / f"{_safe(board)}.control"
 
 
 def name_path(board: str) -> Path:
@@ -95,52 +87,54 @@ def _safe(board: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
 
 
-def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
-    """Return what a board answers at one of its sockets.
+def _exchange(path: Path, do: str, seconds: float, **values: Any) -> Any:
+    """Return what comes of an order at a board's socket.
 
     Raises:
         OSError: no board answers, or not in time.
         ValueError: the answer is none of a board, or the socket is another user's.
+        VbusError: the board refuses; says why.
     """
     found = path.lstat()
     if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
         raise ValueError("it is no socket, or one that others have made or may write to")
     deadline = monotonic() + seconds
-    data = bytearray()
+    data, size = bytearray(), HEAD_SIZE
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(seconds)
         with socket_address(path) as address:
             link.connect(address)
-        if request:
-            link.sendall(request)
-        while chunk := link.recv(1 << 20):
+        link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
+        while len(data) < size and (chunk := link.recv(1 << 20)):
             data += chunk
-            if len(data) > LONGEST_ANSWER:
+            if len(data) >= HEAD_SIZE:
+                size = HEAD_SIZE + int.from_bytes(data[:HEAD_SIZE], "little")
+            if size > LONGEST_ANSWER:
                 raise ValueError(f"an answer of more than {LONGEST_ANSWER} bytes")
             link.settimeout(max(deadline - monotonic(), 0.001))
     try:
-        answer = json.loads(data)
+        answer = json.loads(data[HEAD_SIZE:])
     except RecursionError:
         raise ValueError("an answer nested too deeply") from None
-    if not isinstance(answer, dict):
-        raise ValueError("an answer that is no JSON object")
-    return answer
+    if not isinstance(answer, dict) or not {"done", "error"} & answer.keys():
+        raise ValueError("an answer that is none of a board")
+    if "error" in answer:
+        raise VbusError(str(answer["error"]))
+    return answer["done"]
 
 
 def ask(path: Path) -> dict[str, Any]:
-    """Return what the board behind a status socket tells.
+    """Return what the board behind a socket tells of itself.
 
     Raises:
         TransportError: no board answers.
     """
     try:
-        answer = _exchange(path, b"", ANSWER_SECONDS)
-        if "error" in answer:
-            raise ValueError(answer["error"])
-        if not isinstance(answer.get("board"), str):
+        status = _exchange(path, "status", ANSWER_SECONDS)
+        if not isinstance(status, dict) or not isinstance(status.get("board"), str):
             raise ValueError("an answer that names no board")
-        return answer
-    except (OSError, ValueError) as error:
+        return status
+    except (OSError, ValueError, VbusError) as error:
         raise TransportError(f"{path.stem}: does not answer ({error})") from error
 
 
@@ -150,7 +144,7 @@ def answers(board: str) -> bool:
     A board with nodes is ready when each of them is.
     """
     try:
-        ask(status_path(board))
+        ask(socket_path(board))
     except TransportError:
         return _all_nodes_answer(board)
     return True
@@ -192,21 +186,19 @@ def not_there(board: str, does: str, reason: str) -> str:
 
 
 def order(board: str, do: str, **values: Any) -> Any:
-    """Give a running board an order (see :mod:`vbus.serve.orders.control`); return what came of it.
+    """Give a running board an order (see :mod:`vbus.serve.local_socket`); return what came of it.
 
     Raises:
         TransportError: no board of that name takes orders.
         VbusError: the board refuses; says why.
     """
-    request = json.dumps({"do": do, **values}).encode() + b"\n"
     try:
-        answer = _exchange(control_path(board), request, ORDER_SECONDS)
+        return _exchange(socket_path(board), do, ORDER_SECONDS, **values)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise TransportError(not_there(board, "takes orders", reason)) from error
-    if "error" in answer:
-        raise VbusError(f"{board}: {answer['error']}")
-    return answer["done"]
+    except VbusError as error:
+        raise VbusError(f"{board}: {error}") from error
 
 
 def running() -> Iterator[dict[str, Any]]:
@@ -222,7 +214,7 @@ def running() -> Iterator[dict[str, Any]]:
 
 
 def _owner(path: Path) -> dict[str, Any]:
-    """Return which process a status socket belongs to that does not answer, and its board."""
+    """Return which process a socket belongs to that does not answer, and its board."""
     with contextlib.suppress(OSError, ValueError):
         lives, holder = lock_state(path)
         if lives and is_trusted(lock_of(path).lstat()):
@@ -232,7 +224,7 @@ def _owner(path: Path) -> dict[str, Any]:
 
 
 def _forget(path: Path) -> None:
-    """Remove the status socket of a board that died, unless its next run has just begun."""
+    """Remove the socket of a board that died, unless its next run has just begun."""
     for name in (path, path.with_suffix(".name")):
         lock = NameLock(name)
         with contextlib.suppress(TransportError):

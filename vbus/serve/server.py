@@ -1,10 +1,9 @@
 """All hosts of one board: listening, serving, telling about itself, stopping."""
 
 import asyncio
-import json
 import logging
 import os
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -21,15 +20,14 @@ from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, f
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
-from vbus.serve.local_socket import LocalSocket, OnEnd, Telling
-from vbus.serve.loop import done_before, run_until_signal
+from vbus.serve.local_socket import Connection, Control, LocalSocket
+from vbus.serve.loop import done_before, first_of, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
-from vbus.serve.orders.control import Control, ControlConnection
 from vbus.serve.orders.fault_orders import FaultOrders
 from vbus.serve.orders.snapshots import SnapshotOrders
 from vbus.serve.recording import Recording, no_journal
-from vbus.serve.registry import control_path, own_board, runs_already, status_path, watch_path
+from vbus.serve.registry import own_board, runs_already, socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.spin_policy import SpinTurn
@@ -39,7 +37,7 @@ from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
 
 if TYPE_CHECKING:
-    from vbus.serve.orders.watching import RemoteWatcher, Watched
+    from vbus.serve.orders.watching import BoardView, Watched
     from vbus.views.scope.lanes import Lateness
 
 log = logging.getLogger("vbus")
@@ -123,6 +121,7 @@ class Server:
         self._watched: Watched | None = None
         self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
+        self.control.orders["status"] = lambda request: self.statistics()
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._turns: SpinTurn = SpinTurn()
         self.detached: DetachedWaits = DetachedWaits(self.pacer)
@@ -137,7 +136,7 @@ class Server:
         """Gives the parts of the detailed status report that others add."""
         self.skew: Callable[[], int | None] = lambda: None
         """Gives the clock skew between nodes; None on a board without nodes."""
-        self.local_sockets: tuple[LocalSocket, ...] = ()
+        self.local_socket: LocalSocket = LocalSocket(self.control, self._view)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
 
@@ -168,7 +167,12 @@ class Server:
         self._loop = loop
         self.board.serve_links(self.faults)
         try:
-            self._open_local_sockets(loop)
+            self._closing.enter_context(own_board(self.board.name))
+            self._closing.callback(self.local_socket.close)
+            try:
+                self.local_socket.open(loop, socket_path(self.board.name))
+            except NameInUseError as error:
+                raise runs_already(self.board.name, error) from error
             disconnects = DisconnectPoller(loop)
             disconnects.open()
             self._closing.callback(disconnects.close)
@@ -191,21 +195,6 @@ class Server:
                 raise TransportError(f"board {self.board.name}: {error.strerror}") from error
             raise
 
-    def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
-        name = self.board.name
-        self._closing.enter_context(own_board(name))
-        self.local_sockets = (
-            LocalSocket(status_path(name), partial(Telling, tell=self.status)),
-            LocalSocket(watch_path(name), self._watcher),
-            LocalSocket(control_path(name), partial(ControlConnection, control=self.control)),
-        )
-        for local in self.local_sockets:
-            self._closing.callback(local.close)
-            try:
-                local.open(loop)
-            except NameInUseError as error:
-                raise runs_already(name, error) from error
-
     def _mark_pause(self, paused: bool) -> None:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self._hosts:
@@ -214,21 +203,20 @@ class Server:
         for session in self.sessions():
             session.tell_pause(paused)
 
-    def _watcher(
-        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd
-    ) -> "RemoteWatcher":
+    def _view(self, connection: Connection, given: dict[str, Any]) -> "BoardView":
+        """Return what a connection asks to watch."""
+        # Whatever records is imported by the first who watches: a board starts without.
         from vbus.serve.orders.jump import JumpBack
-        from vbus.serve.orders.watching import RemoteWatcher, Watched
+        from vbus.serve.orders.watching import Watched, view_of
 
         if self._watched is None:
             jump = JumpBack(self.board, self.pacer, self.steps, self._onlookers)
             jump.recording = self._recording
             self._watched = Watched(self.board, self._late, self.control, self.steps, jump)
-        return RemoteWatcher(loop, link, on_end, self.status(), self._watched)
+        return view_of(self._watched, connection, given)
 
     def _onlookers(self) -> list[Any]:
-        views = [one.view for one in self.local_sockets[1].connections]  # type: ignore[attr-defined]
-        return [view for view in views if view is not None]
+        return [one.view for one in self.local_socket.connections if one.view is not None]
 
     def _look_for_hosts(self, disconnects: DisconnectPoller) -> None:
         sessions = [session for session in self.sessions() if session.link.fd >= 0]
@@ -331,7 +319,7 @@ class Server:
         self,
         stop: asyncio.Event,
         ready: Callable[[], None] | None = None,
-        before: Callable[[], Coroutine[Any, Any, None]] | None = None,
+        before: Callable[[], Awaitable[None]] | None = None,
         patience: float = PATIENCE_SECONDS,
     ) -> None:
         """Serve until ``stop`` is set; what hosts that have gone had sent is carried out then.
@@ -348,23 +336,9 @@ class Server:
         Raises:
             TimeEndedError: chip time has come to its end; every link has been closed.
         """
-        self.pacer.on_end = stop.set
-        self.start(asyncio.get_running_loop())
-        try:
-            begun = before is None or await done_before((stop,), before())
-            if begun and ready is not None and not stop.is_set():
-                ready()
-            await stop.wait()
-            last = asyncio.get_running_loop().time() + patience
-            await self.finish(lambda: asyncio.get_running_loop().time() > last, not self.pacer.real)
-        finally:
-            self.stop()
-        self.pacer.check_over()
-
-    @property
-    def watched(self) -> bool:
-        """Whether the board has watchers in other processes."""
-        return any(local.connections for local in self.local_sockets[1:2])
+        run = Run(before, patience)
+        run.servers.append(self)
+        await run.serve(stop, ready)
 
     # -- telling about itself -------------------------------------------------------------------
 
@@ -372,10 +346,6 @@ class Server:
         from vbus.views.scope.lanes import Lateness
 
         return Lateness(self.pacer.lag, self.pacer.overload.times, self.skew())
-
-    def status(self) -> bytes:
-        """Return the statistics as JSON."""
-        return json.dumps(self.statistics()).encode()
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of this board; times in ps."""
@@ -419,6 +389,78 @@ class Server:
         }
 
 
+class Run:
+    """Boards that are served in this process, from their start to their end.
+
+    Args:
+        before: what is waited for before the run is ready; cancelled by its end.
+        patience: how long hosts that have gone keep a board (s of wall time), where hosts are
+            masters of time.
+
+    Attributes:
+        servers: a board's, or one for each node.
+        over: set when the run ends by itself.
+    """
+
+    def __init__(
+        self,
+        before: Callable[[], Awaitable[None]] | None = None,
+        patience: float = PATIENCE_SECONDS,
+    ) -> None:
+        self.servers: list[Server] = []
+        self.over: asyncio.Event = asyncio.Event()
+        self._before: Callable[[], Awaitable[None]] | None = before
+        self._patience: float = patience
+
+    async def serve(self, stop: asyncio.Event, ready: Callable[[], object] | None = None) -> None:
+        """Run until ``stop`` is set, or the run is over.
+
+        Args:
+            stop: ends the run.
+            ready: called once all is open and ``before`` has returned.
+
+        Raises:
+            TimeEndedError: chip time has come to its end; every link has been closed.
+        """
+        self.stop: asyncio.Event = stop
+        ends = (stop, self.over)
+        try:
+            if await done_before(ends, self.begin(asyncio.get_running_loop())):
+                if ready is not None and not stop.is_set():
+                    ready()
+                await first_of(ends)
+            await self.finish()
+        finally:
+            self.end()
+        for server in self.servers:
+            server.pacer.check_over()
+
+    async def begin(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open every link, and wait for what is to come before the run is ready."""
+        for server in self.servers:
+            self.open(server, loop)
+        if self._before is not None:
+            await self._before()
+
+    def open(self, server: Server, loop: asyncio.AbstractEventLoop) -> None:
+        """Open the links of a board; the run stops when its time has ended."""
+        server.pacer.on_end = self.stop.set
+        server.start(loop)
+
+    async def finish(self) -> None:
+        """Carry out what hosts that have gone had sent."""
+        loop = asyncio.get_running_loop()
+        last = loop.time() + self._patience
+        for server in self.servers:
+            await server.finish(lambda: loop.time() > last, not server.pacer.real)
+
+    def end(self) -> None:
+        """Close every link; may be called again."""
+        with ExitStack() as stopping:  # each, whatever the others raise
+            for server in self.servers:
+                stopping.callback(server.stop)
+
+
 def run(
     board: Board,
     links: list[LinkSpec],
@@ -427,7 +469,7 @@ def run(
     report: Callable[[str], None] | None = None,
     metrics: tuple[str, int] | None = None,
     settle: Callable[[], bool] | None = None,
-    before: "Callable[[Server], Coroutine[Any, Any, None]] | None" = None,
+    before: "Callable[[Server], Awaitable[None]] | None" = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 

@@ -2,11 +2,10 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import closing
 from math import isinf
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -152,7 +151,7 @@ def serve_read(
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
     snapshot: str = "",
-    before: Callable[[Server], Coroutine[Any, Any, None]] | None = None,
+    before: Callable[[Server], Awaitable[None]] | None = None,
 ) -> None:
     """Serve a board file that has been read; see :func:`serve`.
 

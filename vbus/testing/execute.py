@@ -142,7 +142,7 @@ def cflags(shim: str = "") -> list[str]:
 
 
 def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
-    from vbus.cli.run.exec_avr import parse, simulator
+    from vbus.cli.run.firmware import parse, simulator
 
     if tested.board.policy != "slaved":
         raise VbusError(

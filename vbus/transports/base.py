@@ -21,6 +21,10 @@ REST_SECONDS: Final = 0.2
 stays readable, so an attempt at once would spin."""
 
 
+def ignore(*_: object) -> None:
+    """Stands for a callback that is not set."""
+
+
 class Link:
     """One connected host: a non-blocking descriptor to read from and write to.
 
@@ -32,9 +36,9 @@ class Link:
     def __init__(self, fd: int, peer: str) -> None:
         self.fd: int = fd
         self.peer: str = peer
-        self.on_data: Callable[[bytes], None] = _ignore
+        self.on_data: Callable[[bytes], None] = ignore
         """Set by the session: takes bytes the transport has read or sorted."""
-        self.on_end: Callable[[bool], None] = _ignore
+        self.on_end: Callable[[bool], None] = ignore
         """Set by the session; called by the transport when the host has gone (where reading does
         not tell). True: what can still be read is that host's and is carried out."""
         self.read: Callable[[int, int], bytes] = os.read
@@ -125,8 +129,21 @@ class Transport:
     SCHEME: str = ""
     PROTOCOL: str = "byte"
     """The protocol a host entry gets that names none."""
+    OPTIONS: tuple[str, ...] = ()
+    """What may stand after the question mark."""
+
+    loop: asyncio.AbstractEventLoop
+    """The event loop, from :meth:`open` on."""
+    on_link: Callable[[Link], None]
+    """Takes each new link, from :meth:`open` on."""
 
     def __init__(self, path: str, options: dict[str, str]) -> None:
+        for name in options:
+            if name not in self.OPTIONS:
+                known = ", ".join(self.OPTIONS) or "none"
+                raise TransportError(
+                    f"{self.SCHEME}:{path}: unknown option {name!r}; known: {known}"
+                )
         self.path: str = path
         self.options: dict[str, str] = options
         self.url: str = f"{self.SCHEME}:{path}"
@@ -141,7 +158,7 @@ class Transport:
         """The bytes for a host for which there is no room; set by the server."""
         self.closing: bool = False
         """The server is about to close this transport: what ends now is meant to."""
-        self.report: Callable[[str], None] = _ignore
+        self.report: Callable[[str], None] = ignore
         """Takes a sentence when something worth knowing happens (unplugged, plugged in)."""
         self.traffic: Traffic | None = None
         """Its messages, where it carries messages and no stream of bytes."""
@@ -157,6 +174,11 @@ class Transport:
         Raises:
             TransportError: the address cannot be used; says why and what to do.
         """
+        self.loop, self.on_link = loop, on_link
+        self.begin()
+
+    def begin(self) -> None:
+        """Start waiting: what a transport does in :meth:`open`."""
         raise NotImplementedError
 
     def tell_pause(self, paused: bool) -> None:
@@ -192,10 +214,6 @@ _ADVICE: Final = {
     errno.EACCES: "; choose a place, or a port from 1024 up, that you may use",
 }
 """What to do about errors of the system."""
-
-
-def _ignore(_: object) -> None:
-    pass
 
 
 def split_url(url: str) -> tuple[str, str, dict[str, str]]:

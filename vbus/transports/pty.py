@@ -194,21 +194,16 @@ class PtyTransport(Transport):
 
     SCHEME = "pty"
 
-    _loop: asyncio.AbstractEventLoop
-    _on_link: Callable[[Link], None]
-
     def __init__(self, path: str, options: dict[str, str]) -> None:
         super().__init__(path, options)
         self._link_path: Path = Path(path)
         self._terminals: list[_Terminal] = []
         """Oldest first; the name leads to the last, if to any."""
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Make the terminal and its name."""
         if not self.path:
             raise TransportError('"pty:" needs a path, e.g. "pty:$VBUS_RUNTIME/x"')
-        self._loop = loop
-        self._on_link = on_link
         with self.opening(self._link_path) as opened:
             lock = NameLock(self._link_path)
             lock.take(self.board)
@@ -233,7 +228,7 @@ class PtyTransport(Transport):
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""
-        terminal = _Terminal(self._loop, self._notice)
+        terminal = _Terminal(self.loop, self._notice)
         with ExitStack() as made:
             made.callback(terminal.close)
             temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
@@ -250,7 +245,7 @@ class PtyTransport(Transport):
         """Do without a watch: a client that opens the terminal is noticed a little later."""
         if terminal.named:
             self._notice(terminal)
-            self._loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
+            self.loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
 
     def _unmake(self) -> None:
         terminals, self._terminals = self._terminals, []
@@ -282,7 +277,7 @@ class PtyTransport(Transport):
         """Go on with a terminal; one without a session is closed, if no client is opening it."""
         terminal.move(event)
         if terminal.state == states.UNUSED:
-            self._loop.call_later(REST_SECONDS, self._free_unused, terminal)
+            self.loop.call_later(REST_SECONDS, self._free_unused, terminal)
 
     def _name_new(self, terminal: _Terminal) -> None:
         """Let the name lead to a new terminal; to none for now if there is none to be had."""
@@ -294,7 +289,7 @@ class PtyTransport(Transport):
             if self.state != lost:
                 self.report(f"{self._link_path}: {lost}; it is tried again")
             self.state = lost
-            self._loop.call_later(REST_SECONDS, self._try_again, terminal)
+            self.loop.call_later(REST_SECONDS, self._try_again, terminal)
         else:
             self.state = "waiting"
 
@@ -386,7 +381,7 @@ class PtyTransport(Transport):
                 self._end_if_gone(other)
         terminal.move(states.OPENED)
         link = terminal.link = PtyLink(self, terminal)
-        self._on_link(link)
+        self.on_link(link)
         return link
 
     def ended(self, link: PtyLink) -> None:
@@ -400,7 +395,7 @@ class PtyTransport(Transport):
         if terminal.named:
             self._retire(terminal)
         self._move(terminal, states.OVER)
-        self._loop.call_soon(self._notice, terminal)
+        self.loop.call_soon(self._notice, terminal)
 
     def _free_unused(self, terminal: _Terminal) -> None:
         """Close a terminal that has had its clients, but for one that is opening it just now."""

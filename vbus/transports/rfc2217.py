@@ -6,12 +6,11 @@ import socket
 import struct
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from functools import partial
 from typing import Final
 
 from vbus.core.signals import LOW, EdgeTaker, Net
 from vbus.protocols.serial_line import BREAK, DTR, RTS, mark, marked
-from vbus.transports.base import Link, Served
+from vbus.transports.base import Link, Served, ignore
 from vbus.transports.sockets import SocketLink, TcpTransport
 
 READ: Final = 2048
@@ -65,7 +64,7 @@ class SerialSettings:
         self.ri: bool = False
         self.cd: bool = True
         self.lines: int = 0
-        self.on_lines: Callable[[int], None] = _ignore
+        self.on_lines: Callable[[int], None] = ignore
         self._cts: Net | None = cts
         self._dsr: Net | None = dsr
 
@@ -84,14 +83,6 @@ class SerialSettings:
 
     def reset_output_buffer(self) -> None:
         """Nothing waits in between."""
-
-
-def _ignore(lines: int) -> None:
-    pass
-
-
-def _nothing() -> None:
-    pass
 
 
 class _Way:
@@ -218,7 +209,7 @@ class _Telnet:
         self._ended: Callable[[_Telnet], None] = ended
         # The host's end is that of what it sends; the session's is the end of both.
         self._board: _Way = _Way(loop, board, host, self._escaped, self.close)
-        self._host: _Way = _Way(loop, host, board, self._filtered, _nothing)
+        self._host: _Way = _Way(loop, host, board, self._filtered, ignore)
         if marks:
             settings.on_lines = self._lines_changed
         self._manager = PortManager(settings, self)
@@ -278,6 +269,8 @@ class Rfc2217Transport(TcpTransport):
         super().__init__(path, options)
         self._hosts: set[_Telnet] = set()
         self._nets: dict[str, Net] = {}
+        self._plain: Callable[[Link], None] = ignore
+        """Takes the links of plain bytes."""
 
     def serves(self, served: Served) -> None:
         """Find the nets that CTS and DSR follow."""
@@ -285,12 +278,13 @@ class Rfc2217Transport(TcpTransport):
             if name:
                 self._nets[key] = served.board.find_pin(name).net
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Listen."""
-        super().open(loop, partial(self._linked, loop, on_link))
+        self._plain, self.on_link = self.on_link, self._linked
+        super().begin()
         self.url = self.url.replace("tcp:", "rfc2217:", 1)
         for net in self._nets.values():
-            watch = EdgeTaker(lambda *_: loop.call_soon(self._tell_lines))
+            watch = EdgeTaker(lambda *_: self.loop.call_soon(self._tell_lines))
             net.observe(watch)
             self.opened.callback(net.unobserve, watch)
 
@@ -302,9 +296,7 @@ class Rfc2217Transport(TcpTransport):
         for host in tuple(self._hosts):
             host.tell_lines()
 
-    def _linked(
-        self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None], link: Link
-    ) -> None:
+    def _linked(self, link: Link) -> None:
         with ExitStack() as opened:
             inner, board = (opened.enter_context(end) for end in socket.socketpair())
             inner.setblocking(False)
@@ -314,5 +306,5 @@ class Rfc2217Transport(TcpTransport):
         link.close()
         settings = SerialSettings(self._nets.get("cts"), self._nets.get("dsr"))
         marks = any(self.line.driven.values())
-        self._hosts.add(_Telnet(loop, host, inner, settings, marks, self._hosts.discard))
-        on_link(SocketLink(board, link.peer))
+        self._hosts.add(_Telnet(self.loop, host, inner, settings, marks, self._hosts.discard))
+        self._plain(SocketLink(board, link.peer))

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import termios
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from vbus.core.errors import TransportError
@@ -42,27 +41,22 @@ class SerialTransport(Transport):
     SCHEME = "serial"
     PROTOCOL = "framed"
 
+    OPTIONS = ("baud",)
+
     _baud: int
-    _loop: asyncio.AbstractEventLoop
-    _on_link: Callable[[Link], None]
     _retry: asyncio.TimerHandle | None = None
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Open the device.
 
         Raises:
             TransportError: it is not there, in use, or refuses the speed.
         """
-        unknown = set(self.options) - {"baud"}
-        if unknown:
-            raise TransportError(f"{self.url}: unknown option {sorted(unknown)[0]!r}; known: baud")
         baud = self.options.get("baud", "115200")
         if not baud.isdigit() or int(baud) == 0:
             raise TransportError(f"{self.url}: baud={baud!r} is not a speed, e.g. baud=115200")
         self._baud = int(baud)
         self.url = f"serial:{self.path}?baud={self._baud}"
-        self._loop = loop
-        self._on_link = on_link
         self._connect()
 
     def _connect(self) -> None:
@@ -78,7 +72,7 @@ class SerialTransport(Transport):
         except (SerialException, ValueError, OSError, termios.error) as error:
             raise TransportError(f"{self.url}: {error}") from error
         self.state = "connected"
-        self._on_link(SerialLink(self, port))
+        self.on_link(SerialLink(self, port))
 
     def lost(self) -> None:
         """The device is gone: report it and look for it."""
@@ -88,7 +82,7 @@ class SerialTransport(Transport):
             self._look_again()
 
     def _look_again(self) -> None:
-        self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
+        self._retry = self.loop.call_later(RETRY_SECONDS, self._again)
 
     def _again(self) -> None:
         try:

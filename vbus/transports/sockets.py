@@ -1,6 +1,5 @@
 """Stream sockets: Unix and TCP."""
 
-import asyncio
 import errno
 import os
 import select
@@ -12,7 +11,7 @@ from typing import Final
 
 from vbus.core.addresses import refused_link
 from vbus.core.errors import NameInUseError, TransportError
-from vbus.transports.base import REST_SECONDS, Link, Transport
+from vbus.transports.base import REST_SECONDS, Link, Transport, ignore
 from vbus.transports.runtime import NameLock, socket_address, sweep
 
 FIRST: Final = 3
@@ -52,10 +51,6 @@ _ASKED: Final = 1 << 16
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
-def _nothing() -> None:
-    pass
-
-
 class SocketLink(Link):
     """One accepted connection."""
 
@@ -77,6 +72,7 @@ class _SocketTransport(Transport):
 
     _reserve: int = -1
     _told: bool = False
+    _listener: socket.socket
 
     def _keep_reserve(self) -> None:
         if self._reserve < 0:
@@ -88,12 +84,8 @@ class _SocketTransport(Transport):
         if reserve >= 0:
             os.close(reserve)
 
-    def _listen(
-        self,
-        listener: socket.socket,
-        loop: asyncio.AbstractEventLoop,
-        on_link: Callable[[Link], None],
-    ) -> None:
+    def _listen(self, listener: socket.socket) -> None:
+        self._listener = listener
         listener.listen(BACKLOG)
         listener.setblocking(False)
         self._listening: select.poll = select.poll()
@@ -102,88 +94,67 @@ class _SocketTransport(Transport):
         self._leaving: dict[int, Callable[[], None]] = {}
         """Closes a connection that is turned away, by its descriptor."""
         self.opened.callback(self._use_reserve)
-        self.opened.callback(loop.remove_reader, listener.fileno())
+        self.opened.callback(self.loop.remove_reader, listener.fileno())
         self.opened.callback(self._end_leaving)
-        loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
+        self.loop.add_reader(listener.fileno(), self._accept)
 
     def waiting(self) -> bool:
         """Tell whether a host waits to be accepted."""
         return any(state & select.POLLIN for _, state in self._listening.poll(0))
 
-    def _accept(
-        self,
-        listener: socket.socket,
-        loop: asyncio.AbstractEventLoop,
-        on_link: Callable[[Link], None],
-    ) -> None:
+    def _accept(self) -> None:
         """Accept all hosts that wait: beside 200 busy hosts a turn takes a tenth of a second."""
         for _ in range(BACKLOG):
             try:
-                connection, address = listener.accept()
+                connection, address = self._listener.accept()
             except ConnectionError:  # this one gave up in the meantime
                 continue
             except OSError as error:
                 if error.errno in _EXHAUSTED:
-                    self._exhausted(error, listener, loop, on_link)
+                    self._exhausted(error)
                 return  # else no other one waits
-            self._admit(connection, address, loop, on_link)
+            self._admit(connection, address)
 
-    def _admit(
-        self,
-        connection: socket.socket,
-        address: object,
-        loop: asyncio.AbstractEventLoop,
-        on_link: Callable[[Link], None],
-    ) -> None:
+    def _admit(self, connection: socket.socket, address: object) -> None:
         connection.setblocking(False)
         try:
             self._tune(connection)
-            on_link(SocketLink(connection, self._peer(address)))
+            self.on_link(SocketLink(connection, self._peer(address)))
         except OSError as error:
             if error.errno in _EXHAUSTED:
-                self._turn_away(connection, error, loop)
+                self._turn_away(connection, error)
             else:  # it has gone in the meantime
                 connection.close()
             return
         self._told = False
 
-    def _exhausted(
-        self,
-        error: OSError,
-        listener: socket.socket,
-        loop: asyncio.AbstractEventLoop,
-        on_link: Callable[[Link], None],
-    ) -> None:
+    def _exhausted(self, error: OSError) -> None:
         """The system gives no more descriptors: tell the host, then rest a while."""
-        fd = listener.fileno()
+        fd = self._listener.fileno()
 
         def go_on() -> None:
-            if listener.fileno() == fd:
+            if self._listener.fileno() == fd:
                 self._keep_reserve()
-                loop.add_reader(fd, self._accept, listener, loop, on_link)
+                self.loop.add_reader(fd, self._accept)
 
-        loop.remove_reader(fd)  # else it would wake the loop again and again
+        self.loop.remove_reader(fd)  # else it would wake the loop again and again
         try:
             if self._reserve < 0:
                 raise error
             self._use_reserve()
-            connection, _ = listener.accept()
+            connection, _ = self._listener.accept()
         except OSError:
             self.report(f"{self.url}: a host waits outside: {error.strerror}")
-            loop.call_later(REST_SECONDS, go_on)
+            self.loop.call_later(REST_SECONDS, go_on)
         else:
-            self._turn_away(connection, error, loop, go_on)
+            self._turn_away(connection, error, go_on)
 
     def _end_leaving(self) -> None:
         for close in list(self._leaving.values()):
             close()
 
     def _turn_away(
-        self,
-        connection: socket.socket,
-        error: OSError,
-        loop: asyncio.AbstractEventLoop,
-        then: Callable[[], None] = _nothing,
+        self, connection: socket.socket, error: OSError, then: Callable[[], None] = ignore
     ) -> None:
         """Tell a host that there is no room, and close when it has heard, or has had its time."""
         if not self._told:
@@ -196,15 +167,15 @@ class _SocketTransport(Transport):
             if connection.fileno() == fd:
                 del self._leaving[fd]
                 late.cancel()
-                loop.remove_reader(fd)
+                self.loop.remove_reader(fd)
                 with suppress(OSError):  # what is unread would reset the connection
                     connection.recv(_ASKED)
                 connection.close()
                 then()
 
         self._leaving[fd] = close
-        late = loop.call_later(REST_SECONDS, close)
-        loop.add_reader(fd, close)
+        late = self.loop.call_later(REST_SECONDS, close)
+        self.loop.add_reader(fd, close)
         with suppress(OSError):
             connection.send(self.no_room)
             connection.shutdown(socket.SHUT_WR)
@@ -228,7 +199,7 @@ class UnixTransport(_SocketTransport):
 
     SCHEME = "unix"
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Make the socket; one left behind by a server that was killed is replaced."""
         if not self.path:
             raise TransportError('"unix:" needs a path, e.g. "unix:$VBUS_RUNTIME/x.sock"')
@@ -236,7 +207,7 @@ class UnixTransport(_SocketTransport):
         with self.opening(path) as opened:
             given = handed_over(socket.AF_UNIX, str(path.absolute()))
             if given is not None:
-                self._listen(opened.enter_context(given), loop, on_link)
+                self._listen(opened.enter_context(given))
                 return
             lock = NameLock(path)
             lock.take()
@@ -261,7 +232,7 @@ class UnixTransport(_SocketTransport):
             finally:
                 os.umask(mask)
             opened.callback(unnamed.unlink, missing_ok=True)
-            self._listen(listener, loop, on_link)
+            self._listen(listener)
             unnamed.replace(path)
             opened.callback(path.unlink, missing_ok=True)
 
@@ -275,7 +246,7 @@ class TcpTransport(_SocketTransport):
 
     SCHEME = "tcp"
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Listen."""
         host, _, port = self.path.rpartition(":")
         host = host.strip("[]") or "127.0.0.1"
@@ -292,7 +263,7 @@ class TcpTransport(_SocketTransport):
             if given is None:
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 listener.bind((host, int(port)))
-            self._listen(listener, loop, on_link)
+            self._listen(listener)
             bound = listener.getsockname()[1]
         self.url = f"tcp:[{host}]:{bound}" if family == socket.AF_INET6 else f"tcp:{host}:{bound}"
 

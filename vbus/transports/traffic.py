@@ -146,7 +146,7 @@ class Traffic:
     """
 
     def __init__(self) -> None:
-        self.cut: Callable[[bool], None] = _ignore
+        self.cut: Callable[[bool], None] = lambda gone: None
         self.faults: list[MessageFault] = []
 
     def pass_on(self, way: str, host: str, arrive: Arrive) -> None:
@@ -209,7 +209,3 @@ class Traffic:
         self.faults = [fault for fault in self.faults if not fault.over]
         for message in messages:
             message.arrive(message.times)
-
-
-def _ignore(_: bool) -> None:
-    pass

@@ -1,9 +1,7 @@
 """``zenoh:``: the buses of a board's chips on the network."""
 
-import asyncio
 import time
 from collections import OrderedDict
-from collections.abc import Callable
 from typing import Any, Final
 
 import zenoh
@@ -13,7 +11,7 @@ from vbus.core.errors import NameInUseError, TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.access import answer_access
 from vbus.network.session import Network, close_session, free_endpoint, open_network
-from vbus.transports.base import Link, Served, Transport
+from vbus.transports.base import Served, Transport
 from vbus.transports.traffic import REPLY, REQUEST, Traffic
 from vbus.transports.zenoh_host import ZenohLink, send_refusal, send_reply
 from vbus.transports.zenoh_inbox import Inbox
@@ -45,9 +43,7 @@ class ZenohTransport(Transport):
     # Set by serves() and open().
     _board: str
     _inbox: Inbox
-    _loop: asyncio.AbstractEventLoop
     _network: Network
-    _on_link: Callable[[Link], None]
     _served: Served
     _session: zenoh.Session
 
@@ -74,16 +70,14 @@ class ZenohTransport(Transport):
 
     # -- opening ------------------------------------------------------------------------------
 
-    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+    def begin(self) -> None:
         """Join the network, take the board's keys and wait for hosts."""
-        if self.path or self.options:
+        if self.path:
             raise TransportError(
                 f'"zenoh:{self.path}": write "zenoh:" and nothing behind it; where on the network'
                 " the board is, and who may use it, are keys of [zenoh]"
             )
-        self._loop = loop
-        self._on_link = on_link
-        self._inbox = Inbox(loop)
+        self._inbox = Inbox(self.loop)
         with self.opening(self.url) as opened:
             self._inbox.open()
             opened.callback(self._inbox.close)
@@ -95,7 +89,7 @@ class ZenohTransport(Transport):
             opened.callback(places.unregister, place)
             self.url = f"zenoh:{self._board}?connect={','.join(endpoints)}"
             self._own()
-            publications = Publications(self._session, self._inbox, self._served, loop)
+            publications = Publications(self._session, self._inbox, self._served, self.loop)
             opened.callback(publications.close)
             self._declare()
             publications.open()
@@ -291,9 +285,9 @@ class ZenohTransport(Transport):
         )  # fmt: skip
         link.token_seen = link.token in self._tokens
         self._links[session] = link
-        self._on_link(link)
+        self.on_link(link)
         if not link.token_seen:
-            self._loop.call_later(TOKEN_SECONDS, self._check_token, link)
+            self.loop.call_later(TOKEN_SECONDS, self._check_token, link)
         return link
 
     def _refuse_host(self, query: zenoh.Query, session: str, reason: str) -> None:
@@ -340,8 +334,8 @@ class ZenohTransport(Transport):
 
     def _gone(self, link: ZenohLink) -> None:
         if link.gone_since < 0:
-            since = link.gone_since = self._loop.time()
-            self._loop.call_later(self._network.grace_seconds, self._give_up, link, since)
+            since = link.gone_since = self.loop.time()
+            self.loop.call_later(self._network.grace_seconds, self._give_up, link, since)
 
     def _give_up(self, link: ZenohLink, since: float) -> None:
         if link.gone_since == since:

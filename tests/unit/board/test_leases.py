@@ -8,7 +8,7 @@ from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.board.host_leases import LONGEST_LEASE
+from vbus.board.host_polls import LONGEST_LEASE
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.core.kernel import END, MS, NEVER, US
 from vbus.core.signals import Observer
@@ -288,7 +288,7 @@ def test_what_comes_after_busy_is_foreseen_and_comes_true(
         until, byte, end = after
         told += 1
         assert until + US < end <= until + 256 * US
-        assert port.leases.until == end
+        assert port.polls.until == end
         for when, expected in ((until - 1, status), (until, byte), (end - 1, byte)):
             port, _, _ = foreseen(script[:length])
             assert port.delay(when - US - port.now())

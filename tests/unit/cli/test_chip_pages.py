@@ -4,12 +4,12 @@ import re
 
 import pytest
 
+from contrib.generate.targets import chip_pages
 from vbus import plugins
 from vbus.board.check.checks import all_rules
 from vbus.chips.clauses import clauses_of
-from vbus.cli.generate.chip_pages import clause_page, page, targets
-from vbus.cli.generate.layout import ROOT
-from vbus.cli.generate.targets import stale
+from vbus.cli.generate.chip_pages import clause_page, page
+from vbus.cli.generate.layout import ROOT, stale
 
 FAMILIES = ("lm628", "mcp1200", "mc1241a")
 
@@ -58,11 +58,11 @@ def test_every_note_of_a_chip_is_named_on_its_page() -> None:
 
 
 def test_the_pages_are_up_to_date() -> None:
-    assert stale(targets()) == [], 'run "python -m vbus.cli.generate documents"'
+    assert stale(chip_pages()) == [], 'run "python -m contrib.generate documents"'
 
 
 def test_links_of_the_pages_lead_to_files_and_headings() -> None:
-    pages = {path: make() for path, make in targets()}
+    pages = {path: make() for path, make in chip_pages()}
     headings = {
         path: {line.strip("# ").lower() for line in text.splitlines() if line.startswith("##")}
         for path, text in pages.items()

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from contrib.generate.targets import DOCUMENTS
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.boardfile.schema import schema
-from vbus.cli.generate.targets import DOCUMENTS, ROOT, Target, stale
+from vbus.cli.generate.layout import ROOT, Target, stale
 from vbus.nodes.machine import build_nodes
 
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -23,7 +24,7 @@ BLOCKS = [
 
 @pytest.mark.parametrize("target", DOCUMENTS, ids=lambda target: target[0])
 def test_a_page_made_from_tables_is_up_to_date(target: Target) -> None:
-    assert stale([target]) == [], 'run "python -m vbus.cli.generate documents"'
+    assert stale([target]) == [], 'run "python -m contrib.generate documents"'
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from tests.waiting import until
 from vbus.cli.sources import MOST_WAITING, Feed
-from vbus.serve.registry import watch_path
+from vbus.serve.registry import socket_path
 
 REQUEST = b'{"registers": true}' + b" " * 980 + b"\n"
 
@@ -22,14 +22,15 @@ def watched(
     """A feed, and the other end, which reads when a test does."""
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
     with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(watch_path("bench")))
+        listener.bind(str(socket_path("bench")))
         listener.listen(1)
         made: list[Feed] = []
         begun = threading.Thread(target=lambda: made.append(Feed("bench")))
         begun.start()
         board, _ = listener.accept()
         with board:
-            hello = json.dumps({"board": "bench"}).encode()
+            assert board.recv(64) == b'{"do": "status"}\n'
+            hello = json.dumps({"done": {"board": "bench"}}).encode()
             board.sendall(len(hello).to_bytes(4, "little") + hello)
             begun.join()
             yield made[0], board

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from contrib.generate import proofs
 from vbus.chips.clauses import proofs_of
-from vbus.cli.generate import proofs
-from vbus.cli.generate.targets import stale
+from vbus.cli.generate.layout import stale
 
 MARKS = """
 import pytest
@@ -57,7 +57,7 @@ def test_a_mark_of_the_file_is_one_of_each_of_its_tests(of_file) -> None:
 
 
 def test_the_lists_are_up_to_date() -> None:
-    assert stale(proofs.targets()) == [], 'run "python -m vbus.cli.generate proofs"'
+    assert stale(proofs.targets()) == [], 'run "python -m contrib.generate proofs"'
 
 
 def test_a_row_of_an_ac_table_is_proved_by_its_own_cases() -> None:

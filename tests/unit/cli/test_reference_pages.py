@@ -8,13 +8,13 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from contrib.generate.command_line import command_line
+from contrib.generate.ledger import ledger
+from contrib.generate.targets import HEADER, c_interface
 from vbus import plugins
 from vbus.chips.clauses import SILICON, clauses_of, proofs_of
 from vbus.cli.cli import cli
-from vbus.cli.generate.command_line import command_line
 from vbus.cli.generate.layout import ROOT
-from vbus.cli.generate.ledger import ledger
-from vbus.cli.generate.targets import HEADER, c_interface
 
 
 def test_every_command_is_on_the_page_with_every_option() -> None:

@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from vbus.cli import exit_codes
-from vbus.cli.run.stop import command
+from vbus.cli.run.running import stop
 from vbus.serve import registry
 
 
@@ -20,7 +20,7 @@ def test_a_board_that_does_not_end_in_time_is_told(
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         monkeypatch.setattr(registry, "running", lambda: [{"board": "bench", "pid": process.pid}])
-        code = command.main(["bench", "--timeout", "0.2"], standalone_mode=False)
+        code = stop.main(["bench", "--timeout", "0.2"], standalone_mode=False)
         assert process.poll() is None
 
     assert code == exit_codes.FAILURE

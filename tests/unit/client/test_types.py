@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from contrib.generate.targets import own_clients
 from tests.unit.client.served import Served
 from vbus.chips.lm628.host import Lm628Calls as AioCalls
-from vbus.cli.generate.targets import own_clients, stale
+from vbus.cli.generate.layout import stale
 from vbus.client import Bus, aio, blocking, connect
 from vbus.client.aio.lm628 import Lm628 as AioLm628
 from vbus.client.lm628 import Lm628, Lm628Calls

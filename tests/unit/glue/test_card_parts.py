@@ -270,8 +270,8 @@ def test_wait_states_make_the_strobe_longer_by_cycles_of_the_bus_clock() -> None
         ('DATA = "1"', 'DATA = "1"\n"z./CS" = "2"', 'nothing on the board is called "z"'),
         ("at = 0\n", "at = 8\n", "found 8; this card has ports 0 to 7"),
         ("at = 0\n", 'at = 0\nkind = "ram"', 'found "ram"; allowed are "latch", "status"'),
-        ("at = 0\n", 'at = 0\nvalues = "00"', '"values" is for kind = "fixed"'),
-        ("at = 2\n", 'at = 2\nsense = "level"\n', '"sense" is for kind = "pending"'),
+        ("at = 0\n", 'at = 0\nvalues = "00"', '"values" needs kind = "fixed"'),
+        ("at = 2\n", 'at = 2\nsense = "level"\n', '"sense" needs kind = "pending"'),
         ('values = "4D 43"', 'values = "4D 4"', 'found "4D 4"; write hexadecimal bytes'),
         ('values = "4D 43"', 'values = ""', 'found ""; write hexadecimal bytes'),
         ("at = 3\n", "at = 7\n", "found 7; this card has ports 0 to 7"),
@@ -293,7 +293,9 @@ def test_parts_of_a_bus_are_for_a_card_that_has_one() -> None:
     text = RANGES.replace('bus = "SRAM"', 'decode = "direct"\nchips = ["x"]')
     with pytest.raises(ConfigError) as told:
         load_board_text(text)
-    assert '"pins" is for a card with a bus; write bus = "ISA"' in str(told.value)
+    assert '"pins" needs "bus" (its connector, wired by pins, in place of ports and decode)' in str(
+        told.value
+    )
 
 
 MULTIPLEXED = """\
@@ -377,10 +379,10 @@ def test_a_card_has_registers_beside_a_chip_that_answers_by_its_table() -> None:
         ("at = 0xC0", "at = 0x20", 'registers.control.at: "x" answers at 32 already; move the'),
         ('decode = "direct"', 'decode = "odd"', 'vme.decode: found "odd"'),
         ('decode = "direct"', "ports = [{ offset = 0, chip = \"x\", address = 0 }]",
-         'cards.vme.chips: "chips" is for a card with "decode"'),
+         'cards.vme.chips: "chips" needs "decode" (a decode circuit known by name'),
         ('chips = ["x"]', 'chips = ["x"]\nports = [{ offset = 0, chip = "x", address = 0 }]',
          'a card has either "decode" and "chips", or a list of "ports" beside its "bus"'),
-        ('decode = "direct"', "block = 4", '"block" is for a card with "decode"; write one'),
+        ('decode = "direct"', "block = 4", '"block" needs "decode" (a decode circuit'),
     ],
 )  # fmt: skip
 def test_what_a_card_with_both_cannot_have_is_named(old: str, new: str, message: str) -> None:

@@ -340,7 +340,7 @@ def test_a_journal_of_cycles_through_glue_is_replayed_to_the_bit() -> None:
     ("old", "new", "message"),
     [
         ('bus = "ISA"', 'bus = "VME"', 'found "VME"; allowed are "ISA"'),
-        ('bus = "ISA"', 'bus = "ISA"\nblock = 2', '"block" is for a card with "decode"'),
+        ('bus = "ISA"', 'bus = "ISA"\nblock = 2', '"block" needs "decode" (a decode circuit'),
         ('bus = "ISA"', 'bus = "SRAM"', 'a bus "SRAM" has memory alone; write memory = true'),
         ("base = 0x300", "base = 0xFFF8", "the card ends at 10007H; I/O ports end at FFFFH"),
         ("base = 0x300", "base = 0xFFFF8\nmemory = true", "addresses of this bus end at FFFFFH"),

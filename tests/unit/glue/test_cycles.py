@@ -84,7 +84,7 @@ def test_a_driver_on_a_card_covers_commands_and_is_read_in_the_manuals_words() -
     assert commands == ["LFIL", "UDF", "LTRJ", "STT"]
     assert {name for chip, name in packets if chip == "slot"} >= {"read 302H", "write 303H"}
     assert coverage.coverage.families() == ["lm628"]
-    found = {item.name: count for item, count in coverage.coverage.group("lm628", "commands")}
+    found = {item.name: count for item, count in coverage.coverage.groups("lm628")["commands"]}
     assert (found["LTRJ"], found["STT"], found["RDRP"]) == (1, 1, 0)
 
 

@@ -14,7 +14,7 @@ from vbus.cli.journal_lines import decoded
 from vbus.core.kernel import MS
 from vbus.record.format import Entry, JournalReader
 from vbus.record.replay import Replay
-from vbus.serve.orders.control import Order
+from vbus.serve.local_socket import Order
 from vbus.serve.orders.fault_orders import FaultOrders
 from vbus.serve.orders.jump import JumpBack
 from vbus.serve.recording import Recording

@@ -8,9 +8,9 @@ from typing import NoReturn
 
 import pytest
 
+from contrib.generate.documents import constants
 from tests.unit.serve.test_session import CLAIM, READ, Served, served
 from tests.unit.transports.test_pty_clients import Hosts, hosts, loop
-from vbus.cli.generate.documents import constants
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.session import Session
 from vbus.transports import states

@@ -19,8 +19,8 @@ from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
+from vbus.serve.local_socket import Control, Order
 from vbus.serve.manual_host import ManualHost
-from vbus.serve.orders.control import Control, Order
 from vbus.serve.session import Serving, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram

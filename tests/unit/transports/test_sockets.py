@@ -9,6 +9,8 @@ from typing import Any, cast
 
 import pytest
 
+from vbus.core.errors import TransportError
+from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.transports.base import Link
 from vbus.transports.sockets import TcpTransport, UnixTransport
 
@@ -52,3 +54,9 @@ def test_all_hosts_that_wait_are_taken_in_one_turn(tmp_path: Path, scheme: str) 
         assert not transport.waiting()
         for link in links:
             link.close()
+
+
+@pytest.mark.parametrize("scheme", ["pty", "unix", "tcp", "rfc2217", "serial", "zenoh"])
+def test_an_option_that_means_nothing_is_refused(scheme: str) -> None:
+    with pytest.raises(TransportError, match=rf"^{scheme}:7000: unknown option 'wait'; known: "):
+        HostEntry(LinkSpec(f"{scheme}:7000?wait=1"), "host0")

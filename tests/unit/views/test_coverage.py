@@ -61,7 +61,7 @@ def command(port, address: int, code: int, *words: int, data: int) -> None:
 
 
 def counts(observer: CoverageObserver, family: str, group: str) -> dict[str, int]:
-    found = observer.coverage.group(family, group)
+    found = observer.coverage.groups(family)[group]
     return {item.name: count for item, count in found if count}
 
 

@@ -12,7 +12,7 @@ from vbus.chips.packets import (
     Cycle,
     Packet,
 )
-from vbus.views.findings.no_effect import NoEffect
+from vbus.views.findings.report import NoEffect
 
 READ = Cycle(1, False, 0, 0)
 WRITE = Cycle(2, True, 1, 0)

@@ -16,8 +16,7 @@ from vbus.core.signals import Violation
 from vbus.record.view import play
 from vbus.views.clauses import ac_tables
 from vbus.views.findings import formats
-from vbus.views.findings.compatibility import Compatibility
-from vbus.views.findings.report import CONTEXT, DETAILED, Report
+from vbus.views.findings.report import CONTEXT, DETAILED, Compatibility, Report
 from vbus.views.findings.suppress import Suppression, read_suppressions
 
 

@@ -16,14 +16,14 @@ from vbus.core.values.settings import among
 from vbus.glue import logic
 from vbus.glue.card_buses import BUSES, DATA, BusRow
 from vbus.glue.part import bundled
-from vbus.glue.table import THREE_STATE, Block, run
+from vbus.glue.table import THREE_STATE, Block, pins
 
 _READ, _WRITE, _RESET = ".read", ".write", "RESET"
 """Inside a register: the strobes where it is selected, and its reset."""
 _BITS: Final = bundled(DATA)
-_INPUTS: Final = run("I", 8)
-_OUTPUTS: Final = run("Q", 8)
-_ENABLES: Final = run("E", 8)
+_INPUTS: Final = pins("I0-I7")
+_OUTPUTS: Final = pins("Q0-Q7")
+_ENABLES: Final = pins("E0-E7")
 INT: Final = "INT"
 
 _PINS: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
@@ -181,12 +181,6 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
 
 def _check(row: CardRegisterSection, path: Path, size: int, known: tuple[str, ...]) -> None:
     inputs, _ = _PINS[row.kind]
-    for key, given, kind in (
-        ("reset", row.reset != 0, "latch"), ("read_back", not row.read_back, "latch"),
-        ("values", bool(row.values), "fixed"), ("sense", row.sense != "edge", "pending"),
-    ):  # fmt: skip
-        if given and row.kind != kind:
-            raise CardPartError((*path, key), f'"{key}" is for kind = "{kind}"')
     length = 1
     if row.kind == "fixed":
         try:

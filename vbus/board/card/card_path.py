@@ -14,8 +14,15 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.board.card.card_bus import MOST, CardBus, CyclePath
-from vbus.board.card.card_cycle import BYTE, CardCycle, Levels, WireState
+from vbus.board.card.card_bus import (
+    BYTE,
+    MOST,
+    CardBus,
+    CardCycle,
+    CyclePath,
+    Levels,
+    WireState,
+)
 from vbus.board.card.card_wires import CardRecord, CardWires
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit

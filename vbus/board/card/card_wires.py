@@ -8,8 +8,7 @@ from typing import ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.board.card.card_bus import CardBus
-from vbus.board.card.card_cycle import BYTE, CardCycle, Levels, WireState
+from vbus.board.card.card_bus import BYTE, CardBus, CardCycle, Levels, WireState
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit

@@ -89,19 +89,11 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
 
 
 def check_card(card: CardSection, chips: list[str], glue: Iterable[GlueSection]) -> Mistakes:
-    """Check which keys a card has: glue decodes the addresses of one with a bus, or a table."""
+    """Check where a card is: glue decodes the addresses of one with a bus, or a table."""
     path: Path = ("cards", card.name)
-    usual = CardSection(name="")
-    with_bus = "pins", "selects", "registers", "size", "setup", "strobe", "wait_states", "hold"
-    for key in () if card.bus else with_bus:
-        if getattr(card, key) != getattr(usual, key):
-            yield (*path, key), f'"{key}" is for a card with a bus; write bus = "ISA"'
     if bool(card.ports) + bool(card.decode) != 1 and not (card.bus and not card.ports):
         beside = ' beside its "bus"' if card.bus else ""
         yield path, f'a card has either "decode" and "chips", or a list of "ports"{beside}'
-    for key in ("chips", "block"):
-        if card.bus and not card.decode and getattr(card, key):
-            yield (*path, key), f'"{key}" is for a card with "decode"; write one, or leave it out'
     if not card.bus:
         return
     bus = BUSES[card.bus]

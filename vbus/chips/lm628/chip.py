@@ -14,6 +14,7 @@ from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins, EncoderPins, FrontEndHost
+from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.core.kernel.clock import PS_PER_SECOND
@@ -100,7 +101,7 @@ class LM628(FrontEndHost):
     STATE: ClassVar[Names] = (
         *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_hi",)
+    WIRING: ClassVar[Names] = ("_hi", "ac")
     DERIVED: ClassVar[Names] = ("_due_at", "_unseen")
 
     def __init__(
@@ -112,6 +113,7 @@ class LM628(FrontEndHost):
         check_clock(part, clock.hz)
         pwm = part.startswith("LM629")
         super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac = AcLimits(self, ds.AC)
         self.axis: ServoAxis = ServoAxis(self.settings)
         self.output: ServoOutput = ServoOutput(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: EncoderCounts = EncoderCounts(clock)
@@ -231,8 +233,7 @@ class LM628(FrontEndHost):
         if self._mode == _UNPOWERED:
             return
         low = now - self._reset_fell
-        limit = ds.AC.minimum("T6", self.clock)
-        if self.judged and low < limit and self.report(ds.AC.rules["T6"], low, limit):
+        if self.judged and self.ac.short("T6", low):
             return
         self._when = now
         self._reset(_RESET_BY_PIN)

@@ -8,7 +8,7 @@ from typing import Final
 
 from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcTable, rules_in
 from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
 from vbus.core.kernel import MS, NS, US
 from vbus.core.options import Option
@@ -344,13 +344,8 @@ LEFT_LOADED: Final = Rule(
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
 )  # fmt: skip
 
-RULES: Final = (
-    *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
-    WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
-    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED, FILTER_WAITS, NO_ACCELERATION, NO_VELOCITY,
-    VELOCITY_WRAPS, NO_INTEGRAL, NO_TRAJECTORY, OFF_AT_SPEED, RESETS_NOTHING, LEAVES_FLAGS,
-    HI_STANDS, ERRORS_STAND, LEFT_LOADED,
-)  # fmt: skip
+RULES: Final = (*AC.rules.values(), *rules_in(globals()))
+"""What a host can break: each AC limit, and each rule above."""
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
 

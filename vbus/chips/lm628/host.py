@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Final
 
 from vbus.chips.lm628 import datasheet as lm
 from vbus.client.aio.access import READY_POLLS, Packets, calls_of, words_of
-from vbus.client.aio.bus import Bus, Chip, ChipCycles
+from vbus.client.aio.bus import Bus, Chip
 from vbus.client.aio.twice import twice
 from vbus.client.aio.waits import read_until
 from vbus.core.errors import NotReadyError, ReadBackError
@@ -37,13 +37,6 @@ class Lm628Packets(Packets):
     DATA_PORT = lm.DATA_PORT
     READY_MASK = lm.BUSY
     READY_LEVEL = 0
-
-    def __init__(
-        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
-        checked: bool = False,
-    ) -> None:  # fmt: skip
-        super().__init__(cycles, ready=ready, polls=polls)
-        self.checked: bool = checked
 
     async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
         """Write a command byte and words, then read ``count`` words; return these.

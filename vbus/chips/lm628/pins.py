@@ -1,7 +1,6 @@
 """The pins: edges on /CS, /PS, /RD, /WR become bus cycles, and those on A, B and /IN counts, where
 something drives these nets; AC limits are judged."""
 
-from functools import lru_cache
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -12,7 +11,8 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.motion import quadrature as q
-from vbus.core.kernel import NEVER, Clock
+from vbus.chips.strobes import AcLimits
+from vbus.core.kernel import NEVER
 from vbus.core.signals import LOW, STRICT, Watcher
 from vbus.core.state import Names, Saved, keep, take_back
 
@@ -29,6 +29,8 @@ _FLOATING: Final = 0xFF
 class FrontEndHost(Chip):
     """What the front-ends ask of their chip, beyond what every chip answers."""
 
+    ac: AcLimits
+
     @property
     def powered(self) -> bool:
         """Whether supply is up."""
@@ -41,18 +43,6 @@ class FrontEndHost(Chip):
     def expect(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
         raise NotImplementedError
-
-
-@lru_cache(maxsize=16)
-def _limits(hz: int) -> dict[str, int]:
-    """Return the AC limits of every chip at a clock (ps).
-
-    The chip's own promises are the longest that they say, all else the least.
-    """
-    clock = Clock(hz)
-    return {
-        row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, clock) for row in ds.AC
-    }
 
 
 class BusPins(BusFrontEnd):
@@ -76,8 +66,8 @@ class BusPins(BusFrontEnd):
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_data", "_host", "_kernel", "_late", "_limits", "_live", "_owner", "_read_undone",
-        "_timer", "_write_undone",
+        "_ac", "_data", "_host", "_kernel", "_late", "_live", "_owner", "_read_undone", "_timer",
+        "_write_undone",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_levels",)
 
@@ -90,7 +80,7 @@ class BusPins(BusFrontEnd):
         self._timer = chip.kernel.timer(self._hold_over)
         # The byte shown changes at its instant, observed or not: the net stores that instant.
         self._live = chip.kernel.timer(self._changes, saved=False)
-        self._limits: dict[str, int] = _limits(chip.clock.hz)
+        self._ac: AcLimits = chip.ac
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
@@ -192,19 +182,17 @@ class BusPins(BusFrontEnd):
             return
         chip.begin_read(port)
         if self._late and chip.judged:
-            self.show_at = now + self._limits["T10"]
+            self.show_at = now + self._ac.least["T10"]
             self._owner.expect(self.show_at)
 
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
-        limit = self._limits[symbol]
-        if measured < limit:
-            self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
+        if self._ac.short(symbol, measured, detail):
+            self._lost = True
 
     def _judge_hold(self, symbol: str, hold: int, when: int = -1) -> None:
         """Find a hold time too short; if it is strict, the last cycle has not been."""
-        limit = self._limits[symbol]
-        if hold < limit and self._chip.report(ds.AC.rules[symbol], hold, limit, when=when):
+        if self._ac.short(symbol, hold, when=when):
             undo, self._undo = self._undo, {}
             if undo:
                 take_back(self._chip, undo)
@@ -238,7 +226,7 @@ class BusPins(BusFrontEnd):
             self._undo = keep(chip) if self._write_undone else {}
             if port:
                 self._data_wrote = now
-            self._timer.at(now + self._limits["T16"])
+            self._timer.at(now + self._ac.least["T16"])
         if not self._lost:
             if floats:
                 chip.report(ds.FLOATING_WRITE, detail=f"no pin drives D0-D7: {byte:02X}H is taken")
@@ -258,7 +246,7 @@ class BusPins(BusFrontEnd):
             self._undo = keep(chip) if self._read_undone else {}
             if port:
                 self._data_read = now
-            self._timer.at(now + self._limits["T12"])
+            self._timer.at(now + self._ac.least["T12"])
         if self._lost:
             self._host.lose_read()
         chip.end_read()
@@ -293,14 +281,14 @@ class BusPins(BusFrontEnd):
                 moved == self._wrote and (net.value != self._byte or not net.driven)
             )
             hold = moved - self._wrote
-            if late or now - self._wrote >= self._limits["T16"]:
+            if late or now - self._wrote >= self._ac.least["T16"]:
                 self._wrote = _LONG_AGO
             if late:
                 self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
             hold = net.changed_at - self._read
             others = hold > 0 or (hold == 0 and net.value != self._left)
-            if others or now - self._read >= self._limits["T12"]:
+            if others or now - self._read >= self._ac.least["T12"]:
                 self._read = _LONG_AGO
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
@@ -370,7 +358,7 @@ class EncoderPins:
         now = chip.kernel.now
         a, b, index = self._pins
         found = self._inputs.edge(now, a.value, b.value, index.value)
-        late = bool(found) and chip.judged and q.judge_inputs(chip, ds.AC, self._inputs, found)
+        late = bool(found) and chip.judged and q.judge_inputs(chip.ac, self._inputs, found)
         self.settle(now, late)
         chip.touched()
 

@@ -17,6 +17,7 @@ from vbus.chips.mc1241a.host_port import PacketPort
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.pins import AdapterPins
+from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import CardRow, PinRow
 from vbus.core.kernel import HELD, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
@@ -55,7 +56,7 @@ class MC1241A(ChipSet):
         "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
         "axes: parts", "judged: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("shared",)
+    WIRING: ClassVar[Names] = ("ac", "shared")
     DERIVED: ClassVar[Names] = ("instant",)
 
     def __init__(
@@ -71,6 +72,7 @@ class MC1241A(ChipSet):
         if part not in self.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
         super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac = AcLimits(self, ds.AC)
         self.axis_count = 2 if part == "MC1241A" else 1
         b_leads = self.settings["phase_b"] == "leads"
         self.shared: Final[SharedParameters] = SharedParameters()
@@ -149,10 +151,7 @@ class MC1241A(ChipSet):
         period = 10**12 // self.clock.hz
         # The longest period stands in whole nanoseconds: 149 for the lowest clock of 6.7 MHz.
         for symbol, measured in (("T4", period // 2), ("T5", period // 1000 * 1000)):
-            row = ds.AC[symbol]
-            if not row.min_ps <= measured <= row.max_ps:
-                limit = row.min_ps if measured < row.min_ps else row.max_ps
-                self.report(ds.AC.rules[symbol], measured, limit)
+            self.ac.outside(symbol, measured, measured)
         self.instant = self.kernel.now
         self.restart(self.kernel.now, 0 if done else ds.RESET_CLK)
         self._reckon()

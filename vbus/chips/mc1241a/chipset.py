@@ -6,6 +6,7 @@ from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.strobes import AcLimits
 from vbus.core.signals import Pin, Rule
 from vbus.core.state import Names
 
@@ -13,6 +14,7 @@ from vbus.core.state import Names
 class ChipSet(Chip):
     """What each of the blocks knows of the chip set it belongs to."""
 
+    ac: AcLimits
     instant: i64 = 0
     """Instant of what the chip set is doing now (ps)."""
     held: bool = False

@@ -4,7 +4,7 @@ from typing import Final
 
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcTable, rules_in
 from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
@@ -601,14 +601,8 @@ LEFT_LOADED: Final = Rule(
     "note",
 )  # fmt: skip
 
-RULES: Final = (
-    *AC.rules.values(),
-    NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
-    UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
-    COMMAND_REFUSED, MOTOR_COMMAND_LOST, WITHOUT_CURRENT, TWO_CHANNELS, KEEPS_INTERRUPT,
-    NO_STEP_RATIO, IDLE_UPDATE, CHECKSUM_UNREAD, INTERRUPT_STANDS, ERRORS_STAND, ERROR_UNREAD,
-    NO_RATE, LEFT_LOADED,
-)  # fmt: skip
+RULES: Final = (*AC.rules.values(), *rules_in(globals()))
+"""What a host can break: each AC limit, and each rule above."""
 
 # -- settings ------------------------------------------------------------------------------------
 

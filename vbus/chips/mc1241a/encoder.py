@@ -293,7 +293,7 @@ class AxisInputs:
         self._unsettled = True
         found = self._decoder.edge(now, a.value, b.value, index.value)
         if found and chip.judged:
-            judge_inputs(chip, ds.AC, self._decoder, found)
+            judge_inputs(chip.ac, self._decoder, found)
         chip.touched()
 
     def _home_moved(self) -> None:

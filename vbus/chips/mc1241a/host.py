@@ -39,8 +39,7 @@ class Mc1241aPackets(Packets):
         self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
         checked: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(cycles, ready=ready, polls=polls)
-        self.checked: bool = checked
+        super().__init__(cycles, ready=ready, polls=polls, checked=checked)
 
     async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
         """Write a command byte and words, then read ``count`` words; return these.

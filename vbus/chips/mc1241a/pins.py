@@ -8,6 +8,7 @@ from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mc1241a import datasheet as ds
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.host_port import PacketPort
+from vbus.chips.strobes import AcLimits
 from vbus.core.signals import LOW, Watcher
 from vbus.core.state import Names
 
@@ -36,12 +37,13 @@ class AdapterPins(BusFrontEnd):
         "_read_fell", "_strobe_ended", "_write_ended", "_read_ended", "_reset_fell", "_data_judged",
         "_command_at", "_data_at", "_data_before",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_owner", "_port")
+    WIRING: ClassVar[Names] = ("_ac", "_owner", "_port")
 
     def __init__(self, chip: ChipSet, port: PacketPort) -> None:
         super().__init__(chip)
         self._owner: ChipSet = chip
         self._port: PacketPort = port
+        self._ac: AcLimits = chip.ac
         # The data bus moves by itself only in answer to strobes: being heard there needs no timer.
         chip.data_pin.on_heard = None
         chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
@@ -100,11 +102,11 @@ class AdapterPins(BusFrontEnd):
         lost = False
         if chip.judged:
             begun = max(self._write_fell, self._select_fell)
-            lost = self._too_short("T14", now - self._write_fell)
-            lost |= self._too_short("T7w", self._write_fell - self._select_fell)
-            lost |= self._too_short("T8w", self._write_fell - self._command_at)
-            lost |= self._too_short("T15", now - self._data_since(now))
-            lost |= self._too_short("T18", self._write_fell - self._write_ended)
+            lost = self._ac.short("T14", now - self._write_fell)
+            lost |= self._ac.short("T7w", self._write_fell - self._select_fell)
+            lost |= self._ac.short("T8w", self._write_fell - self._command_at)
+            lost |= self._ac.short("T15", now - self._data_since(now))
+            lost |= self._ac.short("T18", self._write_fell - self._write_ended)
             lost |= self._seen_too_early(begun)
         self._strobe_ended = self._write_ended = now
         self._last_was_write = True
@@ -122,9 +124,9 @@ class AdapterPins(BusFrontEnd):
     def _begin_read(self, now: int) -> None:
         chip = self._chip
         if chip.judged:
-            lost = self._too_short("T7r", self._read_fell - self._select_fell)
-            lost |= self._too_short("T8r", self._read_fell - self._command_at)
-            lost |= self._too_short("T17", self._read_fell - self._read_ended)
+            lost = self._ac.short("T7r", self._read_fell - self._select_fell)
+            lost |= self._ac.short("T8r", self._read_fell - self._command_at)
+            lost |= self._ac.short("T17", self._read_fell - self._read_ended)
             lost |= self._seen_too_early(self._read_fell)
             if lost:
                 return
@@ -139,7 +141,7 @@ class AdapterPins(BusFrontEnd):
         clashed, self._clashed = self._clashed, False
         if self._driving:
             self._driving = False
-            if chip.judged and self._too_short("T10", now - self._read_fell):
+            if chip.judged and self._ac.short("T10", now - self._read_fell):
                 self._port.cancel_read()
             chip.end_read()
             chip.data_pin.release()
@@ -175,7 +177,7 @@ class AdapterPins(BusFrontEnd):
         if now != self._data_judged:
             self._after_strobe("T16", now - self._write_ended)
         if chip.bus_net.driven:
-            self._too_short("T12", now - self._read_ended)
+            self._ac.short("T12", now - self._read_ended)
 
     def _reset_moved(self) -> None:
         """~Reset has moved: it takes hold after T-reset, and is over when it rises
@@ -186,13 +188,13 @@ class AdapterPins(BusFrontEnd):
         chip.advance()
         if chip.pins["~Reset"].value == LOW:
             self._reset_fell = now
-            chip.hold_reset(now + ds.AC["reset"].min_ps)
+            chip.hold_reset(now + self._ac.least["reset"])
             return
         lost = False
         if chip.judged:
-            lost = self._too_short("reset", now - self._reset_fell)
+            lost = self._ac.short("reset", now - self._reset_fell)
             if chip.settings["cold_start"]:
-                self._too_short("power", now)
+                self._ac.short("power", now)
         chip.release_reset(lost)
 
     # -- limits -------------------------------------------------------------------------------
@@ -203,23 +205,16 @@ class AdapterPins(BusFrontEnd):
         late = net.before != net.value and self._data_at == now
         return self._data_before if late else self._data_at
 
-    def _too_short(self, symbol: str, measured: int) -> bool:
-        """Judge an interval; tell whether the cycle is to be lost."""
-        limit = ds.AC[symbol].min_ps
-        if measured >= limit:
-            return False
-        return self._chip.report(ds.AC.rules[symbol], measured, limit)
-
     def _seen_too_early(self, begun: int) -> bool:
         """Whether the host took HostRdy for high while it was still falling (T13)."""
         since = self._port.busy_since
         if begun >= since and self._port.busy_until > begun:
-            return self._too_short("T13", begun - since)
+            return self._ac.short("T13", begun - since)
         return False
 
     def _after_strobe(self, symbol: str, held: int) -> None:
         """Judge a hold time; what was latched too soon released is lost again (strict)."""
         chip = self._chip
-        if chip.judged and self._too_short(symbol, held) and self._last_was_write:
+        if chip.judged and self._ac.short(symbol, held) and self._last_was_write:
             self._port.lose()
             chip.touched()

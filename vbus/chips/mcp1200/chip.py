@@ -14,6 +14,7 @@ from vbus.chips.mcp1200.encoder import LONG_AGO
 from vbus.chips.mcp1200.output import OutputPins
 from vbus.chips.mcp1200.pins import ChannelPins, HostInterface, SidePins, StrobePins
 from vbus.chips.mcp1200.registers import FAR
+from vbus.chips.strobes import AcLimits
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import MS, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
@@ -68,9 +69,9 @@ class MCP1200(HostInterface):
         file: Callable[[Violation], None] | None = None,
     ) -> None:
         super().__init__(name, part, kernel, clock, settings, policy, file)
-        self.ac = ds.AC[str(self.settings["supply"])]
-        self.read_low_ps = self.ac["tALDB"].max_ps
-        self.cycle_ps += self.ac.minimum("tCSAL", clock)
+        self.ac = AcLimits(self, ds.AC[str(self.settings["supply"])])
+        self.read_low_ps = self.ac.least["tALDB"]
+        self.cycle_ps += self.ac.least["tCSAL"]
         self.axis: Final[ClockedAxis] = ClockedAxis(
             clock, self.settings, self.pins["TRIG"], self.report
         )
@@ -284,21 +285,16 @@ class MCP1200(HostInterface):
 
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""
-        rules = self.ac.rules
         period: int = self.clock.span(1)
-        row = self.ac["tCPER"]
-        if period < row.min_ps or self.clock.span_up(1) > row.max_ps:
-            limit = row.min_ps if period < row.min_ps else row.max_ps
-            self.report(rules["tCPER"], period, limit)
+        self.ac.outside("tCPER", period, self.clock.span_up(1))
         high = int(period * float(self.settings["clock_high"]))
-        self.judge("tCPWH", high)
-        self.judge("tCPWL", period - high)
+        self.ac.short("tCPWH", high)
+        self.ac.short("tCPWL", period - high)
         for symbol, key in (
             ("tCR", "clock_edge"), ("tIABR", "input_edge"), ("tIR", "input_edge"),
         ):  # fmt: skip
             edge = int(self.settings[key])
-            if edge > self.ac[symbol].max_ps:
-                self.report(rules[symbol], edge, self.ac[symbol].max_ps)
+            self.ac.outside(symbol, edge, edge)
 
     # -- looking in, and state ----------------------------------------------------------------
 

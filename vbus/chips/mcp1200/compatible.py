@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Final
 
 from vbus.core.signals import Rule
-from vbus.views.findings.compatibility import Uses
+from vbus.views.findings.report import Uses
 
 
 def _rule(name: str, clause: str, title: str, severity: str = "warning") -> Rule:

@@ -8,7 +8,7 @@ from typing import Final
 
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcTable, rules_in
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
@@ -98,7 +98,7 @@ REGISTERS: Final = RegisterMap(
              counts=SAMPLED, unit="1/4096 of full scale"),
     Register("COMMAND_INCREMENT", (0x0B,), 0x00, signed=True, clause="MCP-REG-12",
              title="Command Position Increment",
-             counts=SAMPLED, unit="count", on_loaded="load_command_increment"),
+             counts=SAMPLED, cleared=True, unit="count", on_loaded="load_command_increment"),
     Register("COMMAND_POSITION", (0x0C, 0x0D, 0x0E), 0, signed=True, clause="MCP-REG-13",
              title="Command Position",
              counts=REPORTED, unit="count", on_write="write_command_position"),
@@ -136,7 +136,7 @@ REGISTERS: Final = RegisterMap(
              counts=SAMPLED),
     Register("VELOCITY", (0x23, 0x24, 0x25), 0, signed=True, fraction=8, clause="MCP-REG-24",
              title="High Resolution Velocity",
-             counts=SAMPLED, unit="count/sample", on_loaded="load_velocity"),
+             counts=SAMPLED, cleared=True, unit="count/sample", on_loaded="load_velocity"),
     Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25",
              title="Acceleration",
              counts=SAMPLED, unit="count/sample²"),
@@ -163,7 +163,7 @@ REGISTERS: Final = RegisterMap(
              counts=REPORTED, unit="count"),
     Register("VELOCITY_COMMAND", (0x3C,), 0, signed=True, clause="MCP-REG-33",
              title="Velocity Command",
-             counts=SAMPLED, unit="count/sample"),
+             counts=SAMPLED, cleared=True, unit="count/sample"),
     Register("BREAKPOINT", (0x3F, 0x3E, 0x3D), 0x800000, signed=True, clause="MCP-REG-34",
              title="Break-point Position",
              counts=SAMPLED, unit="count"),
@@ -500,13 +500,8 @@ ERRORS_STAND: Final = Rule(
     "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
 )
 
-RULES: Final = (
-    *AC["5 V"].rules.values(),
-    CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
-    EXTENDED_OFF, LISTED_RANGE, NO_FORCE, SPLIT_POSITION, PART_POSITION, NO_WAY, PID_UNUSED,
-    NO_INTEGRAL, JUMP, NO_GAIN, PRESET_IN_CONTROL, MODE_LOST, TOO_EARLY, OTHER_VELOCITY,
-    NO_RATE, ERRORS_STAND,
-)  # fmt: skip
+RULES: Final = (*AC["5 V"].rules.values(), *rules_in(globals()))
+"""What a host can break: each AC limit, and each rule above."""
 
 # -- board file keys ----------------------------------------------------------------------------
 

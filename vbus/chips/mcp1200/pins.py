@@ -11,7 +11,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.encoder import LONG_AGO, EncoderChannels, InputLevels
 from vbus.chips.motion.quadrature import Quadrature
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcLimits
 from vbus.core.kernel import NEVER
 from vbus.core.signals import LOW, Net, Pin, Watcher, Z
 from vbus.core.state import Names
@@ -28,13 +28,9 @@ AD6: Final = 0x40
 
 
 class HostInterface(Chip):
-    """Clock cycles, AC limits, and what a pin that moves does inside.
+    """Clock cycles, AC limits, and what a pin that moves does inside."""
 
-    Attributes:
-        ac: the AC limits at this supply.
-    """
-
-    ac: AcTable
+    ac: AcLimits
 
     # -- what is behind the pins --------------------------------------------------------------
 
@@ -65,30 +61,6 @@ class HostInterface(Chip):
         cycle = self.cycle_now()
         return cycle if self.clock.ps(cycle) == self.kernel.now else cycle + 1
 
-    # -- AC limits ----------------------------------------------------------------------------
-
-    def limit(self, symbol: str) -> int:
-        """Smallest legal interval (ps) of an AC row at this clock and supply."""
-        return self.ac.minimum(symbol, self.clock)
-
-    def judge(self, symbol: str, measured: int) -> bool:
-        """Report an interval below its minimum; tell whether the access is lost."""
-        least = self.ac.minimum(symbol, self.clock)
-        return measured < least and self.report(self.ac.rules[symbol], measured, least)
-
-    def judge_latest(self, symbol: str, measured: int) -> None:
-        """Report a host that takes an output before its longest delay is over."""
-        most = self.ac[symbol].max_ps
-        if measured < most:
-            self.report(self.ac.rules[symbol], measured, most)
-
-    def judge_filtered(self, symbol: str, measured: int, divider: int) -> None:
-        """Report an encoder interval below its minimum, which counts filter clocks."""
-        row = self.ac[symbol]
-        least: int = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
-        if measured < least:
-            self.report(self.ac.rules[symbol], measured, least)
-
 
 class StrobePins(BusFrontEnd):
     """Sees strobes on the nets, makes bus cycles of them, and judges their times.
@@ -110,11 +82,12 @@ class StrobePins(BusFrontEnd):
         "_ale_fell", "_ale_rose", "_cs_fell", "_cs_rose", "_oe_fell", "_rw_at", "_data_at",
         "_closed_at", "_previous_closed_at",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_owner", "_release")
+    WIRING: ClassVar[Names] = ("_ac", "_owner", "_release")
 
     def __init__(self, chip: HostInterface) -> None:
         super().__init__(chip)
         self._owner: HostInterface = chip
+        self._ac: AcLimits = chip.ac
         self._release = chip.kernel.timer(self._let_go)
         chip.bus_net.watch(self.own)
         self.forget_edges()
@@ -187,12 +160,12 @@ class StrobePins(BusFrontEnd):
 
     def _judge(self, symbol: str, measured: int) -> None:
         """Judge a limit of the access under way."""
-        if self._owner.judged and self._owner.judge(symbol, measured):
+        if self._owner.judged and self._ac.short(symbol, measured):
             self._lost = True
 
     def _read_write(self, rw: int, now: int) -> None:
         chip = self._owner
-        if chip.judged and chip.judge("tWH", now - self._cs_rose):
+        if chip.judged and self._ac.short("tWH", now - self._cs_rose):
             chip.drop_write()
         self._rw = rw
         self._rw_at = now
@@ -307,11 +280,11 @@ class StrobePins(BusFrontEnd):
         self._oe = 1
         if chip.judged:
             low = now - self._oe_fell
-            chip.judge("tIPWOE", low)
-            chip.judge_latest("tOEDB", low)
-            chip.judge_latest("tALDB", now - self._closed_at)
+            self._ac.short("tIPWOE", low)
+            self._ac.short("tOEDB", low)
+            self._ac.short("tALDB", now - self._closed_at)
             if chip.data_pin.level != Z:
-                self._release.at(now + chip.limit("tDOEH"))
+                self._release.at(now + self._ac.least["tDOEH"])
 
     def _check_contention(self) -> None:
         if self._oe == LOW and self._cs == LOW and self._rw == 0:
@@ -325,7 +298,7 @@ class StrobePins(BusFrontEnd):
             return
         # After a read nothing of the host's needs holding.
         if self._was_write and self._cs:
-            if chip.judge("tH", now - self._cs_rose):
+            if self._ac.short("tH", now - self._cs_rose):
                 chip.drop_write()
         elif not self._open and self._fresh:
             self._judge("tH", now - self._closed_at)
@@ -402,15 +375,21 @@ class ChannelPins:
         chip.touched()
 
     def _judge(self, moved: list[int], now: int) -> None:
-        clocks = self._channels.divider()
         for place in reversed(moved):
-            symbol = "tIX" if place == INDEX else "tIAB"
-            self._chip.judge_filtered(symbol, now - self._since[place], clocks)
+            self._judge_filtered("tIX" if place == INDEX else "tIAB", now - self._since[place])
         channels = [place for place in moved if place != INDEX]
         if channels:
             # The other channel moved before, or in this instant too.
             since = now if len(channels) == 2 else self._since[1 - channels[0]]
-            self._chip.judge_filtered("tAB", now - since, clocks)
+            self._judge_filtered("tAB", now - since)
+
+    def _judge_filtered(self, symbol: str, measured: int) -> None:
+        """File an interval below its minimum, which counts filter clocks."""
+        chip = self._chip
+        row = chip.ac.table[symbol]
+        least: int = row.min_ps + chip.clock.span_up(int(row.min_clk) * self._channels.divider())
+        if measured < least:
+            chip.report(chip.ac.table.rules[symbol], measured, least)
 
 
 class SidePins:
@@ -444,7 +423,7 @@ class SidePins:
             if level == 0:
                 inputs.fell[place] = now
             elif chip.judged:
-                chip.judge(limit, now - inputs.fell[place])
+                chip.ac.short(limit, now - inputs.fell[place])
             if name == "/RESET":
                 chip.reset_pin(level)
         self._axis.look(chip.cycle_now(), chip.next_cycle())

@@ -72,29 +72,8 @@ class RegisterFile(Registers):
         if self._stored:
             self._stored = False
             sampled.copy(self)
-            return
-        # The chip itself changes these; the others keep what was stored.
-        sampled.flag = self.flag
-        sampled.config = self.config
-        sampled.capture_control = self.capture_control
-        sampled.mode = self.mode
-        sampled.phase = self.phase
-        sampled.status = self.status
-        sampled.motor_command = self.motor_command
-        sampled.pwm_command = self.pwm_command
-        sampled.command_increment = self.command_increment
-        sampled.command_position = self.command_position
-        sampled.actual_position = self.actual_position
-        sampled.interpolator_count = self.interpolator_count
-        sampled.velocity = self.velocity
-        sampled.position_error = self.position_error
-        sampled.capture = self.capture
-        sampled.accel_delta = self.accel_delta
-        sampled.actual_velocity = self.actual_velocity
-        sampled.decel_position = self.decel_position
-        sampled.velocity_command = self.velocity_command
-        sampled.motor_command_low = self.motor_command_low
-        sampled.pwm_fraction = self.pwm_fraction
+        else:
+            sampled.copy_own(self)
 
     def reset(self, *names: str) -> None:
         """Load the reset values of the registers named, or of all."""

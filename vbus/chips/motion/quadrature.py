@@ -12,8 +12,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import Chip
-from vbus.chips.strobes import AcTable
+from vbus.chips.strobes import AcLimits
 from vbus.core.kernel import NEVER
 from vbus.core.state import Names
 
@@ -262,12 +261,11 @@ class Quadrature:
         self._index.set_dwell(now, index_dwell)
 
 
-def judge_inputs(chip: Chip, ac: AcTable, inputs: Quadrature, found: int) -> bool:
+def judge_inputs(ac: AcLimits, inputs: Quadrature, found: int) -> bool:
     """File what an edge of A, B or index has broken (T1 to T3); tell whether the index is lost.
 
     Args:
-        chip: whose inputs they are.
-        ac: its limits.
+        ac: the limits of the chip whose inputs they are.
         inputs: the decoder that took the edge.
         found: what it found.
     """
@@ -278,5 +276,5 @@ def judge_inputs(chip: Chip, ac: AcTable, inputs: Quadrature, found: int) -> boo
         (INDEX_INSIDE, "T3", -1),
     ):
         if found & bit:
-            lost = chip.report(ac.rules[symbol], measured, ac.minimum(symbol, chip.clock))
+            lost = ac.short(symbol, measured)
     return lost and bool(found & INDEX_INSIDE)

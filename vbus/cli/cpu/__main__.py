@@ -6,10 +6,8 @@ import sys
 import msgspec
 
 from vbus.cli import exit_codes
-from vbus.cli.cpu.image import Image
 from vbus.cli.cpu.machine import Stopped
-from vbus.cli.cpu.processors import PROCESSORS, machine_of
-from vbus.cli.cpu.settings import CpuSettings
+from vbus.cli.cpu.processors import PROCESSORS, CpuSettings, machine_of
 from vbus.core.errors import ProgramError
 
 
@@ -17,8 +15,7 @@ def main() -> int:
     """Run an image on a board; return its exit code."""
     library, link, told, path = sys.argv[1:]
     settings = msgspec.json.decode(told, type=CpuSettings)
-    kind = PROCESSORS[settings.processor]
-    image: Image = kind.read(path)
+    image = PROCESSORS[settings.processor].read(path)
     native = ctypes.CDLL(library)
     native.cpu_sentence.restype = ctypes.c_char_p
     error = native.cpu_open(link.encode())
@@ -26,7 +23,7 @@ def main() -> int:
         print(f"vbus cpu: {link}: {native.cpu_sentence(error).decode()}", file=sys.stderr)
         return exit_codes.NO_LINK
     try:
-        machine = machine_of(kind, settings.cpu, image, native, settings.cycles, settings.until)
+        machine = machine_of(settings, image, native)
         code = machine.run()
     except Stopped as end:
         print(f"vbus cpu: {end}", file=sys.stderr)

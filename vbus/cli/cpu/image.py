@@ -1,12 +1,12 @@
 """Firmware images: what is in an ELF file, and whether it is for the processor."""
 
-import struct
 from bisect import bisect_right
 from pathlib import Path
 from typing import Final
 
 from msgspec import Struct
 
+from vbus.core.elf import LOADED, MAGIC, Elf
 from vbus.core.errors import ProgramError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 
@@ -17,7 +17,6 @@ _MACHINES: Final = {
 }  # fmt: skip
 _UNKNOWN: Final = 0x1000
 """How far a function may reach at most whose size is not known."""
-_LOAD, _SYMBOLS, _FUNCTION = 1, 2, 2
 
 
 class Image(Struct):
@@ -76,53 +75,38 @@ def read_elf(path: str, machine: int, compiler: str) -> Image:
     """
     data = read_file(path)
     wanted = f"firmware image (ELF) for {_MACHINES[machine]}"
-    if not data.startswith(b"\x7fELF") or len(data) < 52:
+    if not data.startswith(MAGIC) or len(data) < 52:
         made = f"{compiler} links one (a .hex or .bin file lacks the names)"
         raise ProgramError(is_none(path, data[:HEAD], wanted, made), False)
-    order = "<" if data[5] == 1 else ">"
-    (found,) = struct.unpack_from(f"{order}H", data, 18)
-    if found != machine or data[4] != 1:
-        other = _MACHINES.get(found, f"machine {found}")
+    program = Elf(data)
+    if program.machine != machine or program.wide:
+        other = _MACHINES.get(program.machine, f"machine {program.machine}")
         raise ProgramError(
             f"{path}: an image for {other}; this processor is {_MACHINES[machine]}; link it by"
             f" {compiler}, or name the processor of the image with --cpu",
             False,
         )
     try:
-        return _read(path, data, order)
-    except (struct.error, IndexError, ValueError):
+        return _read(path, program)
+    except ValueError:
         raise ProgramError(f"{path}: this ELF file is damaged; link it again", False) from None
 
 
-def _read(path: str, data: bytes, order: str) -> Image:
-    head = struct.unpack_from(f"{order}IIIIHHHHHH", data, 24)
-    entry, programs, sections = head[0], head[1], head[2]
+def _read(path: str, program: Elf) -> Image:
     segments, end = [], 0
-    for number in range(head[6]):
-        kind, offset, virtual, physical, size, memory = struct.unpack_from(
-            f"{order}6I", data, programs + number * head[5]
-        )
-        if kind != _LOAD:
+    for one in program.segments():
+        if one.kind != LOADED:
             continue
-        if size:
-            segments.append((physical, data[offset : offset + size]))
-        if virtual != physical or memory > size:
-            end = max(end, virtual + memory)
+        if one.size:
+            segments.append((one.physical, program.data[one.offset : one.offset + one.size]))
+        if one.virtual != one.physical or one.memory > one.size:
+            end = max(end, one.virtual + one.memory)
     functions: dict[int, tuple[str, int]] = {}
-    rows = [struct.unpack_from(f"{order}10I", data, sections + n * head[7]) for n in range(head[8])]
-    for row in rows:
-        if row[1] != _SYMBOLS:
-            continue
-        names = rows[row[6]][4]
-        for place in range(row[4], row[4] + row[5], 16):
-            name, value, length, kind = struct.unpack_from(f"{order}IIIB", data, place)
-            if kind & 15 == _FUNCTION:
-                start = names + name
-                text = data[start : data.index(b"\0", start)].decode(errors="replace")
-                functions.setdefault(value & ~1, (text, length))
+    for name, value, size in program.functions():
+        functions.setdefault(value & ~1, (name, size))  # bit 0 says Thumb
     places = sorted(functions)
     return Image(
-        path, entry, segments, end, places, [functions[at][0] for at in places],
+        path, program.entry, segments, end, places, [functions[at][0] for at in places],
         [functions[at][1] for at in places],
     )  # fmt: skip
 
@@ -137,7 +121,7 @@ def read_dos(path: str) -> Image:
     exe, second = data[:2] == b"MZ", int.from_bytes(data[0x3C:0x40], "little")
     if exe and second and data[second : second + 2] in (b"PE", b"NE", b"LE"):
         raise ProgramError(f"{path}: a program for Windows, and this is DOS", False)
-    if data[:4] == b"\x7fELF" or not data or (len(data) < 28 if exe else len(data) > 0xFE00):
+    if data[:4] == MAGIC or not data or (len(data) < 28 if exe else len(data) > 0xFE00):
         made = "nasm -f bin or bcc makes one"
         raise ProgramError(is_none(path, data[:HEAD], "DOS program (.COM or .EXE)", made), False)
     return Image(path, 0, [(0, data)], 0, [], [], [])

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any, ClassVar, Final
 
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 from vbus.cli import exit_codes
 from vbus.cli.cpu.image import Image
 

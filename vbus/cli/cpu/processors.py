@@ -8,9 +8,27 @@ from typing import Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from vbus.boardfile.cpu import CpuSection
+from vbus.boardfile.sections import CpuSection
 from vbus.cli.cpu.image import ARM, M68K, Image, read_dos, read_elf
 from vbus.cli.cpu.machine import CpuMachine
+
+
+class CpuSettings(Struct):
+    """What ``vbus exec --cpu`` tells the program that runs an image.
+
+    Attributes:
+        processor: which one.
+        cpu: its section of the board file, with the usual values where that says nothing.
+        cycles: clock cycles after which the run ends; 0: none.
+        until: what the firmware sends at the end.
+        stats: whether the speed is printed at the end.
+    """
+
+    processor: str
+    cpu: CpuSection
+    cycles: int = 0
+    until: str = ""
+    stats: bool = False
 
 
 class ProcessorKind(Struct, frozen=True):
@@ -86,22 +104,16 @@ def foreign(kind: ProcessorKind, section: CpuSection) -> list[str]:
     return sorted(key for key in keys if getattr(section, key))
 
 
-def machine_of(
-    kind: ProcessorKind,
-    section: CpuSection,
-    image: Image,
-    native: ctypes.CDLL,
-    ends: int,
-    until: str,
-) -> CpuMachine:
+def machine_of(settings: CpuSettings, image: Image, native: ctypes.CDLL) -> CpuMachine:
     """Return a machine with its processor, memory, peripherals and image."""
     import unicorn
 
+    kind = PROCESSORS[settings.processor]
     names = import_module(f"unicorn.{kind.arch.lower()}_const")
     mode = sum(getattr(unicorn, f"UC_MODE_{name}") for name in kind.modes)
     model = getattr(names, f"UC_{kind.model}") if kind.model else None
     arch = getattr(unicorn, f"UC_ARCH_{kind.arch}")
-    machine = CpuMachine(native, section, arch, mode, model, ends, until)
+    machine = CpuMachine(native, settings.cpu, arch, mode, model, settings.cycles, settings.until)
     machine.image = image
     import_module(f"vbus.cli.cpu.{kind.built}").build(machine)
     return machine

@@ -1,5 +1,4 @@
-"""Makes the files that follow from tables: client calls, blocking clients, documentation.
+"""Makes what follows from the tables of a chip: client calls, numbers, pages, decoders.
 
-``python -m vbus.cli.generate clients`` writes them, ``--check`` only compares. The results are
-committed; a test makes them again and compares.
+``python -m vbus.cli.generate --family NAME``; those of the source tree: ``contrib/generate``.
 """

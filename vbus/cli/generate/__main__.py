@@ -1,14 +1,14 @@
-"""``python -m vbus.cli.generate [--check] [GROUP ...]``, ``--family NAME``, ``--sigrok DIR``."""
+"""``python -m vbus.cli.generate [--check] --family NAME``, or ``--sigrok DIR``."""
 
-import sys
 from functools import partial
 from pathlib import Path
 
 import click
 
 from vbus import plugins
+from vbus.cli.generate.layout import make
 from vbus.cli.generate.sigrok import decoder_targets
-from vbus.cli.generate.targets import GROUPS, family_targets, stale, write
+from vbus.cli.generate.targets import family_targets
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -17,26 +17,22 @@ from vbus.cli.generate.targets import GROUPS, family_targets, stale, write
 @click.option(
     "--sigrok", metavar="DIR", help="Make sigrok's decoders of all installed families in DIR."
 )
-@click.argument("groups", nargs=-1, type=click.Choice(sorted(GROUPS)))
-def main(check: bool, family: str | None, sigrok: str | None, groups: tuple[str, ...]) -> None:
-    """Make the files that follow from tables; all groups unless some are named."""
-    makers = [targets for group in groups or tuple(GROUPS) for targets in GROUPS[group]]
+def main(check: bool, family: str | None, sigrok: str | None) -> None:
+    """Make the files that follow from the tables of installed chips."""
+    if family is None and sigrok is None:
+        raise click.UsageError(
+            "name a chip family with --family, or a folder with --sigrok; files of the source tree"
+            " of vbus are made there by: python -m contrib.generate"
+        )
     if family is not None:
         one = plugins.family(family)
         if not one.home:
             known = ", ".join(known.name for known in plugins.families() if known.home)
             raise click.BadParameter(f'there is no family "{family}"; there are {known}')
-        makers = [lambda: family_targets(one)]
+        make([partial(family_targets, one)], check)
     if sigrok is not None:
         folder = str(Path(sigrok).resolve())
-        makers = [partial(decoder_targets, one, folder) for one in plugins.families()]
-    found = []
-    for targets in makers:
-        found += stale(targets()) if check else write(targets())
-    for path in found:
-        click.echo(f"{'out of date' if check else 'written'}: {path}")
-    if check and found:
-        sys.exit(1)
+        make([partial(decoder_targets, one, folder) for one in plugins.families()], check)
 
 
 main()

@@ -1,8 +1,8 @@
 """Makes the pages of each chip family: what its tables hold, and its clauses in full."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, partial
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from typing import Final
 
 from vbus import plugins
@@ -10,8 +10,7 @@ from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.family import Family
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import AcLimit, Bit, Command, PinRow, Register
-from vbus.cli.generate.board_file import option_table
-from vbus.cli.generate.layout import folder_of, own_families, table
+from vbus.cli.generate.layout import folder_of, option_table, own_families, table
 from vbus.core.options import Option
 from vbus.core.signals import Rule
 from vbus.core.values import units
@@ -20,18 +19,6 @@ _MADE: Final = "<!-- Made from {} by vbus.cli.generate; change {}. -->"
 PICTURES: Final = "../pictures"
 """Where a page finds the picture of its chip, which ``docs/pictures/chips.py`` draws."""
 _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"}
-
-
-def targets() -> list[tuple[str, Callable[[], str]]]:
-    """Return every page and what makes it."""
-    return [
-        target
-        for family in own_families()
-        for target in (
-            (f"docs/chips/{family.name}.md", partial(page, family)),
-            (f"docs/chips/{family.name}-clauses.md", partial(clause_page, family)),
-        )
-    ]
 
 
 def page(family: Family) -> str:

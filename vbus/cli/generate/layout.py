@@ -2,14 +2,20 @@
 
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
+import click
+
 from vbus import plugins
+from vbus.boardfile.key import NAMES
 from vbus.chips.family import Family
 from vbus.core.errors import VbusError
+from vbus.core.options import Option
+from vbus.core.values import units
+from vbus.core.values.settings import allowed, quoted
 
 ROOT: Final = Path(__file__).resolve().parents[3]
 """The source tree."""
@@ -65,10 +71,6 @@ def docstring(summary: str, paragraphs: Iterable[str] = (), indent: int = 8) -> 
     return [*lines, f'{space}"""']
 
 
-_BEGIN: Final = "<!-- begin {}: made by vbus.cli.generate -->"
-_END: Final = "<!-- end {} -->"
-
-
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     """Return the lines of a table; none if it has no rows."""
     head = tuple(head)
@@ -78,23 +80,75 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     return ["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *lines] if lines else []
 
 
-def filled(name: str, tables: Mapping[str, list[str]]) -> str:
-    """Return the page of this name in ``docs`` with these tables up to date."""
-    page = (ROOT / "docs" / f"{name}.md").read_text()
-    for title, rows in tables.items():
-        page = fill(page, title, rows)
-    return page
+def option_table(options: Iterable[Option]) -> list[str]:
+    """Return a table of settings: key, value, default and meaning."""
+    rows = (
+        (
+            f"`{option.name}`",
+            _value(option),
+            _default(option),
+            f"{option.title} ({option.clause})" if option.clause else option.title,
+        )
+        for option in options
+    )
+    return table(("key", "value", "default", "meaning"), rows) or ["No keys of its own."]
 
 
-def fill(page: str, name: str, rows: list[str]) -> str:
-    """Return ``page`` with the lines between the marks of table ``name`` replaced.
+def _value(option: Option) -> str:
+    if option.kind == NAMES:
+        return "a list of names"
+    text = allowed(option).removeprefix("write ")
+    if option.kind == "choice":
+        return " or ".join(f"`{quoted(choice)}`" for choice in option.choices)
+    if option.kind in units.DIMENSIONS:
+        title = units.DIMENSIONS[option.kind].title
+        _, _, limits = text.partition("), ")
+        return f"{title}, {limits}" if limits else title
+    return text.replace(" without unit", "")
 
-    Raises:
-        ValueError: the page has no such marks.
-    """
-    begin, end = _BEGIN.format(name), _END.format(name)
-    head, found, rest = page.partition(begin)
-    _, closed, tail = rest.partition(end)
-    if not found or not closed:
-        raise ValueError(f"the page has no table {name!r}: {begin} ... {end}")
-    return f"{head}{begin}\n{chr(10).join(rows)}\n{end}{tail}"
+
+def _default(option: Option) -> str:
+    if option.default is None:
+        return "required"
+    if option.default == "":
+        return "–"
+    if isinstance(option.default, str | bool):
+        return f"`{quoted(option.default)}`"
+    shown = units.show(option.default, option.kind)
+    return f'`"{shown}"`' if option.kind in units.DIMENSIONS else f"`{shown}`"
+
+
+Target = tuple[str, Callable[[], str]]
+"""A file's path in the source tree, and what makes its text."""
+
+
+def stale(targets: list[Target]) -> list[str]:
+    """Return the paths whose file is not what would be made now."""
+    return [path for path, make in targets if not _is(ROOT / path, make())]
+
+
+def _is(path: Path, text: str) -> bool:
+    return path.exists() and path.read_text() == text
+
+
+def write(targets: list[Target]) -> list[str]:
+    """Make the files that are stale; return their paths."""
+    written = []
+    for path, make in targets:
+        text = make()
+        if not _is(ROOT / path, text):
+            (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
+            (ROOT / path).write_text(text)
+            written.append(path)
+    return written
+
+
+def make(makers: Iterable[Callable[[], list[Target]]], check: bool) -> None:
+    """Make what is stale, and name it; with ``check`` only name it, and end with exit code 1."""
+    found = []
+    for targets in makers:  # what stands later may be made from what stands earlier
+        found += stale(targets()) if check else write(targets())
+    for path in found:
+        click.echo(f"{'out of date' if check else 'written'}: {path}")
+    if check and found:
+        sys.exit(1)

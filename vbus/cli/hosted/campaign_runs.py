@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -17,13 +18,13 @@ import msgspec
 
 from vbus.board.board import Board
 from vbus.board.build import build
-from vbus.boardfile.sections import BoardFile, HostSection, RecordSection
+from vbus.boardfile.sections import BoardFile, RecordSection
 from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import World, begin, of_world
-from vbus.cli.hosted.program import Ran, run_beside
+from vbus.cli.hosted.program import HostedProgram, Ran, run_beside
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
@@ -59,31 +60,16 @@ def limits_of(reference: Account | None) -> tuple[int, int]:
 
 
 class ProgramSubject:
-    """A program on a board of its own.
+    """A program on a board of its own."""
 
-    Args:
-        file: the board.
-        source: the same as text.
-        host: what the program reaches.
-        command: gives program and arguments, for the address of the link.
-    """
-
-    def __init__(
-        self,
-        file: BoardFile,
-        source: Source,
-        host: HostSection,
-        command: Callable[[str], list[str]],
-    ) -> None:
-        self.file: BoardFile = msgspec.structs.replace(file, record=RecordSection(), waves=())
-        self.source: Source = source
-        self._host = host
-        self._command = command
+    def __init__(self, program: HostedProgram) -> None:
+        self._program = program
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
-        file, source = of_world(self.file, self.source, world)
+        file, source = of_world(self._program.file, self._program.source, world)
         file = msgspec.structs.replace(file, record=RecordSection(), waves=())
+        program = replace(self._program, file=file, source=source)
         limit, cycles = limits_of(reference)
         seen: list[Witness] = []
 
@@ -95,9 +81,7 @@ class ProgramSubject:
                 raise VbusError(f"{world}: {error}") from None
 
         with private_runtime(), _said() as said:
-            ran: Ran = run_beside(
-                file, source, self._host, self._command, limit=limit, cycles=cycles, prepare=prepare
-            )
+            ran: Ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare)
         stuck = ran.hangs[0] if ran.hangs else ""
         output, errors = said
         return seen[0].account(

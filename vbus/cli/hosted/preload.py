@@ -1,15 +1,14 @@
 """The library that ``vbus exec`` loads into programs: building it, and its settings."""
 
-import hashlib
 import os
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Final
 
 import click
 
+from vbus.cli.hosted.compiler import cached, compiled, placed
 from vbus.core.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.protocols.port import PortInfo
@@ -41,7 +40,7 @@ def library() -> str:
     Raises:
         VbusError: there is no gcc, or it cannot build the library.
     """
-    folder = _cache() / f"exec-{_digest()}"
+    folder = _folder()
     if not (folder / "built").exists():
         _build(folder)
     return str(folder / "$LIB" / NAME)
@@ -49,7 +48,7 @@ def library() -> str:
 
 def has_32_bits() -> bool:
     """Return whether the library that has been built serves 32-bit programs too."""
-    return (_cache() / f"exec-{_digest()}" / _FOLDERS[32][0] / NAME).exists()
+    return (_folder() / _FOLDERS[32][0] / NAME).exists()
 
 
 def warn_of(program: str, policy: str) -> None:
@@ -65,17 +64,11 @@ def warn_of(program: str, policy: str) -> None:
         click.echo(f"vbus exec: warning: {text}", err=True)
 
 
-def _cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vbus"
-
-
-def _files() -> list[Path]:
+def _folder() -> Path:
     native = Path(include_dir())
-    return [*sorted((native / "exec").glob("*.[ch]")), native / "vbus.c", native / "vbus.h"]
-
-
-def _digest() -> str:
-    return hashlib.sha256(b"".join(file.read_bytes() for file in _files())).hexdigest()[:16]
+    return cached(
+        "exec", [*sorted((native / "exec").glob("*.[ch]")), native / "vbus.c", native / "vbus.h"]
+    )
 
 
 def _build(folder: Path) -> None:
@@ -85,25 +78,15 @@ def _build(folder: Path) -> None:
             "the library that attaches programs must be built first, and there is no gcc; install"
             " gcc (and gcc-multilib for 32-bit programs)"
         )
+    sources = [str(Path(include_dir()) / "exec" / source) for source in _SOURCES]
     for bits, places in _FOLDERS.items():
         made = folder / f"{bits}.{os.getpid()}"
-        made.parent.mkdir(parents=True, exist_ok=True)
-        done = subprocess.run(
-            [compiler, f"-m{bits}", *_FLAGS, "-o", str(made),
-             *(str(Path(include_dir()) / "exec" / source) for source in _SOURCES),
-             "-ldl", "-lpthread"],
-            capture_output=True,
-            text=True,
-        )  # fmt: skip
-        if done.returncode and bits == 64:
-            first = next(iter(done.stderr.strip().splitlines()), "")
-            raise VbusError(f"the library that attaches programs cannot be built ({first})")
-        for place in places if done.returncode == 0 else ():
-            target = folder / place / NAME
-            target.parent.mkdir(parents=True, exist_ok=True)
-            copy = target.with_suffix(f".{os.getpid()}")
-            shutil.copy(made, copy)
-            copy.replace(target)  # in one step: another process may build it too
+        words = [compiler, f"-m{bits}", *_FLAGS, *sources, "-ldl", "-lpthread"]
+        wrong = compiled(words, made)
+        if wrong and bits == 64:
+            raise VbusError(f"the library that attaches programs cannot be built ({wrong})")
+        for place in places if not wrong else ():
+            placed(made, folder / place / NAME)
         made.unlink(missing_ok=True)
     (folder / "built").touch()
 

@@ -4,7 +4,7 @@ import asyncio
 import os
 import re
 import signal
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -85,6 +85,23 @@ def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
     return described[0] if described else HostSection(transport="", pinmap=pinmap or "")
 
 
+@dataclass(frozen=True, slots=True)
+class HostedProgram:
+    """A program, and the board that it runs on in the place of one of its hosts.
+
+    Attributes:
+        file: the board.
+        source: the same as text, for mistakes found late.
+        host: what the program reaches: chips, card, pin map.
+        command: gives program and arguments, for the address of the link.
+    """
+
+    file: BoardFile
+    source: Source
+    host: HostSection
+    command: Callable[[str], list[str]]
+
+
 def link_of_program(
     board: Board,
     file: BoardFile,
@@ -124,11 +141,15 @@ def link_of_program(
     return spec, environment
 
 
+def run_at_link(
+    command: list[str], environment: Mapping[str, str] | None = None, note: Path | None = None
+) -> int:
+    """Run a program that reaches a board which runs already; return its exit code."""
+    return asyncio.run(run_program(command, environment or {}, note or Path()))
+
+
 def run_on_board(
-    file: BoardFile,
-    source: Source,
-    host: HostSection,
-    command: Callable[[str], list[str]],
+    program: HostedProgram,
     transcript: str | None = None,
     summary: bool = True,
     limit: int | None = None,
@@ -143,10 +164,7 @@ def run_on_board(
     is where they are and what became of each axis.
 
     Args:
-        file: the board.
-        source: the same as text, for mistakes found late.
-        host: what the program reaches: chips, card, pin map.
-        command: gives program and arguments, for the address of the link.
+        program: the program, and its board.
         transcript: file that takes the bus cycles.
         summary: whether violations are listed.
         limit: chip time it may take (ps), and it may not poll in vain either; None: it may go on
@@ -160,6 +178,7 @@ def run_on_board(
         TransportError: a link cannot be opened.
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
+    file = program.file
     files = _files(file, transcript)
     address = scope_address(scope, control or open_page, file.scope.listen)
     shown = recorded(file, {}, "", address or "").scope
@@ -167,7 +186,7 @@ def run_on_board(
     if shown.listen:
         place_of(shown)
         show = partial(show_board, scope=shown, control=control, open_page=open_page)
-    ran = run_beside(file, source, host, command, transcript, limit=limit, show=show)
+    ran = run_beside(program, transcript, limit=limit, show=show)
     for line in ran.hangs:
         complain(line)
     lines = ran.findings.lines()
@@ -202,10 +221,7 @@ class Ran:
 
 
 def run_beside(
-    file: BoardFile,
-    source: Source,
-    host: HostSection,
-    command: Callable[[str], list[str]],
+    program: HostedProgram,
     transcript: str | TextIO | None = None,
     limit: int | None = None,
     cycles: int = UNBOUNDED,
@@ -215,18 +231,16 @@ def run_beside(
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
     Args:
-        file: the board.
-        source: the same as text.
-        host: what the program reaches.
-        command: gives program and arguments, for the address of the link.
+        program: the program, and its board.
         transcript: takes the bus cycles; a file, or the name of one.
         limit: chip time that it may take (ps).
         cycles: bus cycles that it may make, if it has a limit.
         prepare: is called with the board before the program begins, and changes it.
         show: shows the board of this name, and is waited for before the program begins.
     """
+    file, host = program.file, program.host
     address = metrics_of(file)
-    board = build(file, source)
+    board = build(file, program.source)
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     watched = bool(_files(file, None))
@@ -240,10 +254,10 @@ def run_beside(
         stack.enter_context(own_board(board.name))
         mine, environment = link_of_program(board, file, host, link, note, limit or 0)
         if mine.card is not None and mine.pin_map is None and prepare is None:
-            preload.warn_of(command(link)[0], file.board.time)
+            preload.warn_of(program.command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        recording = Recording(board, source.text, file.path, complain)
+        recording = Recording(board, program.source.text, file.path, complain)
         stack.callback(recording.close)
         name, into = (transcript, None) if isinstance(transcript, str) else ("", transcript)
         opened = stack.enter_context(closing(OutputFile(name, whole=False))) if name else None
@@ -263,7 +277,7 @@ def run_beside(
             polling = POLLING if board.policy == "realtime" else PATIENCE
             watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
         running = _run_beside(
-            server, recording, command(link), environment, note, watch,
+            server, recording, program.command(link), environment, note, watch,
             limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
             mine.card.interrupt if mine.card is not None else "",
             show,
@@ -402,7 +416,7 @@ async def _finish(server: Server, watch: HostWatch | None, code: int) -> int:
 
 async def run_program(
     command: list[str],
-    environment: dict[str, str],
+    environment: Mapping[str, str],
     note: Path,
     alone: bool = False,
     watch: HostWatch | None = None,

@@ -7,9 +7,11 @@ import os
 import re
 import shutil
 import stat
-import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
+
+from vbus.core.elf import MAGIC, Elf
 
 _PT_INTERP: Final = 3
 _I386: Final = 3
@@ -58,7 +60,7 @@ def warnings_for(program: str, has_32_bits: bool, virtual: bool) -> list[str]:
         return (
             warnings_for(os.fsdecode(interpreter[0]), has_32_bits, virtual) if interpreter else []
         )
-    if path is None or image[:4] != b"\x7fELF" or len(image) < 64 or image[5] != 1:
+    if path is None or image[:4] != MAGIC or len(image) < 64 or image[5] != 1:
         return []
     refused = _refusal(program, path, image, has_32_bits)
     if refused is not None:
@@ -71,8 +73,9 @@ def warnings_for(program: str, has_32_bits: bool, virtual: bool) -> list[str]:
 def _refusal(program: str, path: str, image: bytes, has_32_bits: bool) -> str | None:
     """Return why the library cannot enter a program, or cannot stay; or None."""
     mode = os.stat(path).st_mode
-    kinds = _segment_kinds(image)
-    machine = int.from_bytes(image[18:20], "little")
+    kinds, machine = set[int](), int.from_bytes(image[18:20], "little")
+    with suppress(ValueError):  # what is cut off the system refuses itself
+        kinds.update(one.kind for one in Elf(image).segments())
     if machine not in (_I386, _X86_64):
         return f"{program} is not an x86 program; {_REMEDY}"
     if mode & (stat.S_ISUID | stat.S_ISGID):
@@ -102,15 +105,3 @@ def _refusal(program: str, path: str, image: bytes, has_32_bits: bool) -> str | 
             " install gcc-multilib, remove ~/.cache/vbus and run it again"
         )
     return None
-
-
-def _segment_kinds(image: bytes) -> set[int]:
-    """Return the types of the program headers."""
-    if image[4] == 2:
-        (start,) = struct.unpack_from("<Q", image, 32)
-        size, count = struct.unpack_from("<HH", image, 54)
-    else:
-        (start,) = struct.unpack_from("<I", image, 28)
-        size, count = struct.unpack_from("<HH", image, 42)
-    places = (start + turn * size for turn in range(count))
-    return {struct.unpack_from("<I", image, at)[0] for at in places if at + 4 <= len(image)}

@@ -7,9 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
-_FUNCTION: Final = 2
-_SYMBOLS: Final = (2, 11)
-"""Types of sections: all symbols, and those that the dynamic loader needs."""
+from vbus.core.elf import LOADED, Elf
+
 _LARGEST: Final = 1 << 28
 """Bytes of a program that is read for its symbols."""
 
@@ -54,43 +53,22 @@ class _Program(NamedTuple):
 @lru_cache(maxsize=64)
 def _program(path: str) -> _Program:
     """Read the functions of a program or library; none if it is no ELF file."""
-    with suppress(OSError, struct.error, IndexError):
+    with suppress(OSError, ValueError):
         if Path(path).stat().st_size <= _LARGEST:
             return _parsed(Path(path).read_bytes())
     return _Program((), (), ())
 
 
 def _parsed(data: bytes) -> _Program:
-    wide = data[4] == 2
-    if data[:4] != b"\x7fELF":
-        return _Program((), (), ())
-    head = struct.unpack_from("<16sHHIQQQIHHHHHH" if wide else "<16sHHIIIIIHHHHHH", data)
-    _, _, _, _, _, loads, sections, _, _, size, count, length, number, _ = head
-    segments = []
-    for place in range(loads, loads + size * count, size):
-        if wide:
-            kind, _, offset, address, _, held = struct.unpack_from("<IIQQQQ", data, place)
-        else:
-            kind, offset, address, _, held = struct.unpack_from("<IIIII", data, place)
-        if kind == 1:
-            segments.append((offset, held, address))
-    form = "<IIQQQQIIQQ" if wide else "<IIIIIIIIII"
-    rows = [struct.unpack_from(form, data, sections + length * n) for n in range(number)]
+    program = Elf(data)
+    segments = [(one.offset, one.size, one.virtual) for one in program.segments()
+                if one.kind == LOADED]  # fmt: skip
     found: dict[int, tuple[int, str]] = {}
-    for row in rows:
-        if row[1] not in _SYMBOLS or not row[9]:
-            continue
-        names = rows[row[6]][4]
-        for place in range(row[4], row[4] + row[5], row[9]):
-            if wide:
-                name, info, _, _, value, extent = struct.unpack_from("<IBBHQQ", data, place)
-            else:
-                name, value, extent, info, _, _ = struct.unpack_from("<IIIBBH", data, place)
-            if info & 15 == _FUNCTION and value and extent:
-                end = data.index(0, names + name)
-                text = data[names + name : end].decode("ascii", "replace").lstrip("_")
-                if value not in found or len(text) < len(found[value][1]):
-                    found[value] = (value + extent, text)
+    for name, value, extent in program.functions():
+        text = name.lstrip("_")
+        # Of several names of one address the shortest is the one that people know: read, __read.
+        if value and extent and (value not in found or len(text) < len(found[value][1])):
+            found[value] = (value + extent, text)
     begins = sorted(found)
     return _Program(tuple(segments), tuple(begins), tuple(found[begin] for begin in begins))
 

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 from vbus.core.errors import PluginError, listen_errors
 from vbus.core.kernel import NS
+from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
 from vbus.views.scope.recording import COMMAND, OTHER, READ, STATUS_READ, VIOLATED, WRITTEN
-from vbus.views.scope.rows import LaneTold, Row, Rows
+from vbus.views.scope.rows import Row, Rows
 from vbus.views.wave.signals import plain
 
 try:
@@ -82,10 +83,10 @@ class Channels:
     """
 
     def __init__(self, rows: Rows, context: Any) -> None:
-        self._channels: dict[LaneTold, Any] = {}
-        self._lanes: dict[str, LaneTold] = {}
+        self._channels: dict[Lane, Any] = {}
+        self._lanes: dict[str, Lane] = {}
         """By topic."""
-        self._latest: dict[LaneTold, Row] = {}
+        self._latest: dict[Lane, Row] = {}
         data = descriptor_pb2.FileDescriptorSet(file=[_file()]).SerializeToString()
         for lane in rows.lanes:
             if lane.kind not in MESSAGES:
@@ -116,7 +117,7 @@ class Channels:
             self.log(row)
 
 
-def _topic(lane: LaneTold) -> str:
+def _topic(lane: Lane) -> str:
     """Return a topic that needs no quotes: ``/x/real``, ``/x/HI``, ``/x/bus``, ``/violations``."""
     name = lane.full_name
     if lane.kind == PACKET_LANE:
@@ -124,7 +125,7 @@ def _topic(lane: LaneTold) -> str:
     return "".join(f"/{plain(part)}" for part in name.split("."))
 
 
-def _message(when: int, lane: LaneTold, value: Any) -> bytes:
+def _message(when: int, lane: Lane, value: Any) -> bytes:
     if lane.kind == PACKET_LANE:
         fields = {
             "length_ps": value.length, "text": value.text, "kind": PACKET_KINDS[value.kind],

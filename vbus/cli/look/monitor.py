@@ -9,7 +9,7 @@ import click
 
 from vbus import plugins
 from vbus.chips.packets import STATUS, Packet
-from vbus.circuit.stream import PacketReader, PacketStream
+from vbus.circuit.stream import LatestLines, PacketReader, PacketStream
 from vbus.cli import exit_codes
 from vbus.cli.journal_lines import instant
 from vbus.cli.output import Line, complain, json_line
@@ -17,7 +17,6 @@ from vbus.cli.sources import Feed, Together, boards_of
 from vbus.cli.telemetry_text import LIT, UNLIT, TelemetryValue, Word, words_and_numbers
 from vbus.core.signals import Violation
 from vbus.core.wall_clock import monotonic
-from vbus.views.latest_lines import LatestLines
 
 SHOWN: Final = 16
 FEWEST: Final = 4

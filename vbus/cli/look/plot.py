@@ -18,7 +18,8 @@ from vbus.serve.output_file import write_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vbus.views.scope.rows import LaneTold, Units
+    from vbus.views.scope.lane import Lane
+    from vbus.views.scope.rows import Units
 
 _METADATA: Final[dict[str, dict[str, Any]]] = {
     ".svg": {"Date": None}, ".png": {}, ".pdf": {"CreationDate": None},
@@ -82,7 +83,7 @@ _SPANS: Final = ((10**12, "s"), (10**9, "ms"), (10**6, "us"), (10**3, "ns"))
 _SPAN_DIVISIONS: Final = 5
 """So many of a unit at least are seen, or a smaller one is taken."""
 
-Panel = list["LaneTold"]
+Panel = list["Lane"]
 
 
 @click.command("plot")
@@ -149,7 +150,7 @@ def draw(
     deep = max(map(len, columns.values()), default=0)
     if lanes != LANES or not deep:
         _chosen("lane", lanes, there)
-    courses: dict[LaneTold, list[tuple[int, float]]] = {
+    courses: dict[Lane, list[tuple[int, float]]] = {
         lane: [] for panels in columns.values() for panel in panels for lane in panel
     }
     for when, lane, value in rows.take(b"".join(frames)):
@@ -168,7 +169,7 @@ def draw(
         for number, (axis, panels) in enumerate(columns.items()):
             drawn[0][number].set_title(f"{description['board']}: {axis}", loc="right")
             for place, panel in enumerate(panels):
-                _draw_panel(drawn[place][number], panel, units, [
+                _draw_panel(drawn[place][number], panel, rows.shown_in(panel[0], units), [
                     _between(courses[lane], first, last) for lane in panel
                 ], per)  # fmt: skip
             for rest in drawn[len(panels) :, number]:
@@ -189,7 +190,7 @@ def _chosen(what: str, names: Sequence[str], known: Sequence[str]) -> Sequence[s
     return names or known
 
 
-def _panels(all_lanes: Sequence["LaneTold"], axis: str, names: Sequence[str]) -> list[Panel]:
+def _panels(all_lanes: Sequence["Lane"], axis: str, names: Sequence[str]) -> list[Panel]:
     """Return the lanes of an axis: those that belong together in one panel."""
     panels: list[Panel] = []
     for lane in all_lanes:
@@ -227,16 +228,20 @@ def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple
 
 
 def _draw_panel(
-    axes: Any, panel: Panel, units: "Units", values: list[list[tuple[int, float]]], per: int
+    axes: Any,
+    panel: Panel,
+    unit: tuple[float, str],
+    values: list[list[tuple[int, float]]],
+    per: int,
 ) -> None:
-    unit = panel[0].shown_in(units)
+    factor, name = unit
     for number, (lane, rows) in enumerate(zip(panel, values, strict=True)):
         below = number == 0 and len(panel) > 1
         axes.step(
             [when / per for when, _ in rows],
-            [value * unit.factor for _, value in rows],
+            [value * factor for _, value in rows],
             where="post", label=lane.title, gid=lane.full_name,
             color="#b8b8b8" if below else "#1f6fb4", linewidth=4 if below else 1.2,
         )  # fmt: skip
-    axes.set_ylabel(unit.name or "of full scale")
+    axes.set_ylabel(name or "of full scale")
     axes.legend(loc="upper left", bbox_to_anchor=(0, 1.16), ncols=len(panel), borderpad=0)

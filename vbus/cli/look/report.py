@@ -83,7 +83,7 @@ def _other_part(report: "Report", part: str | None) -> "Iterator[PacketReader]":
     if part is None:
         return
     from vbus import plugins
-    from vbus.views.findings.compatibility import Compatibility
+    from vbus.views.findings.report import Compatibility
 
     families = {chip: plugins.family(name) for chip, name in report.families.items()}
     yield Compatibility(part, families, report)

@@ -133,9 +133,9 @@ def of_board(name: str) -> Bookmarks:
     Raises:
         VbusError: as :class:`Bookmarks`, or the board has gone.
     """
-    from vbus.serve.registry import watch_path
+    from vbus.serve.registry import socket_path
 
-    path = watch_path(name)
+    path = socket_path(name)
     with read_errors(str(path)):
         found = path.lstat()
     return Bookmarks(path.with_suffix(".bookmarks.json"), f"{found.st_ino}-{found.st_mtime_ns}")
@@ -164,14 +164,14 @@ def keep_with_journal(bookmarks: Bookmarks, journal: Path | None, status: dict[s
 
 def _has_ended(name: str, process: int) -> bool:
     """Tell whether a board has ended; one whose names have gone is about to close its journal."""
-    from vbus.serve.registry import watch_path
+    from vbus.serve.registry import socket_path
 
     try:
         handle = os.pidfd_open(process)
     except ProcessLookupError:
         return True
     try:
-        wait = 0.0 if watch_path(name).exists() else CLOSING
+        wait = 0.0 if socket_path(name).exists() else CLOSING
         return bool(select.select([handle], [], [], wait)[0])
     finally:
         os.close(handle)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.core.values.settings import listed
-from vbus.serve.orders.control import decoded
+from vbus.serve.local_socket import decoded
 
 if TYPE_CHECKING:
     from vbus.cli.look.scope_feeds import Feeds

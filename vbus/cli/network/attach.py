@@ -67,11 +67,9 @@ def command(
         links = [_link("pty", named)]
     name = Path(links[0]).name.removesuffix(".sock")
     if detach:
-        from vbus.cli.run.detach import detach as go_on
+        from vbus.cli.run.detach import go_on_in_background
 
-        code = go_on(name)
-        if code is not None:
-            return code
+        go_on_in_background(name)
     if board is None:
         board = _looked_at(url, protocol)
     _serve(AttachRequest(url, name, tuple(links), protocol, patience), board, as_json, every)

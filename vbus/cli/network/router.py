@@ -1,10 +1,8 @@
 """``vbus router``: where boards and hosts of several processes or computers meet."""
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import click
@@ -57,11 +55,9 @@ def command(
         endpoints, connect or network.connect, network.security, remote=remote or network.remote
     )
     if detach:
-        from vbus.cli.run.detach import detach as go_on
+        from vbus.cli.run.detach import go_on_in_background
 
-        code = go_on(NAME)
-        if code is not None:
-            return code
+        go_on_in_background(NAME)
     _serve(network, detach)
     return exit_codes.OK
 
@@ -114,20 +110,21 @@ def _tell_until_signal(network: "Network", listed: bool) -> None:
     """Say that it is ready, and answer ``vbus ls`` if it is listed."""
     from asyncio import get_running_loop
 
-    from vbus.serve.local_socket import LocalSocket, Telling
+    from vbus.serve.local_socket import Control, LocalSocket
     from vbus.serve.loop import run_until_signal, tell_ready
-    from vbus.serve.registry import status_path
+    from vbus.serve.registry import socket_path
+    from vbus.transports.base import ignore
 
-    def status() -> bytes:
-        found = {"listen": network.listen, "connect": network.connect}
-        return json.dumps({"board": NAME, "pid": os.getpid(), "router": found}).encode()
+    found = {"listen": network.listen, "connect": network.connect}
+    control = Control(ignore, "a router takes no orders")
+    control.orders["status"] = lambda _: {"board": NAME, "pid": os.getpid(), "router": found}
 
     async def serve(stop: "asyncio.Event") -> None:
         with ExitStack() as stack:
             if listed:
-                local = LocalSocket(status_path(NAME), partial(Telling, tell=status))
+                local = LocalSocket(control)
                 stack.callback(local.close)
-                local.open(get_running_loop())
+                local.open(get_running_loop(), socket_path(NAME))
             click.echo(f"router: {', '.join(network.listen)}")
             for endpoint in network.connect:
                 click.echo(f"  connected to {endpoint}")

@@ -1,4 +1,4 @@
-"""``vbus up``: a machine of nodes as one."""
+"""``vbus up``: a machine of nodes as one; ``vbus trace``: what has happened on all of them."""
 
 import json
 import sys
@@ -54,7 +54,7 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
-def command(
+def up(
     machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
     timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
     scope: str | None, metrics: str | None, **record: str | None,
@@ -85,11 +85,9 @@ def command(
     if trace and not scenario:
         raise click.UsageError("--trace is for a machine with a --scenario, which ends by itself")
     if detach:
-        from vbus.cli.run.detach import detach as go_on
+        from vbus.cli.run.detach import go_on_in_background
 
-        code = go_on(file.board.name)
-        if code is not None:
-            return code
+        go_on_in_background(file.board.name)
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
         run = _MachineRun(file, machine, processes, router or "", as_json, Path(folder))
@@ -179,7 +177,7 @@ class _MachineRun:
         may_end: Callable[["Child"], bool],
     ) -> bool:
         """Start the processes; return whether all are ready before the user asks for the end."""
-        from vbus.cli.run.run_nodes import is_first
+        from vbus.cli.run.run import is_first
 
         if not self._json and self._meeting.said:
             click.echo(f"{self._file.board.name}: its nodes meet at {self._meeting.said}")
@@ -240,3 +238,18 @@ class _MachineRun:
 
 def _label(process: "Process") -> str:
     return process.name if process.name in process.nodes else "+".join(process.nodes)
+
+
+@click.command("trace")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def trace(files: tuple[str, ...], as_json: bool) -> None:
+    """Merge the traces of all nodes of a run and print the SHA-256 of what happened.
+
+    FILEs are what "vbus run --trace" has written, one for each process. The hash is the same
+    however many processes ran the nodes.
+    """
+    from vbus.serve.nodes.nodes import read_traces
+
+    lines, digest = read_traces(files)
+    show(as_json, {"hash": digest, "events": len(lines)}, [f"{digest}  {len(lines)} events"])

@@ -1,5 +1,6 @@
-"""``vbus check``: every mistake of a board file at once, and the rules hosts are held to."""
+"""``vbus check`` and ``vbus schema``: board files, and the rules that hosts are held to."""
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -23,7 +24,7 @@ from vbus.views.findings.suppress import suppressions_of
 @click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
 @click.option("--map", "mapped", is_flag=True, help="Show who answers at which card address.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
+def check(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.
 
     Names every mistake with file, line and key, and what is allowed instead. With --rules,
@@ -180,3 +181,19 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
             with checked("waves", wave.name, "trigger"):
                 Condition(wave.trigger, board, "trigger")
     source.finish()
+
+
+@click.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of board files, for editors.
+
+    It has the settings of every chip, plant and fault installed here. An editor that knows TOML
+    completes and checks a board file whose first line names the schema:
+
+    \b
+        vbus schema > board.schema.json
+        #:schema ./board.schema.json
+    """
+    from vbus.boardfile.schema import schema as made
+
+    click.echo(json.dumps(made(), indent=2, ensure_ascii=False))

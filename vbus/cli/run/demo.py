@@ -10,7 +10,7 @@ import click
 
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, scope_address, scope_options, show
-from vbus.cli.run.demos import NAMES, demo_of
+from vbus.cli.run.demo_host import NAMES, demo_of
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -67,7 +67,7 @@ class _DemoRun:
         self, name: str, live: bool, scope: str | None, control: bool, open_page: bool
     ) -> None:
         from vbus.board.build import load_board_text
-        from vbus.cli.run.demos.view import LatestTraffic
+        from vbus.cli.run.demo_view import LatestTraffic
         from vbus.serve.server import LinkSpec, Server
 
         self.demo: Demo = demo_of(name)
@@ -104,7 +104,7 @@ class _DemoRun:
                 name = self._server.board.name
                 await show_board(name, scope, self._control, self._open_page)
             process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "vbus.cli.run.demos.host", self.name, self._link,
+                sys.executable, "-m", "vbus.cli.run.demo_host", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
                 start_new_session=True,
             )  # fmt: skip
@@ -138,7 +138,7 @@ class _DemoRun:
     async def _watch(self) -> None:
         from rich.live import Live
 
-        from vbus.cli.run.demos.view import screen
+        from vbus.cli.run.demo_view import screen
 
         with Live(auto_refresh=False, transient=True) as live:
             while True:

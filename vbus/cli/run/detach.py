@@ -11,11 +11,11 @@ from vbus.cli import exit_codes
 from vbus.serve.registry import log_path
 
 
-def detach(name: str) -> int | None:
+def go_on_in_background(name: str) -> None:
     """Go on in a process of its own, whose output is the board's log.
 
-    Returns:
-        None in that process. In this one the exit code, once the board is ready or has failed.
+    Raises:
+        click.exceptions.Exit: in this process, once the board is ready or has failed.
     """
     log = log_path(name)
     # Until it is ready, a board of this name that runs already keeps its log.
@@ -28,7 +28,7 @@ def detach(name: str) -> int | None:
         if child == 0:
             os.environ["NOTIFY_SOCKET"] = f"@{notices.getsockname()[1:].decode()}"
             _leave(str(begun))
-            return None
+            return
         ended = os.pidfd_open(child)
         try:
             ready, _, _ = select.select([notices.fileno(), ended], [], [])
@@ -38,10 +38,10 @@ def detach(name: str) -> int | None:
             begun.replace(log)
             click.echo(log.read_text().rpartition("\nready; ")[0])
             click.echo(f'ready; "vbus stop {name}" stops it')
-            return exit_codes.OK
+            raise click.exceptions.Exit(exit_codes.OK)
     click.echo(begun.read_text(), nl=False, err=True)
     begun.unlink()
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    raise click.exceptions.Exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 
 def _leave(log: str) -> None:

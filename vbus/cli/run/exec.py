@@ -1,13 +1,16 @@
 """``vbus exec``: a program and a board that live as long as each other."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from vbus.cli.output import duration, record_options, scope_options
 from vbus.core.errors import TransportError
+
+if TYPE_CHECKING:
+    from vbus.cli.hosted.program import HostedProgram
 
 _ORDER: Final = ("unix", "tcp", "pty")
 """Kinds of links, best first: sockets take several programs at once, a terminal takes one."""
@@ -63,8 +66,6 @@ def _described(url: str, firmware: bool) -> bool:
         return False
 
 
-Runner = Callable[..., int]
-
 _RECORDED: Final = (
     "a running board keeps its records if it was started with such options of vbus run"
 )
@@ -73,6 +74,8 @@ _WITHOUT: Final = {
     "scope": "a running board is shown by: vbus scope NAME",
     "scope-control": "a running board is taken in hand by: vbus scope NAME --control",
     "open": "a running board is shown by: vbus scope NAME",
+    "cpu": "its [cpu] section says what the image runs on",
+    "pinmap": "a link of a running board has the pin map of its host",
 }
 """Why options are for boards that the program has of its own."""
 
@@ -102,22 +105,11 @@ _WITHOUT: Final = {
 )
 @click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
 def command(
-    board: str | None,
-    link: str | None,
-    join: str | None,
-    avr: str | None,
-    cpu: str | None,
-    pinmap: str | None,
-    transcript: str | None,
-    summary: bool,
-    program: tuple[str, ...],
-    metrics: str | None,
-    scope: str | None,
-    scope_control: bool,
-    open_page: bool,
-    limit: int | None,
-    **records: str | None,
-) -> int:
+    board: str | None, link: str | None, join: str | None, avr: str | None, cpu: str | None,
+    pinmap: str | None, transcript: str | None, summary: bool, program: tuple[str, ...],
+    metrics: str | None, scope: str | None, scope_control: bool, open_page: bool,
+    limit: int | None, **records: str | None,
+) -> int:  # fmt: skip
     """Run a program on a board of its own; the exit code is the program's.
 
     \b
@@ -139,78 +131,103 @@ def command(
         )
     wanted = {key: value for key, value in records.items() if value is not None}
     given: dict[str, object] = {
-        "transcript": transcript,
-        "metrics": metrics,
-        "scope": scope,
-        "scope-control": scope_control or None,
-        "open": open_page or None,
-        **wanted,
-    }
-    given["limit"] = limit
+        "transcript": transcript, "metrics": metrics, "scope": scope,
+        "scope-control": scope_control or None, "open": open_page or None, **wanted,
+        "limit": limit, "cpu": cpu, "pinmap": pinmap,
+    }  # fmt: skip
     for option, value in given.items():
         if board is None and value is not None:
             raise click.UsageError(
                 f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
-    from vbus.cli.hosted.program import run_on_board
+    if board is not None:
+        from vbus.cli.hosted.program import run_on_board
 
-    runner: Runner = partial(
-        run_on_board, limit=limit, scope=scope, control=scope_control, open_page=open_page
-    )
-    if join is not None:
-        from vbus.cli.run.exec import link_of
-
-        link = link_of(join, firmware=avr is not None)
-    if cpu is not None:
-        from vbus.cli.run.exec_cpu import run_cpu
-
-        if board is None or avr is not None:
-            raise click.UsageError(
-                "--cpu goes with --board, whose [cpu] section says what the image runs on, and"
-                " without --avr"
-            )
-        if len(program) != 1:
-            raise click.UsageError("--cpu takes one firmware image and no arguments")
-        try:
-            return run_cpu(
-                cpu, program[0], board, pinmap, transcript, summary, wanted, metrics or "", runner
-            )
-        except ValueError as error:
-            raise click.BadParameter(str(error), param_hint="--cpu") from None
-    if avr is not None:
-        from vbus.cli.run.exec_avr import run_avr
-
-        if len(program) != 1:
-            raise click.UsageError("--avr takes one firmware file and no arguments")
-        try:
-            return run_avr(
-                avr,
-                program[0],
-                board,
-                link,
-                pinmap,
-                transcript,
-                summary,
-                wanted,
-                metrics or "",
-                runner,
-            )
-        except ValueError as error:
-            raise click.BadParameter(str(error), param_hint="--avr") from None
-    if board is None:
-        assert link is not None
+        made = program_of(board, program, pinmap, avr, cpu, wanted, metrics or "")
+        return run_on_board(made, transcript, summary, limit, scope, scope_control, open_page)
+    link = link or link_of(join or "", firmware=avr is not None)
+    if avr is None:
         return _join(link, list(program))
-    return run_own(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
+    from vbus.cli.hosted.program import run_at_link
+    from vbus.cli.run.firmware import avr_command
+
+    return run_at_link(avr_command(_specified("--avr", avr, program), program[0])(link))
+
+
+def program_of(
+    board: str,
+    program: Sequence[str],
+    pinmap: str | None = None,
+    avr: str | None = None,
+    cpu: str | None = None,
+    record: Mapping[str, object] | None = None,
+    metrics: str = "",
+) -> "HostedProgram":
+    """Return a program, or firmware, on the board of a file.
+
+    Args:
+        board: the board file.
+        program: program and arguments; firmware: its file alone.
+        pinmap: which pin map of the board file; else its only one.
+        avr: of AVR firmware the settings of the simulator.
+        cpu: of a firmware image its processor, and when it ends.
+        record: replaces keys of the file's ``[record]``.
+        metrics: replaces ``listen`` of its ``[metrics]``.
+
+    Raises:
+        click.UsageError: ``avr`` or ``cpu`` is wrong, or does not go with the program.
+        ConfigError: the board file is wrong, or has no such pin map.
+        ProgramError: the firmware is none, or for another processor.
+        VbusError: there is no simulator or emulator.
+    """
+    from vbus.board.config import read_board_file
+    from vbus.cli.hosted.program import HostedProgram, host_of
+    from vbus.core.errors import ConfigError
+    from vbus.serve.serving import recorded
+
+    if avr is not None and cpu is not None:
+        raise click.UsageError("write --avr or --cpu, not both")
+    options: Any = None if avr is None else _specified("--avr", avr, program)
+    settings: Any = None if cpu is None else _specified("--cpu", cpu, program)
+    file, source = read_board_file(board)
+    file = recorded(file, record or {}, metrics)
+    if options is not None or settings is not None:
+        from vbus.cli.run import firmware
+
+        what = "AVR" if settings is None else settings.processor
+        host = firmware.host_of_firmware(file, pinmap, f"the {what}")
+        if settings is None:
+            command = firmware.avr_command(options, program[0])
+        else:
+            command = firmware.cpu_command(settings, program[0], file)
+        return HostedProgram(file, source, host, command)
+    if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
+        raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
+    return HostedProgram(file, source, host_of(file, pinmap), lambda _: list(program))
+
+
+def _specified(option: str, spec: str, program: Sequence[str]) -> Any:
+    """Return what the specification of firmware asks for.
+
+    Raises:
+        click.UsageError: it is wrong, or the program is more than one file.
+    """
+    from vbus.cli.run.firmware import parse, settings_of
+
+    if len(program) != 1:
+        raise click.UsageError(f"{option} takes one firmware file and no arguments")
+    try:
+        return parse(spec) if option == "--avr" else settings_of(spec)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint=option) from None
 
 
 def _join(link: str, program: list[str]) -> int:
     """Run a program on a board that runs already."""
-    import asyncio
-    from pathlib import Path
     from tempfile import TemporaryDirectory
 
     from vbus.cli.hosted.preload import environment, warn_of
-    from vbus.cli.hosted.program import run_program
+    from vbus.cli.hosted.program import run_at_link
     from vbus.client import connect
 
     with connect(link) as bus:
@@ -220,28 +237,4 @@ def _join(link: str, program: list[str]) -> int:
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
         if info.card:
             warn_of(program[0], info.policy)
-        return asyncio.run(run_program(program, variables, note))
-
-
-def run_own(
-    board: str,
-    pinmap: str | None,
-    transcript: str | None,
-    summary: bool,
-    program: list[str],
-    record: dict[str, str],
-    metrics: str,
-    runner: Runner,
-) -> int:
-    """Run a program on the board of a file, by what takes the arguments of ``run_on_board``."""
-    from vbus.board.config import read_board_file
-    from vbus.cli.hosted.program import host_of
-    from vbus.core.errors import ConfigError
-    from vbus.serve.serving import recorded
-
-    file, source = read_board_file(board)
-    file = recorded(file, record, metrics)
-    if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
-        raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
-    host = host_of(file, pinmap)
-    return runner(file, source, host, lambda _: program, transcript, summary)
+        return run_at_link(program, variables, note)

@@ -1,5 +1,6 @@
 """``vbus run``: a board at the disposal of its hosts until Ctrl-C."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,10 +16,16 @@ from vbus.cli.output import (
     scope_options,
     show,
 )
+from vbus.cli.status_lines import READY, ready_lines
 from vbus.core.collection import collection_held
 
 if TYPE_CHECKING:
+    from vbus.boardfile.sections import BoardFile, ScopeSection
+    from vbus.boardfile.source import Source
+    from vbus.nodes.node import Node
+    from vbus.serve.nodes.nodes import NodeOptions
     from vbus.serve.server import Server
+    from vbus.serve.time.priority import Priority
 
 
 @click.command("run")
@@ -60,7 +67,6 @@ def command(
     nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
     from vbus.board.config import read_board_file
-    from vbus.cli.status_lines import READY, ready_lines
     from vbus.serve.serving import paced, recorded, serve_read
     from vbus.serve.time.priority import Priority
 
@@ -84,11 +90,9 @@ def command(
 
         place_of(shown)
     if detach:
-        from vbus.cli.run.detach import detach as go_on
+        from vbus.cli.run.detach import go_on_in_background
 
-        code = go_on(".".join([file.board.name, *of_nodes["nodes"]]))
-        if code is not None:
-            return code
+        go_on_in_background(".".join([file.board.name, *of_nodes["nodes"]]))
     wanted.take()
     record = {
         "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
@@ -97,14 +101,13 @@ def command(
     record = {key: value for key, value in record.items() if value is not None}
     file = recorded(file, record, metrics or "")
     if file.nodes:
-        from vbus.cli.run import run_nodes
         from vbus.serve.nodes.nodes import NodeOptions
 
         given = {key: value for key, value in of_nodes.items() if value}
         given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
-        page = shown if scope is not None or run_nodes.is_first(file, of_nodes["nodes"]) else None
-        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted, page)
+        page = shown if scope is not None or is_first(file, of_nodes["nodes"]) else None
+        return _run_nodes(file, source, NodeOptions(**given), as_json, wanted, page)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"
@@ -123,3 +126,76 @@ def command(
 
     serve_read(file, source, rate, ready, complain, start or "", show_first)
     return exit_codes.OK
+
+
+def _run_nodes(
+    file: "BoardFile",
+    source: "Source",
+    options: "NodeOptions",
+    as_json: bool,
+    priority: "Priority",
+    scope: "ScopeSection | None" = None,
+) -> int:
+    """Run nodes of a board; return the exit code.
+
+    Args:
+        file: the board.
+        source: its text.
+        options: which nodes, and how.
+        as_json: print JSON when ready.
+        priority: what the process runs with.
+        scope: where the page is to be, with all nodes on this computer; None for none here.
+
+    Raises:
+        VbusError: what stops it; see :func:`~vbus.serve.nodes.nodes.serve_nodes`.
+    """
+    from vbus.nodes.machine import trace_hash
+    from vbus.serve.nodes.nodes import serve_nodes
+
+    def ready(servers: "list[Server]") -> None:
+        states = [server.statistics() | {"priority": str(priority)} for server in servers]
+        lines = [line for state in states for line in ready_lines(state)]
+        show(as_json, {"nodes": states}, [*lines, READY])
+        priority.pin()
+
+    async def show_scope() -> None:
+        from vbus.cli.look.scope_process import show_board
+
+        if scope is not None and scope.listen:
+            await show_board(file.board.name, scope)
+
+    outcome = serve_nodes(file, source, options, ready, complain, show_scope)
+    if outcome.over:
+        now = max(node.board.now for node in outcome.nodes)
+        end = f"the scenario is over at {now / 1e9:.6f} ms"
+        if len(outcome.nodes) == len(file.nodes):
+            end += f"; trace hash {trace_hash(outcome.nodes)}"
+        click.echo(end)
+    if outcome.skew.get("marks"):
+        click.echo(skew_line(outcome.skew))
+    if outcome.skew:
+        click.echo(late_line(outcome.nodes))
+    return exit_codes.FAILURE if outcome.lost else exit_codes.OK
+
+
+def is_first(file: "BoardFile", names: Sequence[str]) -> bool:
+    """Whether the first node of a board is among these; all are, if none is named."""
+    return bool(file.nodes) and (not names or file.nodes[0].name in names)
+
+
+def skew_line(skew: dict[str, int]) -> str:
+    """Return in one line how far apart nodes were."""
+    return (
+        f"wall skew between nodes: p50 {skew['p50_ns'] / 1000:.0f} us, p99"
+        f" {skew['p99_ns'] / 1000:.0f} us, max {skew['max_ns'] / 1000:.0f} us over"
+        f" {skew['marks']} marks, each ±{skew['uncertainty_ns'] / 1000:.0f} us"
+    )
+
+
+def late_line(nodes: Sequence["Node"]) -> str:
+    """Return in some words how many edges came after their instant."""
+    late = sum(node.late for node in nodes)
+    if not late:
+        return "no edge came late"
+    worst = max(node.worst_late for node in nodes) / 1e6
+    return f"{late} {'edge' if late == 1 else 'edges'} came late, the worst by {worst:.0f} us"

@@ -6,8 +6,8 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -16,12 +16,13 @@ import click
 from vbus.cli.output import complain, duration
 
 if TYPE_CHECKING:
-    from vbus.boardfile.sections import BoardFile, HostSection
+    from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.campaign.account import Account
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
     from vbus.cli.hosted.campaign_runs import FunctionSubject, Subject
+    from vbus.cli.hosted.program import HostedProgram
     from vbus.serve.output_file import OutputFile
 
 _MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
@@ -102,19 +103,6 @@ def command(
         )  # fmt: skip
         return campaign.run(json, junit, page, baseline, every)
 
-    def run(
-        file: "BoardFile",
-        source: "Source",
-        section: "HostSection",
-        made: Callable[[str], list[str]],
-        *_: object,
-    ) -> int:
-        from vbus.cli.hosted.campaign_runs import ProgramSubject
-
-        if world is not None:
-            return _replay(world, file, source, section, made, journal)
-        return tried(ProgramSubject(file, source, section, made), file, source)
-
     if host is not None:
         from vbus.board.config import read_board_file
         from vbus.cli.hosted.campaign_runs import FunctionSubject, function_of
@@ -132,25 +120,13 @@ def command(
         if world is not None:
             return _replay_function(world, function)
         return tried(function, file, source)
-    if avr is not None and cpu is not None:
-        raise click.UsageError("write --avr or --cpu, not both")
-    if avr is not None or cpu is not None:
-        option = "--avr" if avr is not None else "--cpu"
-        if len(program) != 1:
-            raise click.UsageError(f"{option} takes one firmware file and no arguments")
-        try:
-            if avr is not None:
-                from vbus.cli.run.exec_avr import run_avr
+    from vbus.cli.hosted.campaign_runs import ProgramSubject
+    from vbus.cli.run.exec import program_of
 
-                return run_avr(avr, program[0], board, None, pinmap, runner=run)
-            from vbus.cli.run.exec_cpu import run_cpu
-
-            return run_cpu(cpu or "", program[0], board, pinmap, runner=run)
-        except ValueError as error:
-            raise click.BadParameter(str(error), param_hint=option) from None
-    from vbus.cli.run.exec import run_own
-
-    return run_own(board, pinmap, None, True, list(program), {}, "", run)
+    hosted = program_of(board, program, pinmap, avr, cpu)
+    if world is not None:
+        return _replay(world, hosted, journal)
+    return tried(ProgramSubject(hosted), hosted.file, hosted.source)
 
 
 def _dimensions(only: str | None) -> tuple[str, ...]:
@@ -218,14 +194,7 @@ def _world(name: str) -> "World":
         raise click.BadParameter(str(error), param_hint="--world") from None
 
 
-def _replay(
-    name: str,
-    file: "BoardFile",
-    source: "Source",
-    host: "HostSection",
-    made: Callable[[str], list[str]],
-    journal: str | None,
-) -> int:
+def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
     """Run a program in one world; say what it was and what came of it."""
     from vbus.board.board import Board
     from vbus.campaign.world import begin, of_world
@@ -235,7 +204,7 @@ def _replay(
     from vbus.serve.serving import recorded
 
     world = _world(name)
-    file, source = of_world(file, source, world)
+    file, source = of_world(program.file, program.source, world)
     file = recorded(file, {"journal": journal} if journal else {}, "")
 
     def prepare(board: Board) -> None:
@@ -248,7 +217,9 @@ def _replay(
 
     outcomes: list[AxisOutcomes] = []
     complain(f"world: {world.sentence()}")
-    ran = run_beside(file, source, host, made, limit=limits_of(None)[0], prepare=prepare)
+    ran = run_beside(
+        replace(program, file=file, source=source), limit=limits_of(None)[0], prepare=prepare
+    )
     outcomes[0].look()
     for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
         complain(line)

@@ -42,6 +42,7 @@ class Packets(Core):
             driver on hardware does. ``"wait"`` lets the board wait: a whole packet is one
             message, which is several times faster.
         polls: status reads after which a busy chip is given up.
+        checked: look after every packet whether the chip has taken it, by what it tells of that.
     """
 
     COMMAND_PORT: int = 0
@@ -52,13 +53,15 @@ class Packets(Core):
     """What is left of the status under the mask while the chip is ready."""
 
     def __init__(
-        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS
-    ) -> None:
+        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS,
+        checked: bool = False,
+    ) -> None:  # fmt: skip
         if ready not in ("poll", "wait"):
             raise ValueError(f"ready = {ready!r}: allowed are 'poll' and 'wait'")
         self.cycles: ChipCycles = cycles
         self.ready: str = ready
         self.polls: int = polls
+        self.checked: bool = checked
 
     async def status(self) -> int:
         """Return the status byte; possible at any time."""

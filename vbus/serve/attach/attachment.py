@@ -1,7 +1,6 @@
 """A board elsewhere as links on this computer: opened, served, taken away while it is gone."""
 
 import asyncio
-import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -18,14 +17,13 @@ from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import LEAVING_SECONDS, Upstream, aside
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.host_entry import HostEntry, LinkSpec
-from vbus.serve.local_socket import LocalSocket, Telling
-from vbus.serve.orders.control import Control, ControlConnection
-from vbus.serve.registry import control_path, status_path
+from vbus.serve.local_socket import Control, LocalSocket
+from vbus.serve.registry import socket_path
 from vbus.serve.session import Serving, Session
 from vbus.serve.time.spin_policy import SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
-from vbus.transports.base import Link
+from vbus.transports.base import Link, ignore
 from vbus.transports.runtime import mark_pause
 
 LOOK_SECONDS: Final = 1.0
@@ -33,21 +31,6 @@ LOOK_SECONDS: Final = 1.0
 PAUSE_SECONDS: Final = 0.5
 """How often to look whether the board is paused (s)."""
 READY: Final = "ready"
-
-
-class _NoOrders(Control):
-    """Says where orders are to be given instead."""
-
-    def __init__(self, where: str) -> None:
-        super().__init__(lambda: None)
-        self._where: str = where
-
-    def carry_out(self, asked: bytes | dict[str, Any], own: object = None) -> dict[str, Any]:
-        """Refuse."""
-        return {
-            "error": f"this is an attachment to {self._where}, which takes no orders; give them on"
-            " the computer where that board runs"
-        }
 
 
 def _answers(lost: int) -> str:
@@ -121,7 +104,7 @@ class Attachment:
         self._stop = stop
         loop = asyncio.get_running_loop()
         with ExitStack() as closing:
-            self._open_local_sockets(loop, closing)
+            self._open_local_socket(loop, closing)
             self._disconnects: DisconnectPoller = DisconnectPoller(loop)
             self._disconnects.open()
             closing.callback(self._disconnects.close)
@@ -141,21 +124,23 @@ class Attachment:
         if self._failure is not None:
             raise self._failure
 
-    def _open_local_sockets(self, loop: asyncio.AbstractEventLoop, closing: ExitStack) -> None:
+    def _open_local_socket(self, loop: asyncio.AbstractEventLoop, closing: ExitStack) -> None:
         name = self.wanted.name
-        control = _NoOrders(self.wanted.where)
-        for local in (
-            LocalSocket(status_path(name), partial(Telling, tell=self.status)),
-            LocalSocket(control_path(name), partial(ControlConnection, control=control)),
-        ):
-            closing.callback(local.close)
-            try:
-                local.open(loop)
-            except NameInUseError as error:
-                raise NameInUseError(
-                    f'a board or attachment called "{name}" runs already ({error}); stop it, or'
-                    " give the first link of this one another name (--pty NAME)"
-                ) from error
+        control = Control(
+            ignore,
+            f"this is an attachment to {self.wanted.where}, which takes no orders; give them on the"
+            " computer where that board runs",
+        )
+        control.orders["status"] = lambda request: self.statistics()
+        local = LocalSocket(control)
+        closing.callback(local.close)
+        try:
+            local.open(loop, socket_path(name))
+        except NameInUseError as error:
+            raise NameInUseError(
+                f'a board or attachment called "{name}" runs already ({error}); stop it, or give'
+                " the first link of this one another name (--pty NAME)"
+            ) from error
 
     def _open_links(self, loop: asyncio.AbstractEventLoop) -> None:
         """Open every link here.
@@ -332,7 +317,3 @@ class Attachment:
             "links": [host.status(chips) for host in self._hosts],
             "sessions": sum(len(host.sessions) for host in self._hosts),
         }
-
-    def status(self) -> bytes:
-        """Return the statistics as JSON."""
-        return json.dumps(self.statistics()).encode()

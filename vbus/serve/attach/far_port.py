@@ -18,7 +18,7 @@ from vbus.protocols.port import CardAccess, NotYet, PortError, PortInfo
 from vbus.protocols.requests import REFUSALS
 from vbus.serve.attach.relay import SOME_TIME, RelayPort
 from vbus.serve.attach.upstream import Upstream
-from vbus.serve.time.time_source import nothing
+from vbus.transports.base import ignore
 
 Make = Callable[[Message], tuple[Later[Any] | None, ...]]
 """Puts requests into a message; returns what will hold their answers."""
@@ -43,9 +43,9 @@ class FarPort(RelayPort):
 
     def __init__(self, upstream: Upstream) -> None:
         super().__init__(upstream)
-        self.on_answer: Callable[[], object] = nothing
+        self.on_answer: Callable[[], object] = ignore
         """Called when the call that had to wait may be made again."""
-        self.on_edges: Callable[[], object] = nothing
+        self.on_edges: Callable[[], object] = ignore
         """Called when edges have been reported between answers."""
         self._wire: _FarWire = _FarWire()
         self._info: PortInfo | None = None
@@ -88,7 +88,7 @@ class FarPort(RelayPort):
                 protocol.reset()
                 self.close()
 
-        self.on_answer, self.on_edges = go_on, nothing
+        self.on_answer, self.on_edges = go_on, ignore
         self.upstream.leave()
         go_on()
 

@@ -14,7 +14,7 @@ from vbus.client.links import open_link
 from vbus.core.errors import TransportError, VbusError
 from vbus.core.wall_clock import monotonic, monotonic_ns
 from vbus.serve.attach.meter import Meter
-from vbus.serve.time.time_source import nothing
+from vbus.transports.base import ignore
 from vbus.transports.sockets import KEEP_ALIVE
 
 T = TypeVar("T")
@@ -97,10 +97,6 @@ def _keep_alive(link: BoardLink) -> None:
             connected.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
-def _ignore(_: object) -> None:
-    pass
-
-
 class Upstream:
     """A session with the board that outlives its host by what the host has left to be done.
 
@@ -121,11 +117,11 @@ class Upstream:
         meter: Meter,
         before: "Upstream | None" = None,
     ) -> None:
-        self.on_data: Callable[[bytes], object] = _ignore
+        self.on_data: Callable[[bytes], object] = ignore
         """Takes what has come."""
-        self.on_room: Callable[[], object] = nothing
+        self.on_room: Callable[[], object] = ignore
         """Called when the board takes bytes again."""
-        self.on_over: Callable[[TransportError | None], object] = _ignore
+        self.on_over: Callable[[TransportError | None], object] = ignore
         """Called at the end with the reason if the session was lost, and None if it was ended."""
         self.over: asyncio.Event = asyncio.Event()
         """Set when the link is closed."""
@@ -291,7 +287,7 @@ class Upstream:
         if self._ended:
             return
         if not waits:
-            self.on_data = _ignore
+            self.on_data = ignore
             self.leave()
         self._finishing = True
         if self._link is not None:

@@ -21,18 +21,18 @@ from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore
 from vbus.nodes.node import Node, hash_of, merged
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.serve.loop import done_before, first_of, run_until_signal, tell_ready
+from vbus.serve.local_socket import Control
+from vbus.serve.loop import run_until_signal, tell_ready
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.node_records import join_waves, recording_of
 from vbus.serve.nodes.peers import Group, Peers
 from vbus.serve.nodes.realtime_nodes import RealTime
 from vbus.serve.nodes.timebase import Timebase
-from vbus.serve.orders.control import Control
 from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
-from vbus.serve.server import Server
+from vbus.serve.server import Run, Server
 from vbus.serve.serving import links_of, metrics_of, network_of
 
 LAST_WORDS: Final = 0.1
@@ -202,11 +202,18 @@ def serve_nodes(
     """
     with ExitStack() as owned:
         run = _NodesRun(file, source, options, report, before, owned)
-        run_until_signal(partial(run.serve, on_ready=on_ready))
+
+        def ready() -> None:
+            keep_what_is_made()
+            if on_ready is not None:
+                on_ready(run.servers)
+            tell_ready()
+
+        run_until_signal(partial(run.serve, ready=ready))
     return run.outcome()
 
 
-class _NodesRun:
+class _NodesRun(Run):
     """Nodes of this process from their start to their end."""
 
     def __init__(
@@ -218,15 +225,13 @@ class _NodesRun:
         before: Callable[[], Awaitable[None]] | None,
         owned: ExitStack,
     ) -> None:
+        super().__init__(before)
         if options.connect and file.zenoh.connect:  # hosts come by the same routers
             zenoh = msgspec.structs.replace(file.zenoh, connect=options.connect)
             file = msgspec.structs.replace(file, zenoh=zenoh)
         self._file: BoardFile = file
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
-        self._before: Callable[[], Awaitable[None]] | None = before
-        self._servers: list[Server] = []
-        self._stop: asyncio.Event = asyncio.Event()
         plan = plan_of(file)
         names = names_of(plan, options)
         scenario = scenario_of(file, options.scenario) if options.scenario else None
@@ -270,36 +275,31 @@ class _NodesRun:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
             self._peers = Timebase(group, conductors, kept)
+        self.over = self._peers.finished
 
-    async def serve(
-        self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
-    ) -> None:
-        """Run until the scenario is over, a node is lost, or ``stop`` is set."""
-        peers, self._stop = self._peers, stop
-        ends = (stop, peers.finished)
+    async def finish(self) -> None:
+        """Say why the nodes of this process give up, if they do.
+
+        Raises:
+            NodeError: another node was lost, or runs another board.
+        """
+        if self._peers.failure is not None:
+            if self._link is not None:
+                await asyncio.sleep(LAST_WORDS)
+            raise self._peers.failure
+
+    def end(self) -> None:
+        """Leave the other nodes, close every link, and what is recorded."""
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
             closing.callback(self._end_records)
             if self._link is not None:
                 closing.callback(self._link.close)
-            closing.callback(self._stop_servers)
-            closing.callback(peers.stop)
-            if await done_before(ends, self._begin()):
-                keep_what_is_made()
-                if on_ready is not None:
-                    on_ready(self._servers)
-                tell_ready()
-                await first_of(ends)
-            if peers.failure is not None:
-                if self._link is not None:
-                    await asyncio.sleep(LAST_WORDS)
-                raise peers.failure
-        for server in self._servers:
-            server.pacer.check_over()
+            closing.callback(super().end)
+            closing.callback(self._peers.stop)
 
-    async def _begin(self) -> None:
+    async def begin(self, loop: asyncio.AbstractEventLoop) -> None:
         """Meet the other nodes, and serve hosts: in virtual time before it begins."""
-        loop = asyncio.get_running_loop()
         if not self._real:
             await self._serve_hosts(loop)
         if self._link is not None:
@@ -325,7 +325,6 @@ class _NodesRun:
         for node in self._nodes:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
-            pacer.on_end = self._stop.set
             recording = self._recordings[node.rank]
             server = Server(
                 node.board, links_of(part), report=self._report, metrics=metrics, pacer=pacer,
@@ -336,15 +335,15 @@ class _NodesRun:
             server.details = partial(self._details, node)
             server.skew = self._peers.latest_skew
             self._use_orders(node, server.control)
-            self._servers.append(server)
-            server.start(loop)
+            self.servers.append(server)
+            self.open(server, loop)
         if self._before is not None:
             await self._before()
 
     def _use_orders(self, node: Node, control: Control) -> None:
         """Leave of a board's orders those that a node can follow: faults happen in its own time."""
         for name in control.orders:
-            if not name.startswith(("fault.", "journal.")):
+            if not name.startswith(("fault.", "journal.", "status")):
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
 
@@ -370,11 +369,6 @@ class _NodesRun:
             self._lost += join_waves(self._file, self._report)
         self._lost += [line for one in self._recordings.values() for line in one.failures]
 
-    def _stop_servers(self) -> None:
-        with ExitStack() as stopping:
-            for server in self._servers:
-                stopping.callback(server.stop)
-
     def _leave_trace(self) -> None:
         if self._trace is None:
             return
@@ -388,7 +382,7 @@ class _NodesRun:
 
     def outcome(self) -> NodesOutcome:
         """Return what has come of it."""
-        over = self._peers.finished.is_set() and bool(self._options.scenario)
+        over = self.over.is_set() and bool(self._options.scenario)
         lost = [*self._lost, *self._peers.lost]
         return NodesOutcome(self._nodes, over, lost, **self._peers.figures())
 

@@ -1,4 +1,4 @@
-"""Faults of a running board, by orders (:mod:`vbus.serve.orders.control`), and of its links."""
+"""Faults of a running board, by orders (:mod:`vbus.serve.local_socket`), and of its links."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus.board.board import Board
 from vbus.core.options import Value
 from vbus.faults.row import MESSAGES, misfit
+from vbus.serve.local_socket import Order
 from vbus.serve.message_session import MessageSession
-from vbus.serve.orders.control import Order
 from vbus.serve.session import Session
 from vbus.transports.base import LinkFilter, Transport
 from vbus.transports.traffic import MessageFault, Traffic

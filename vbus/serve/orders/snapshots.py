@@ -1,4 +1,4 @@
-"""Snapshots of a running board: taken and loaded on orders of :mod:`vbus.serve.orders.control`."""
+"""Snapshots of a running board: taken and loaded on orders of :mod:`vbus.serve.local_socket`."""
 
 import base64
 from collections.abc import Callable, Iterator
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.core.errors import SnapshotError
-from vbus.serve.orders.control import Order
+from vbus.serve.local_socket import Order
 from vbus.serve.session import Session
 from vbus.serve.time.pacer import WallClockPacer
 

@@ -1,9 +1,7 @@
 """Live views of a running board: each connection gets what happens on its buses.
 
-Beside a board's status socket stands one whose name ends in ``.watch``. What comes there are
-messages, each with its length in front: four bytes, little-endian. The first is what the status
-socket gives. The watcher then asks for one thing by a line of JSON, ``{WHAT: {...}}``, and gets
-``["refused", reason]``, or ``[WHAT, description]`` and after it what was asked for:
+The order ``watch`` of a board's socket (:mod:`vbus.serve.local_socket`) asks for one thing:
+``{"do": "watch", WHAT: {...}}`` is answered by a description, or refused; then come messages:
 
 ``events``
     lists that begin with their kind: ``"c"``, instant, host, chip, write, address, byte: a bus
@@ -23,24 +21,18 @@ socket gives. The watcher then asks for one thing by a line of JSON, ``{WHAT: {.
     frames with the edges of pins: ``"chip": NAME, "pins": [PIN, ...]``.
 
 With ``"control": true`` a scope that may give orders has a session of the board: further lines are
-orders (see :mod:`vbus.serve.orders.control`), those of
-:class:`~vbus.serve.manual_host.ManualHost` among them. Each is answered by a message that is a JSON
-object; so is one with ``"control"`` whenever time is made to stand still or go, and one with
-``"scope"``, a description, when the board has gone back: frames after it are of a recording that
-begins there.
+orders, those of :class:`~vbus.serve.manual_host.ManualHost` among them. Each is answered as ever;
+beside the answers comes a JSON object with ``"control"`` whenever time is made to stand still or
+go, and one with ``"scope"``, a description, when the board has gone back: frames after it are of a
+recording that begins there.
 
 Who does not read has so much stored, and the board is not looked at until there is room again.
 """
 
-import asyncio
 import errno
 import io
 import json
-import os
-import select
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-from functools import partial
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import msgspec
@@ -50,32 +42,22 @@ from vbus.boardfile.sections import WaveSection
 from vbus.core.errors import VbusError
 from vbus.core.signals import Observer, Violation
 from vbus.events.watch import Watch
-from vbus.serve.local_socket import Connection, OnEnd
+from vbus.serve.local_socket import EVERY_SECONDS, Connection, Control, WatchView
 from vbus.serve.manual_host import ManualHost
-from vbus.serve.orders.control import Control, refusal_of
 from vbus.serve.orders.jump import JumpBack
 from vbus.serve.time.steps import Steps
-from vbus.transports.base import Link
 from vbus.views.scope.frames import LASTING, numbers
 from vbus.views.scope.lanes import Lateness
 from vbus.views.scope.pin_recording import PinRecorder
 from vbus.views.scope.recording import Recorder
 from vbus.views.wave.wave import DONE, Wave
 
-EVERY_SECONDS: Final = 0.05
-"""How often news are sent."""
 UNSEEN_SECONDS: Final = 0.25
 """The same of frames without samples: the page is not shown now."""
 MOST_PENDING: Final = 1 << 20
 """Bytes stored for a watcher that does not read events."""
 MOST_WAVE: Final = 1 << 26
 """The same of a waveform, which ends there."""
-MOST_FRAMES: Final = 1 << 24
-"""The same of frames."""
-MOST_ANSWERS: Final = 2 * MOST_FRAMES
-"""The same of frames, and answers to orders among them."""
-LAST_SECONDS: Final = 1.0
-"""How long a board that ends waits for a watcher that reads nothing (s)."""
 MOST_EVENTS: Final = 20_000
 """Events stored between two sendings; the rest is counted as lost."""
 
@@ -98,205 +80,35 @@ class Watched(NamedTuple):
     jump: JumpBack
 
 
-class RemoteWatcher(Connection):
-    """A watcher of a board in another process.
+class BoardView(WatchView):
+    """A view of a served board.
 
     Args:
-        loop: the event loop.
-        link: the connection.
-        on_end: called once when it is over.
-        status: what is sent first.
+        connection: who watches.
         watched: the board, and what belongs to it.
-
-    Attributes:
-        view: what was asked for, once it was.
-    """
-
-    def __init__(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        link: Link,
-        on_end: OnEnd,
-        status: bytes,
-        watched: Watched,
-    ) -> None:
-        super().__init__(loop, link, on_end)
-        self.watched: Watched = watched
-        self.view: WatchView | None = None
-        self._away: bool = False
-        self._timer: asyncio.TimerHandle | None = None
-        self.message(status)
-
-    def begin(self) -> None:
-        """Say what the board is, and wait to be asked."""
-        super().begin()
-        self.flush()
-
-    @property
-    def refusal(self) -> str:
-        """Why who watches may give no orders; "" if they may."""
-        return refusal_of(self._link.fd)
-
-    def message(self, data: bytes) -> None:
-        """Have a message sent."""
-        self.pending += len(data).to_bytes(4, "little") + data
-
-    def answer(self, answer: dict[str, Any]) -> None:
-        """Send an answer at once; who orders and does not read is hung up on."""
-        self.message(json.dumps(answer).encode())
-        if len(self.pending) > MOST_ANSWERS:
-            self.end()
-        else:
-            self.flush()
-
-    def take(self, line: bytes) -> None:
-        """Begin what is asked for, or take a line for it."""
-        for one in line.splitlines():
-            if self.view is not None:
-                self.view.take(one)
-            elif self.open:
-                self._ask(one)
-
-    def _ask(self, line: bytes) -> None:
-        try:
-            asked = json.loads(line)
-            if not isinstance(asked, dict) or len(asked) != 1 or not VIEWS.keys() & asked:
-                raise ValueError(f"one of these can be asked for: {', '.join(VIEWS)}")
-            ((what, given),) = asked.items()
-            view = VIEWS[what](self, given)
-        except (ValueError, KeyError, TypeError, RecursionError, VbusError) as error:
-            self.message(json.dumps(["refused", str(error)]).encode())
-            self.flush()
-            return
-        self.view = view
-        self.message(json.dumps([what, view.described()]).encode())
-        view.begin()
-        self.send()
-
-    def news(self) -> None:
-        """Take what is new; of a board that is not looked at, for want of room, nothing is."""
-        assert self.view is not None
-        if len(self.pending) >= self.view.most:
-            if not self._away:
-                self._away = True
-                self.view.look_away()
-            return
-        if self._away:
-            self._away = False
-            self.view.look_again()
-        for message in self.view.news():
-            self.message(message)
-
-    def send(self) -> None:
-        """Send what is new, now and in a while."""
-        if self.view is None:
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self.news()
-        if self.view.over and not self.pending:
-            self.end()
-        if self.open:
-            self.flush()
-        if self.open:
-            self._timer = self.loop.call_later(self.view.pause, self.send)
-
-    def end(self) -> None:
-        """Watch no more; may be called again."""
-        if self._timer is not None:
-            self._timer.cancel()
-        view, self.view = self.view, None
-        if view is not None:
-            view.end()
-        super().end()
-
-    def end_with_board(self) -> None:
-        """Send what is left, for a run that was short may end with most of it; then end."""
-        view, self.view = self.view, None
-        if view is not None:
-            if self._away:
-                view.look_again()
-            view.end()
-            self._send_last()  # there is room for what is new then
-            if len(self.pending) < view.most:
-                for message in view.news():
-                    self.message(message)
-            self._send_last()
-        self.end()
-
-    def _send_last(self) -> None:
-        """Send what is pending, and wait for it.
-
-        Not for a watcher that has read nothing for a while, or orders and does not read.
-        """
-        if len(self.pending) > MOST_ANSWERS:
-            return
-        room = select.poll()
-        room.register(self._link.fd, select.POLLOUT)
-        with suppress(OSError):  # the watcher has gone
-            while self.pending and room.poll(LAST_SECONDS * 1000):
-                del self.pending[: os.write(self._link.fd, self.pending)]
-
-
-class WatchView:
-    """What a watcher has asked for, made from a board.
-
-    Args:
-        watcher: the watcher.
-        given: the watcher's options.
-
-    Attributes:
-        most: bytes stored for a watcher that does not read.
-        pause: how long until the next news (s).
-        over: whether there is no more to come.
+        given: options.
     """
 
     WHO: ClassVar[str]
     """Who asks for it, in words."""
 
-    most: int = MOST_FRAMES
-    pause: float = EVERY_SECONDS
-    over: bool = False
-
-    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
-        self._watcher: RemoteWatcher = watcher
-        self._board: Board = watcher.watched.board
-
-    def described(self) -> Any:
-        """Return what it is; sent first."""
-        return {}
-
-    def begin(self) -> None:
-        """Look at the board from now on."""
-
-    def take(self, line: bytes) -> None:
-        """Take a line of who watches."""
-
-    def news(self) -> Iterator[bytes]:
-        """Give what is new, as messages."""
-        yield from ()
-
-    def look_away(self) -> None:
-        """There is no room for more: look at the board no longer."""
-
-    def look_again(self) -> None:
-        """There is room again."""
-
-    def end(self) -> None:
-        """Let go of the board; what is new by now can still be taken."""
+    def __init__(self, connection: Connection, watched: Watched, given: Any) -> None:
+        super().__init__(connection)
+        self._watched: Watched = watched
+        self._board: Board = watched.board
 
 
 class _Events(msgspec.Struct, forbid_unknown_fields=True):
     until: str = ""
 
 
-class EventsView(WatchView, Observer):
+class EventsView(BoardView, Observer):
     """Bus cycles, violations and values, one by one."""
 
     WHO = "a monitor"
 
-    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
-        super().__init__(watcher, given)
+    def __init__(self, connection: Connection, watched: Watched, given: Any) -> None:
+        super().__init__(connection, watched, given)
         self.most = MOST_PENDING
         until = msgspec.convert(given, _Events).until
         self._until: Watch | None = None
@@ -360,13 +172,13 @@ class EventsView(WatchView, Observer):
             self._until.end()
 
 
-class WaveView(WatchView, io.StringIO):
+class WaveView(BoardView, io.StringIO):
     """A waveform: a text file whose text goes to who watches."""
 
     WHO = "a waveform"
 
-    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
-        super().__init__(watcher, given)
+    def __init__(self, connection: Connection, watched: Watched, given: Any) -> None:
+        super().__init__(connection, watched, given)
         self.most = 2 * MOST_WAVE
         self._text: bytearray = bytearray()
         section = msgspec.convert({"name": "", "file": "", **given}, WaveSection)
@@ -385,7 +197,7 @@ class WaveView(WatchView, io.StringIO):
         Raises:
             OSError: who watches does not read.
         """
-        if len(self._text) + len(self._watcher.pending) > MOST_WAVE:
+        if len(self._text) + len(self._connection.pending) > MOST_WAVE:
             raise OSError(errno.ENOBUFS, "the other end does not read")
         self._text += text.encode("ascii", "replace")
         return len(text)
@@ -402,7 +214,7 @@ class WaveView(WatchView, io.StringIO):
         self._wave.stop()
 
 
-class FramesView(WatchView):
+class FramesView(BoardView):
     """Frames that a recorder makes.
 
     Attributes:
@@ -441,8 +253,8 @@ class PinsView(FramesView):
 
     WHO = "a viewer of pins"
 
-    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
-        super().__init__(watcher, given)
+    def __init__(self, connection: Connection, watched: Watched, given: Any) -> None:
+        super().__init__(connection, watched, given)
         self.recorder: PinRecorder = PinRecorder(self._board, **given)
 
     def described(self) -> Any:
@@ -461,22 +273,26 @@ class ScopeView(FramesView):
 
     WHO = "a scope or viewer"
 
-    def __init__(self, watcher: RemoteWatcher, given: Any) -> None:
-        super().__init__(watcher, given)
+    def __init__(self, connection: Connection, watched: Watched, given: Any) -> None:
+        super().__init__(connection, watched, given)
         wanted = msgspec.convert(given, _Scope)
-        if wanted.control and watcher.refusal:
-            raise VbusError(watcher.refusal)
-        self._steps: Steps = watcher.watched.steps
+        if wanted.control and connection.refusal:
+            raise VbusError(connection.refusal)
+        self._steps: Steps = watched.steps
         self._after: int = wanted.after
         self._inside: bool = False
         self._see_samples(wanted.samples)
         self.recorder: Recorder = self._new_recorder()
         self._manual: ManualHost | None = None
         if wanted.control:
-            self._manual = ManualHost(self._board, self._steps)
+            manual = self._manual = ManualHost(self._board, self._steps)
+            connection.orders = {
+                **manual.orders(),
+                "back": lambda request: watched.jump.begin(request, self, manual.port),
+            }
 
     def _new_recorder(self) -> Recorder:
-        return Recorder(self._board, edges=False, late=self._watcher.watched.late)
+        return Recorder(self._board, edges=False, late=self._watched.late)
 
     def _see_samples(self, on: bool) -> None:
         self._samples: bool = on
@@ -516,16 +332,14 @@ class ScopeView(FramesView):
         elif isinstance(asked, dict) and "samples" in asked:
             self._see_samples(asked["samples"] is not False)
             self.recorder.look_at_samples(self._samples)
-            self._watcher.send()
-        elif (manual := self._manual) is not None:
-            jump, control = self._watcher.watched.jump, self._watcher.watched.control
-            back = partial(jump.begin, own=self, port=manual.port)
-            control.take(line, self._watcher.answer, {**manual.orders(), "back": back})
+            self.send()
+        elif self._manual is not None:
+            self._watched.control.take(line, self._connection)
 
     def step_aside(self) -> None:
         """Let go of the board: it goes back."""
         assert self._manual is not None
-        self._watcher.news()
+        self.take_news()
         self.recorder.stop()
         self._manual.end(go_on=False)
 
@@ -534,17 +348,17 @@ class ScopeView(FramesView):
         assert self._manual is not None
         self._manual.attach()
         self.recorder = self._new_recorder()
-        self._watcher.answer({"scope": self.described()})
+        self._connection.answer({"scope": self.described()})
         self._record()
 
     def _steps_changed(self) -> None:
         # A step may end within a bus cycle: nothing is sent, no watcher cut off, before its end.
-        self._watcher.loop.call_soon(self._tell_steps)
+        self._connection.loop.call_soon(self._tell_steps)
 
     def _tell_steps(self) -> None:
-        if self._watcher.view is self:
-            self._watcher.news()
-            self._watcher.answer({"control": self._steps.told()})
+        if self._connection.view is self:
+            self.take_news()
+            self._connection.answer({"control": self._steps.told()})
 
     def end(self) -> None:
         """Record no more, and let time go on."""
@@ -554,7 +368,25 @@ class ScopeView(FramesView):
         super().end()
 
 
-VIEWS: Final[dict[str, type[WatchView]]] = {
+VIEWS: Final[dict[str, type[BoardView]]] = {
     "events": EventsView, "wave": WaveView, "scope": ScopeView, "pins": PinsView,
 }  # fmt: skip
 """What can be asked for, by the word."""
+
+
+def view_of(watched: Watched, connection: Connection, given: dict[str, Any]) -> BoardView:
+    """Return what a connection asks to watch.
+
+    Args:
+        watched: the board, and what belongs to it.
+        connection: who watches.
+        given: what is asked for, by its word, with its options.
+
+    Raises:
+        ValueError: there is no such thing, or its options make no sense.
+        VbusError: they make no sense on this board, or are not allowed.
+    """
+    if len(given) != 1 or not VIEWS.keys() & given:
+        raise ValueError(f"one of these can be asked for: {', '.join(VIEWS)}")
+    ((what, options),) = given.items()
+    return VIEWS[what](connection, watched, options)

@@ -18,7 +18,8 @@ from vbus.core.wall_clock import monotonic_ns
 from vbus.serve.time.overload import Overload
 from vbus.serve.time.statistics import LAG_PS, Histogram
 from vbus.serve.time.time_slicer import SLICE_NS, TimeSlicer
-from vbus.serve.time.time_source import TimeSource, chip_time, nothing
+from vbus.serve.time.time_source import TimeSource, chip_time
+from vbus.transports.base import ignore
 from vbus.transports.linux import TimerFd
 
 TICK: Final = 10 * MS
@@ -186,11 +187,11 @@ class WallClockPacer(TimeSource):
         self.on_moved: Callable[[], None] | None = None
         """Called on a node when a host has acted or waits, or time has run: edges may be under way,
         and other nodes may have to run on."""
-        self.look_for_hosts: Callable[[], None] = nothing
+        self.look_for_hosts: Callable[[], None] = ignore
         """Ends the sessions of hosts that have gone while they waited: no time passes for them."""
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
-        self.on_end: Callable[[], None] = nothing
+        self.on_end: Callable[[], None] = ignore
         """Called when time has ended on a board that only the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
@@ -198,7 +199,7 @@ class WallClockPacer(TimeSource):
         """Beyond this instant there is something to tell or to stop (ps)."""
         self.bound: int = NEVER
         """The controller of the board lets time run no further (ps); NEVER without a controller."""
-        self.on_bound: Callable[[], None] = nothing
+        self.on_bound: Callable[[], None] = ignore
         """Called when time is there: moves the bound, or halts."""
 
     def _use_rate(self) -> None:

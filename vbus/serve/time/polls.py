@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.packets import Packet
+from vbus.circuit.stream import LatestLines
 from vbus.core.wall_clock import monotonic, process_time
 from vbus.protocols.quantities import format_instant
-from vbus.views.latest_lines import LatestLines
 
 KINDS: Final = 16
 """Packets that a loop of polls may consist of: fewer would miss loops over several axes, and each

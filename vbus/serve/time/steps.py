@@ -16,7 +16,7 @@ from vbus.chips.base import SAMPLE
 from vbus.core.kernel import NEVER
 from vbus.core.signals import Observer
 from vbus.protocols.quantities import format_instant, parse_duration
-from vbus.serve.orders.control import Order
+from vbus.serve.local_socket import Order
 from vbus.serve.session import Session
 from vbus.serve.time.pacer import LEASE, WallClockPacer
 from vbus.serve.time.time_slicer import SLICE_NS

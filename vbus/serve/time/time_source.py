@@ -25,10 +25,6 @@ def chip_time(elapsed: int, ps_per_ns: tuple[int, int]) -> int:
     return passed
 
 
-def nothing() -> None:
-    """Do nothing."""
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
 class TimeSource:
     """Time as a session knows it; by itself that of chips elsewhere, which no pacer here moves.

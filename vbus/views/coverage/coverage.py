@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -12,7 +12,7 @@ from vbus.circuit.stream import PacketReader
 from vbus.core.errors import VbusError
 from vbus.core.signals import Violation
 from vbus.core.values.settings import suggestion
-from vbus.views.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
+from vbus.views.coverage.tables import COUNTED, Item, Key, exercised, items
 
 FORMAT: Final = "vbus coverage"
 VERSION: Final = 1
@@ -75,9 +75,12 @@ class Coverage:
         """Return the chip families that took part, in alphabetical order."""
         return sorted(self.counts)
 
-    def group(self, family: str, name: str) -> list[tuple[Item, int]]:
-        """Return the items of one group, in the order of the manual, with their counts."""
-        return [(item, self.count(family, item)) for item in items(family) if item.group == name]
+    def groups(self, family: str) -> dict[str, list[tuple[Item, int]]]:
+        """Return the items of each group, in the order of the manual, with their counts."""
+        found: dict[str, list[tuple[Item, int]]] = {}
+        for item in items(family):
+            found.setdefault(item.group, []).append((item, self.count(family, item)))
+        return found
 
     def share(self, family: str | None = None) -> tuple[int, int]:
         """Return how many items were exercised, and of how many; of all families if None."""
@@ -112,24 +115,15 @@ class Coverage:
 
     def to_json(self) -> bytes:
         """Return it as a JSON document that :func:`from_json` reads."""
-        families: dict[str, Any] = {}
+        percent, tests = round(self.percent(), 2), self.tests
+        document = _Document(
+            format=FORMAT, version=VERSION, percent=percent, runs=self.runs, families={},
+            tests={test: _by_group(tests[test]) for test in sorted(tests)},
+        )  # fmt: skip
         for family in self.families():
-            done, total = self.share(family)
-            groups = {}
-            for name in GROUPS:
-                found = self.group(family, name)
-                if found:
-                    groups[name] = {item.name: count for item, count in found}
-            families[family] = {"exercised": done, "of": total, "groups": groups}
-        document: dict[str, Any] = {
-            "format": FORMAT,
-            "version": VERSION,
-            "percent": round(self.percent(), 2),
-            "runs": self.runs,
-            "families": families,
-        }
-        if self.tests:
-            document["tests"] = {test: _by_group(self.tests[test]) for test in sorted(self.tests)}
+            made = document.families[family] = _FamilyCounts(*self.share(family))
+            for name, found in self.groups(family).items():
+                made.groups[name] = {item.name: count for item, count in found}
         return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
 
 
@@ -143,12 +137,15 @@ def _by_group(found: dict[str, set[Key]]) -> dict[str, dict[str, list[str]]]:
 
 
 class _FamilyCounts(msgspec.Struct):
-    groups: dict[str, dict[str, int]]
+    exercised: int = 0
+    of: int = 0
+    groups: dict[str, dict[str, int]] = {}
 
 
-class _Document(msgspec.Struct):
+class _Document(msgspec.Struct, kw_only=True, omit_defaults=True):
     format: str
     version: int
+    percent: float = -1.0
     runs: list[str]
     families: dict[str, _FamilyCounts]
     tests: dict[str, dict[str, dict[str, list[str]]]] = {}

@@ -10,7 +10,7 @@ from vbus.core.errors import VbusError
 from vbus.core.values.settings import suggestion
 from vbus.version import __version__
 from vbus.views.coverage.coverage import Coverage
-from vbus.views.coverage.tables import COUNTED, GROUPS, Item, items
+from vbus.views.coverage.tables import COUNTED, Item, items
 
 
 def _place(item: Item) -> str:
@@ -33,10 +33,7 @@ def as_text(coverage: Coverage, every: bool = False, each: bool = True) -> str:
         lines.append(f"{family}: {done} of {total} exercised, {coverage.shown(family)}")
         if not total:
             lines.append("  no tables of this family: nothing can be counted")
-        for name in GROUPS:
-            found = coverage.group(family, name)
-            if not found:
-                continue
+        for name, found in coverage.groups(family).items():
             some = [(item, count) for item, count in found if count]
             none = [item for item, count in found if not count]
             lines.append(f"  {name}: {len(some)} of {len(found)}")
@@ -119,24 +116,19 @@ def as_cobertura(coverage: Coverage) -> str:
     root = ElementTree.Element(
         "coverage",
         {
-            **rates(done, total),
-            "lines-covered": str(done),
-            "lines-valid": str(total),
-            "branches-covered": "0",
-            "branches-valid": "0",
-            "version": f"vbus {__version__}",
+            **rates(done, total), "lines-covered": str(done), "lines-valid": str(total),
+            "branches-covered": "0", "branches-valid": "0", "version": f"vbus {__version__}",
             "timestamp": "0",
         },
-    )
+    )  # fmt: skip
     ElementTree.SubElement(ElementTree.SubElement(root, "sources"), "source").text = "."
     packages = ElementTree.SubElement(root, "packages")
     for family in coverage.families():
         share = rates(*coverage.share(family))
         package = ElementTree.SubElement(packages, "package", {"name": family, **share})
         classes = ElementTree.SubElement(package, "classes")
-        for name in COUNTED:
-            found = coverage.group(family, name)
-            if not found:
+        for name, found in coverage.groups(family).items():
+            if name not in COUNTED:
                 continue
             some = sum(1 for _, count in found if count)
             file = {"name": name, "filename": f"{family}/{name.replace(' ', '-')}"}
@@ -180,8 +172,7 @@ def as_html(coverage: Coverage) -> str:
         share = 100 * done // total if total else 0
         parts.append(f"<h2>{escape(family)}: {done} of {total}</h2>")
         parts.append(f'<div class=bar><div style="width:{share}%"></div></div>')
-        for name in GROUPS:
-            found = coverage.group(family, name)
+        for name, found in coverage.groups(family).items():
             if name not in COUNTED:
                 found = [(item, count) for item, count in found if count]
             if not found:

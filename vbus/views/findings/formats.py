@@ -83,20 +83,13 @@ def as_json(report: Report) -> str:
         v = finding.violation
         findings.append(
             {
-                "when_ps": v.when,
-                "chip": v.chip,
-                "rule": v.rule,
-                "clause": v.clause,
-                "severity": v.severity,
-                "measured": v.measured,
-                "limit": v.limit,
-                "unit": "ps" if v.rule in ac_rules() else "",
-                "detail": v.detail,
-                "accepted": finding.reason or None,
-                "before": _cycles(finding.before),
+                "when_ps": v.when, "chip": v.chip, "rule": v.rule, "clause": v.clause,
+                "severity": v.severity, "measured": v.measured, "limit": v.limit,
+                "unit": "ps" if v.rule in ac_rules() else "", "detail": v.detail,
+                "accepted": finding.reason or None, "before": _cycles(finding.before),
                 "after": _cycles(finding.after),
             }
-        )
+        )  # fmt: skip
     counts = [
         {"chip": chip, "rule": rule, "count": count}
         for (chip, rule), count in report.counts.items()
@@ -121,29 +114,20 @@ def junit(report: Report) -> str:
     """Return a test case for each rule of each chip; errors that are not accepted fail it."""
     suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
-    known = [
+    pairs = [
         (chip, rule)
         for chip, family in report.families.items()
         for rule in report.rules
         if rule.name.startswith(f"{family}.")
     ]
-    names = {(chip, rule.name) for chip, rule in known}
-    extra = [
-        (chip, rule)
-        for chip, name in report.counts
-        if (chip, name) not in names
-        for rule in report.rules
-        if rule.name == name
-    ]
-    for chip, rule in [*known, *extra]:
+    pairs += [(chip, rule) for chip, name in report.counts for rule in report.rules
+              if rule.name == name]  # fmt: skip
+    for chip, rule in dict.fromkeys(pairs):
         mine = [
             f for f in report.findings if (f.violation.chip, f.violation.rule) == (chip, rule.name)
         ]
-        head = {
-            "classname": _xml(f"{report.board}.{chip}"),
-            "name": _xml(f"{rule.name} [{rule.clause}]"),
-        }
-        case = ElementTree.SubElement(suite, "testcase", head)
+        where, name = _xml(f"{report.board}.{chip}"), _xml(f"{rule.name} [{rule.clause}]")
+        case = ElementTree.SubElement(suite, "testcase", {"classname": where, "name": name})
         if not mine:
             continue
         open_ones = [finding for finding in mine if not finding.reason]

@@ -1,14 +1,19 @@
-"""The violations of a run, each with the bus cycles around it."""
+"""The violations of a run, each with the bus cycles around it, and what else a driver does in vain.
 
-from collections import deque
-from typing import Final
+Notes of what a driver for another part does that this one takes differently are violations too.
+"""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Final
 
 from msgspec import Struct, field
 
-from vbus.chips.packets import Packet
+from vbus.chips.family import Family
+from vbus.chips.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Packet
 from vbus.circuit.stream import PacketReader
+from vbus.core.errors import ConfigError
 from vbus.core.signals import Rule, Violation
-from vbus.views.findings.no_effect import NoEffect
 from vbus.views.findings.suppress import Suppression
 
 CONTEXT: Final = 20
@@ -45,6 +50,35 @@ class Finding(Struct):
     before: list[CycleLine]
     after: list[CycleLine]
     reason: str = ""
+
+
+class NoEffect:
+    """Counts cycles a chip did not take, cycles it had nothing for, and packets cut short.
+
+    Attributes:
+        counts: by kind, as :meth:`text` names it in the singular.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+
+    def add(self, packet: Packet) -> None:
+        """Count a packet if it had no effect, or only part of it."""
+        way = "write" if packet.cycles[-1].write else "read"
+        if packet.kind == IGNORED:
+            self.counts[f"{way} not taken"] += 1
+        elif packet.kind == CUT:
+            self.counts["packet cut short"] += 1
+        elif packet.kind == UNEXPECTED or (packet.kind == UNKNOWN and packet.clause):
+            # Of a chip without a decoder nothing is known, and no clause is named.
+            self.counts[f"{way} of nothing"] += len(packet.cycles)
+
+    def text(self) -> str:
+        """Return the counts in a line; "" if every cycle had its effect."""
+        return ", ".join(
+            f"{count} {kind.replace(' ', 's ', 1) if count > 1 else kind}"
+            for kind, count in sorted(self.counts.items())
+        )
 
 
 class Report(PacketReader):
@@ -133,3 +167,52 @@ class Report(PacketReader):
     def unused(self) -> list[Suppression]:
         """Return the suppressions that covered nothing."""
         return [suppression for suppression in self.suppressions if not suppression.used]
+
+
+class Uses:
+    """The bus cycles of one chip, seen with the eyes of a driver for another part."""
+
+    RULES: ClassVar[tuple[Rule, ...]] = ()
+    """What it may find, each with the clause of the part that is there."""
+
+    def cycle(self, write: bool, address: int, data: int) -> Iterator[tuple[Rule, str]]:
+        """Give what the cycle means on the other part: rule, and a sentence."""
+        raise NotImplementedError
+
+
+class Compatibility(PacketReader):
+    """Files a note for each use of a chip that another part takes differently.
+
+    Args:
+        other: the other part, such as ``"hctl-1100"``.
+        families: the families of the chips, by name of chip.
+        report: takes the notes; it reads each bus cycle before.
+
+    Raises:
+        ConfigError: no chip is compatible with such a part; says with what they are.
+    """
+
+    def __init__(self, other: str, families: Mapping[str, Family], report: Report) -> None:
+        self._report: Report = report
+        self._uses: dict[str, Uses] = {}
+        for chip, family in families.items():
+            if other in family.compatibility:
+                self._uses[chip] = family.compatible_with(other, Uses)()
+        if not self._uses:
+            parts = {name for family in families.values() for name in family.compatibility}
+            known = ", ".join(sorted(parts)) or "none"
+            raise ConfigError(f'no chip of this run stands in for "{other}"; known are {known}')
+        for uses in {type(uses): uses for uses in self._uses.values()}.values():
+            report.rules = [*report.rules, *uses.RULES]
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Look at a bus cycle."""
+        uses = self._uses.get(chip)
+        if uses is None:
+            return
+        for rule, detail in uses.cycle(write, address, data):
+            self._report.violation(
+                Violation(when, chip, rule.name, rule.clause, rule.severity, 0, 0, detail)
+            )

@@ -52,6 +52,11 @@ class Lane:
         self.early: bool = False
 
     @property
+    def full_name(self) -> str:
+        """Its name with that of its axis: ``"x.real"``."""
+        return self.name if self.axis is None else f"{self.axis}.{self.name}"
+
+    @property
     def untold(self) -> bool:
         """Whether it has no value yet."""
         return self._step == NO_STEP and self._fraction is None

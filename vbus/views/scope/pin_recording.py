@@ -11,7 +11,7 @@ from vbus.views.scope.frames import ALL, NOW, Column, frame
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import LINE, NUMBER
 from vbus.views.scope.recording import Ticks, sample_frames
-from vbus.views.scope.rows import LaneTold, Rows
+from vbus.views.scope.rows import Rows
 
 
 class PinRecorder(Observer):
@@ -120,7 +120,7 @@ class Sampler:
         self._begin: int = int(description["now"])
         self._made: int = 0
         self._levels: int = 0
-        self._places: dict[LaneTold, tuple[int, int]] = {}
+        self._places: dict[Lane, tuple[int, int]] = {}
         """By lane: place of its first bit, and the mask of its bits there."""
         place = 0
         for lane, one in zip(self._rows.lanes, description["lanes"], strict=True):

@@ -7,65 +7,13 @@ from typing import Any, Final, Literal
 
 from vbus.core.kernel import SECOND
 from vbus.views.scope.frames import LABELS, MARKS, NOW, PACKETS, SAMPLES, Frame, read
+from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
 
 DRAWN: Final = (NUMBER, LINE, PACKET_LANE, MARK_LANE)
 """Kinds of lanes that are drawn over time; rows of others are for the page alone."""
 
 Units = Literal["counts", "rev", "SI"]
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """What a value is shown in.
-
-    Attributes:
-        factor: what a value of the lane is multiplied by.
-        name: of the unit.
-    """
-
-    factor: float
-    name: str
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class LaneTold:
-    """A lane as a description tells of it.
-
-    Attributes:
-        axis: name of its axis, or None.
-        name: short name.
-        title: for people.
-        kind: :data:`~vbus.views.scope.lanes.NUMBER`, ...
-        unit: of its values.
-        scale: what a number that was sent is multiplied by.
-        of: the description of its axis.
-    """
-
-    axis: str | None
-    name: str
-    title: str
-    kind: str
-    unit: str
-    scale: float
-    of: dict[str, Any]
-
-    @property
-    def full_name(self) -> str:
-        """Its name with that of its axis: ``"x.real"``."""
-        return self.name if self.axis is None else f"{self.axis}.{self.name}"
-
-    def shown_in(self, units: Units) -> Unit:
-        """Return the unit of its values for people who count, think in turns, or in SI units."""
-        steps, slash, per = self.unit.partition("/")
-        turn = self.of.get("counts_per_rev")
-        if units == "counts" or steps != "counts" or not turn:
-            return Unit(1.0, self.unit)
-        factor = (1.0 if units == "rev" else tau) / turn
-        sample = self.of.get("sample")
-        if per == "sample" and sample:
-            factor, per = factor * SECOND / sample, "s"
-        return Unit(factor, ("rev" if units == "rev" else "rad") + slash + per)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +31,7 @@ class PacketRow:
     kind: int
 
 
-Row = tuple[int, LaneTold, Any]
+Row = tuple[int, Lane, Any]
 """Instant (ps), lane, and what is from then on: a number, a level, a packet, or a mark's object."""
 
 
@@ -95,20 +43,38 @@ class Rows:
 
     Attributes:
         lanes: every lane, by its number.
+        axes: the description of each axis, by its name.
         now: the instant (ps) up to which all is known.
     """
 
     def __init__(self, description: dict[str, Any]) -> None:
-        axes = {axis["name"]: axis for axis in description["axes"]}
-        self.lanes: list[LaneTold] = [
-            LaneTold(
-                lane["axis"], lane["name"], lane["title"], lane["kind"], lane["unit"],
-                lane["scale"], axes.get(lane["axis"], {}),
-            )
-            for lane in description["lanes"]
-        ]  # fmt: skip
+        self.axes: dict[str | None, dict[str, Any]] = {
+            axis["name"]: axis for axis in description["axes"]
+        }
+        keys = "axis", "name", "title", "kind", "unit", "scale"
+        self.lanes: list[Lane] = [
+            Lane(number, *(lane[key] for key in keys))
+            for number, lane in enumerate(description["lanes"])
+        ]
         self.now: int = 0
         self._labels: list[str] = []
+
+    def shown_in(self, lane: Lane, units: Units) -> tuple[float, str]:
+        """Return the unit of a lane's values for people who count, think in turns, or in SI units.
+
+        Returns:
+            What a value of the lane is multiplied by, and the name of the unit.
+        """
+        of = self.axes.get(lane.axis, {})
+        steps, slash, per = lane.unit.partition("/")
+        turn = of.get("counts_per_rev")
+        if units == "counts" or steps != "counts" or not turn:
+            return 1.0, lane.unit
+        factor = (1.0 if units == "rev" else tau) / turn
+        sample = of.get("sample")
+        if per == "sample" and sample:
+            factor, per = factor * SECOND / sample, "s"
+        return factor, ("rev" if units == "rev" else "rad") + slash + per
 
     def take(self, frames: bytes) -> list[Row]:
         """Return the rows of some frames in the order of their instants."""

@@ -9,8 +9,9 @@ from tests.unit.views.scope.decoded import Seen
 from vbus.core.kernel import SECOND, US
 from vbus.record.replay import Replay
 from vbus.views.scope.frames import numbers, small
+from vbus.views.scope.lane import Lane
 from vbus.views.scope.recording import Columns, Recorder
-from vbus.views.scope.rows import LaneTold, PacketRow, Rows
+from vbus.views.scope.rows import PacketRow, Rows
 
 
 @pytest.mark.parametrize("column", [small, numbers])
@@ -45,12 +46,13 @@ def test_rows_are_those_of_the_frames_in_order_of_time(moved: bytes, column: Col
     assert len(found) == sum(len(seen.rows[lane.full_name]) for lane in drawn) > 300
 
 
-def lane(unit: str, **of: int) -> LaneTold:
-    return LaneTold("x", "real", "real position", "number", unit, 1.0, dict(of))
+def lane(unit: str, **of: int) -> Rows:
+    told = Lane(0, "x", "real", "real position", "number", unit).described()
+    return Rows({"axes": [{"name": "x", **of}], "lanes": [told]})
 
 
 @pytest.mark.parametrize(
-    ("told", "units", "factor", "name"),
+    ("rows", "units", "factor", "name"),
     [
         (lane("counts", counts_per_rev=2000), "counts", 1, "counts"),
         (lane("counts", counts_per_rev=2000), "rev", 1 / 2000, "rev"),
@@ -66,7 +68,6 @@ def lane(unit: str, **of: int) -> LaneTold:
         (lane("microsteps", counts_per_rev=400), "rev", 1, "microsteps"),
     ],
 )  # fmt: skip
-def test_units_are_those_of_the_page(told: LaneTold, units: str, factor: float, name: str) -> None:
-    unit = told.shown_in(units)  # type: ignore[arg-type]
-    assert unit.factor == pytest.approx(factor, rel=1e-12)
-    assert unit.name == name
+def test_units_are_those_of_the_page(rows: Rows, units: str, factor: float, name: str) -> None:
+    shown = rows.shown_in(rows.lanes[0], units)  # type: ignore[arg-type]
+    assert shown == (pytest.approx(factor, rel=1e-12), name)

@@ -1,6 +1,10 @@
-"""``vbus ls``: the boards that run on this machine."""
+"""Verbs about boards that run: ``vbus ls``, ``wait``, ``logs`` and ``stop``."""
 
 import os
+import select
+import signal
+import time
+from contextlib import suppress
 from typing import Any, Final
 
 import click
@@ -8,7 +12,14 @@ import click
 from vbus.cli import exit_codes
 from vbus.cli.output import complain, show
 from vbus.core.errors import TransportError
+from vbus.serve import registry
 
+LOG_PAUSE: Final = 0.1
+"""Seconds between two looks at a log that is followed."""
+WAIT_PAUSE: Final = 0.02
+"""Seconds between two looks whether a board is ready."""
+_STEP: Final = 0.1
+"""Seconds of a wait for the end of a board."""
 DAY: Final = 24 * 3600 * 10**12
 """How long before the end of chip time it is shown (ps)."""
 
@@ -19,16 +30,14 @@ DAY: Final = 24 * 3600 * 10**12
     "--zenoh", "endpoints", multiple=True, metavar="ENDPOINT", help="Look on this network too."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants and spans in ps.")
-def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int:
+def ls(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int:
     """List the boards that run on this machine, with their chips, links, time and lag.
 
     Boards elsewhere that "vbus attach" has brought here are listed with their round trips; others
     on the network where --zenoh, $VBUS_ZENOH or a router on this machine says where to look. With
     NAMES, only those; the exit code is 4 if one of them does not run or does not answer.
     """
-    from vbus.serve.registry import running
-
-    found = list(running())
+    found = list(registry.running())
     found += _elsewhere(endpoints, {(board["board"], board.get("pid")) for board in found})
     boards = [board for board in found if not names or board["board"] in names]
     answering = {board["board"] for board in boards if "error" not in board}
@@ -146,3 +155,100 @@ def _seconds(ps: int) -> str:
 
 def _plain(rate: float | str) -> str:
     return rate if isinstance(rate, str) else f"{rate:g}"
+
+
+@click.command("wait")
+@click.argument("names", metavar="NAME...", nargs=-1, required=True)
+@click.option(
+    "--timeout", type=click.FloatRange(0, 86_400), default=10.0, metavar="SECONDS",
+    help="How long to wait for all of them; 10 s if not given.",
+)  # fmt: skip
+def wait(names: tuple[str, ...], timeout: float) -> int:
+    """Wait until boards are ready: every link of each is open.
+
+    NAME is that of a board, of a node (BOARD.NODE), or of a board with nodes: all of them.
+    """
+    deadline = time.monotonic() + timeout
+    for name in names:
+        while not registry.answers(name):
+            if time.monotonic() >= deadline:
+                raise TransportError(
+                    f'no board called "{name}" is ready within {timeout:g} s; "vbus ls" shows which'
+                    ' run, "vbus logs" what one in the background has said'
+                )
+            time.sleep(WAIT_PAUSE)
+    return exit_codes.OK
+
+
+@click.command("logs")
+@click.argument("board")
+@click.option("-f", "--follow", is_flag=True, help="Go on until the board ends.")
+def logs(board: str, follow: bool) -> None:
+    """Show what a board has said that was started with "--detach": by vbus run, or by vbus up.
+
+    The log is kept until a board of this name is started again.
+    """
+    try:
+        file = registry.log_path(board).open(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        raise TransportError(
+            f'no board called "{board}" was started with --detach; "vbus ls" shows which run, and'
+            " others tell the terminal they were started on"
+        ) from None
+    with file:
+        while True:
+            alive = follow and registry.answers(board)
+            click.echo(file.read(), nl=False)
+            if not alive:
+                return
+            time.sleep(LOG_PAUSE)
+
+
+@click.command("stop")
+@click.argument("names", metavar="NAME...", nargs=-1, required=True)
+@click.option(
+    "--timeout", type=click.FloatRange(0, 3600), default=15.0, metavar="SECONDS",
+    help="How long a board may take; 15 s if not given.",
+)  # fmt: skip
+def stop(names: tuple[str, ...], timeout: float) -> int:
+    """End running boards, and wait until they have ended.
+
+    Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, also of
+    what "vbus attach" has brought here, or that of a board with nodes: all of them.
+    """
+    boards = [(board["board"], board["pid"]) for board in registry.running() if "pid" in board]
+    processes: dict[str, set[int]] = {}
+    for name in names:
+        # A node of a board is listed as BOARD.NODE.
+        processes[name] = {
+            process for board, process in boards if name in (board, board.partition(".")[0])
+        }
+        if not processes[name]:
+            raise TransportError(f'no board called "{name}" runs; "vbus ls" shows which do')
+    late = []
+    for name in names:
+        ended = [_ended(process, timeout) for process in processes[name]]
+        if not all(ended):
+            late.append(name)
+    for name in late:
+        complain(
+            f'{name} has not ended within {timeout:g} s and still runs; "vbus logs {name}" shows'
+            " what it says, if it was started with --detach"
+        )
+    return exit_codes.FAILURE if late else exit_codes.OK
+
+
+def _ended(process: int, timeout: float) -> bool:
+    """End a process; tell whether it has ended in time."""
+    with suppress(ProcessLookupError):
+        handle = os.pidfd_open(process)
+        try:
+            signal.pidfd_send_signal(handle, signal.SIGTERM)
+            # One that was stopped (Ctrl-Z) would not hear of it.
+            signal.pidfd_send_signal(handle, signal.SIGCONT)
+            # In steps, so that seconds in which the machine itself stood still do not count.
+            steps = range(int(timeout / _STEP) + 1)
+            return any(select.select([handle], [], [], min(timeout, _STEP))[0] for _ in steps)
+        finally:
+            os.close(handle)
+    return True

@@ -8,7 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
-from vbus.cli.generate.layout import ROOT, fill, filled, table
+from contrib.generate.marks import fill, filled
+from vbus.cli.generate.layout import ROOT, table
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
 from vbus.transports import states

@@ -4,15 +4,15 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Final
 
+from contrib.generate.marks import filled
 from vbus import plugins
 from vbus.board.card.cards import decodes
-from vbus.boardfile.key import NAMES, Below, Section, below, rows
+from vbus.boardfile.key import Below, Section, below, rows
 from vbus.boardfile.sections import BoardFile
-from vbus.cli.generate.layout import ROOT, filled, table
+from vbus.cli.generate.layout import ROOT, option_table, table
 from vbus.core.options import Option
 from vbus.core.signals.axis import DRIVES
 from vbus.core.values import units
-from vbus.core.values.settings import allowed, quoted
 from vbus.faults.row import AXIS, COUNTED, LINK, MESSAGES, NET, OF_BYTES, ONCE, WIRE, Fault
 from vbus.faults.table import faults as known_faults
 from vbus.glue.card_buses import BUSES, DATA
@@ -91,44 +91,6 @@ def _card_buses() -> list[str]:
     )
     heads = ("bus", "what it is", "lines", "further lines", "setup", "strobe", "hold", "wait state")
     return table(heads, listed)
-
-
-def option_table(options: Iterable[Option]) -> list[str]:
-    """Return a table of settings: key, value, default and meaning."""
-    rows = (
-        (
-            f"`{option.name}`",
-            _value(option),
-            _default(option),
-            f"{option.title} ({option.clause})" if option.clause else option.title,
-        )
-        for option in options
-    )
-    return table(("key", "value", "default", "meaning"), rows) or ["No keys of its own."]
-
-
-def _value(option: Option) -> str:
-    if option.kind == NAMES:
-        return "a list of names"
-    text = allowed(option).removeprefix("write ")
-    if option.kind == "choice":
-        return " or ".join(f"`{quoted(choice)}`" for choice in option.choices)
-    if option.kind in units.DIMENSIONS:
-        title = units.DIMENSIONS[option.kind].title
-        _, _, limits = text.partition("), ")
-        return f"{title}, {limits}" if limits else title
-    return text.replace(" without unit", "")
-
-
-def _default(option: Option) -> str:
-    if option.default is None:
-        return "required"
-    if option.default == "":
-        return "–"
-    if isinstance(option.default, str | bool):
-        return f"`{quoted(option.default)}`"
-    shown = units.show(option.default, option.kind)
-    return f'`"{shown}"`' if option.kind in units.DIMENSIONS else f"`{shown}`"
 
 
 def _units() -> list[str]:

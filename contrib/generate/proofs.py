@@ -21,7 +21,7 @@ def targets() -> list[tuple[str, Callable[[], str]]]:
 
 def _list(package: str) -> str:
     lines = [
-        "# The tests of each clause. Made by vbus.cli.generate from their marks,",
+        "# The tests of each clause. Made by contrib.generate from their marks,",
         '# @pytest.mark.spec("ID"): change those.',
         "",
     ]

@@ -10,10 +10,9 @@ from rich.text import Text
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
 from vbus.chips.tables import Bit
-from vbus.circuit.stream import PacketReader
+from vbus.circuit.stream import LatestLines, PacketReader
 from vbus.client.demo import Demo
 from vbus.core.signals import Reading, Value
-from vbus.views.latest_lines import LatestLines
 
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""

@@ -1,25 +1,26 @@
-"""``vbus exec --avr``: AVR firmware in simavr, its port bits wired to the chips of a board."""
+"""Firmware as the program of ``vbus exec``: of an AVR in simavr, or an image in an emulator."""
 
-import asyncio
-import hashlib
 import os
 import shutil
-import subprocess
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from vbus.board.config import read_board_file
-from vbus.boardfile.sections import BoardFile, HostSection
+import msgspec
+
+from vbus.boardfile.sections import BoardFile, CpuSection, HostSection
 from vbus.boardfile.source import absent
-from vbus.cli.hosted.program import run_on_board, run_program
+from vbus.cli.cpu.processors import PROCESSORS, CpuSettings, foreign, with_defaults
+from vbus.cli.hosted.compiler import built
 from vbus.core.errors import ConfigError, ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, is_none, unreadable
 from vbus.core.values.settings import among, listed
 from vbus.native import include_dir
-from vbus.serve.serving import recorded
 
-KEYS: Final = {
+AVR_KEYS: Final = {
     "mmcu": "--mmcu",
     "f": "--frequency",
     "cycles": "--cycles",
@@ -30,17 +31,18 @@ KEYS: Final = {
     "gdb": "--gdb",
 }
 """Keys of the specification, and the options of vbus-avr they become."""
-
-FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
+AVR_FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
+_CPU_KEYS: Final = {"cycles": "cycles", "until": "until"}
+_CPU_FLAGS: Final = {"stats": "stats"}
 
 _AVR: Final = b"\x53\x00"
 """The machine of an ELF file, at byte 18."""
 PACKAGES: Final = "libsimavr-dev libelf-dev"
-_SOURCES: Final = ("pin_link.c", "pin_decoder.c", "card_table.c", "link_text.c", "vbus.c")
-_HEADERS: Final = ("pin_link.h", "pin_decoder.h", "card_table.h", "link_text.h", "vbus.h")
 
 
-def parse(spec: str, keys: Mapping[str, str] = KEYS, flags: Mapping[str, str] = FLAGS) -> list[str]:
+def parse(
+    spec: str, keys: Mapping[str, str] = AVR_KEYS, flags: Mapping[str, str] = AVR_FLAGS
+) -> list[str]:
     r"""Return the options of vbus-avr that ``mmcu=atmega328p,f=16000000,until=done`` asks for.
 
     A comma inside a value is written as ``\,``.
@@ -90,96 +92,76 @@ def simulator() -> str:
     return str(built("vbus-avr", source, ["-std=gnu99", "-lsimavr", "-lelf"], hint))
 
 
-def built(name: str, source: Path, options: list[str], hint: str) -> Path:
-    """Return a program or library of ``source`` and the pin link; built on first use.
+def avr_command(options: Sequence[str], elf: str) -> Callable[[str], list[str]]:
+    """Return what gives the words that run AVR firmware at a link.
 
     Args:
-        name: of the file.
-        source: its C file.
-        options: of the compiler, libraries included.
-        hint: what to do where the compiler fails.
-
-    Raises:
-        VbusError: there is no compiler, or it cannot build this.
-    """
-    native = Path(include_dir())
-    files = [source, *(native / part for part in (*_SOURCES, *_HEADERS))]
-    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    program = base / "vbus" / f"{name}-{digest}"
-    if program.exists():
-        return program
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        raise VbusError(f"{name} must be built first, and there is no C compiler; install gcc")
-    program.parent.mkdir(parents=True, exist_ok=True)
-    made = program.with_suffix(f".{os.getpid()}")
-    done = subprocess.run(
-        [compiler, "-O2", f"-I{native}", "-o", str(made), str(source),
-         *(str(native / part) for part in _SOURCES), *options],
-        capture_output=True,
-        text=True,
-    )  # fmt: skip
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or [""]
-        first = next((line for line in lines if "error:" in line), lines[0])
-        raise VbusError(f"{name} cannot be built; {hint} ({first})")
-    made.replace(program)  # in one step: another process may build it too
-    return program
-
-
-def run_avr(
-    spec: str,
-    elf: str,
-    board: str | None = None,
-    link: str | None = None,
-    pinmap: str | None = None,
-    transcript: str | None = None,
-    summary: bool = True,
-    record: Mapping[str, object] | None = None,
-    metrics: str = "",
-    runner: Callable[..., int] = run_on_board,
-) -> int:
-    """Run firmware on a board of its own, or on one that runs already; return its exit code.
-
-    Args:
-        spec: settings of the simulator; see :func:`parse`.
+        options: of the simulator; see :func:`parse`.
         elf: the firmware.
-        board: board file; it is served as long as the firmware runs.
-        link: in place of ``board``: address of a link that has a pin map.
-        pinmap: which pin map of the board file; else its only one.
-        transcript: file that takes the bus cycles (with ``board`` only).
-        summary: whether the rules that were broken are listed (with ``board`` only).
-        record: replaces keys of the file's ``[record]`` (with ``board`` only).
-        metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
-        runner: takes the arguments of ``run_on_board``, and runs the program.
 
     Raises:
-        ValueError: the specification is wrong, or neither or both of board and link are given.
-        ConfigError: the board file is wrong, not slaved, or has no such pin map.
-        VbusError: there is no simulator, or a link cannot be opened.
+        ProgramError: the firmware is none.
+        VbusError: there is no simulator.
     """
-    options = parse(spec)
-    if (board is None) == (link is None):
-        raise ValueError("name either a board file or a link")
-    if link is not None:
-        _check_firmware(elf)
-        command = [simulator(), "--link", link, *options, elf]
-        return asyncio.run(run_program(command, {}, Path()))
-    assert board is not None
-    file, source = read_board_file(board)
-    file = recorded(file, record or {}, metrics)
-    host = host_of_firmware(file, pinmap, "the AVR")
     _check_firmware(elf)
     program = simulator()
-    return runner(
-        file,
-        source,
-        host,
-        lambda address: [program, "--link", address, *options, elf],
-        transcript,
-        summary,
+    return lambda link: [program, "--link", link, *options, elf]
+
+
+def settings_of(spec: str) -> CpuSettings:
+    """Return what ``cortex-m3,until=done,stats`` asks for.
+
+    Raises:
+        ValueError: the processor or a key is unknown, or has or lacks a value.
+    """
+    name, _, rest = spec.partition(",")
+    if name not in PROCESSORS:
+        raise ValueError(f'unknown processor "{name}"; {among(name, PROCESSORS, "there are")}')
+    told = parse(rest, _CPU_KEYS, _CPU_FLAGS)
+    values = dict(pairwise(told))
+    cycles = values.get("cycles", "0")
+    if not cycles.isdecimal():
+        raise ValueError(f'cycles={cycles}: write a number of clock cycles, such as "cycles=1000"')
+    return CpuSettings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in told)
+
+
+def cpu_command(settings: CpuSettings, image: str, file: BoardFile) -> Callable[[str], list[str]]:
+    """Return what gives the words that run a firmware image at a link.
+
+    Args:
+        settings: the processor, and when the run ends.
+        image: the firmware.
+        file: the board file; its ``[cpu]`` says what the image runs on.
+
+    Raises:
+        ConfigError: the board file says nothing of the processor, or what it does not have.
+        ProgramError: the image is none, or for another processor.
+        VbusError: there is no emulator.
+    """
+    kind, name = PROCESSORS[settings.processor], settings.processor
+    if not file.cpu.clock:
+        raise ConfigError(
+            f'{file.path}: how fast is the {name}? Write a [cpu] section with clock = "72 MHz"'
+        )
+    kind.read(image)
+    if keys := foreign(kind, file.cpu):
+        raise ConfigError(
+            f"{file.path}: {listed(keys)} of [cpu] means nothing to the {name}; leave it out"
+        )
+    settings.cpu = with_defaults(kind, file.cpu)
+    # A process of its own loads the emulator, which is under another licence.
+    if find_spec("unicorn") is None:
+        raise VbusError(
+            "the emulator is not installed; pip install 'vbus[cpu]' gets unicorn, which is under"
+            " the GPL, version 2"
+        )
+    options = ["-std=c99", "-shared", "-fPIC"]
+    library = built(
+        "libvbus-cpu.so", Path(include_dir()) / "cpu_link.c", options, "see its message"
     )
+    words = [sys.executable, "-m", "vbus.cli.cpu", str(library)]
+    told = msgspec.json.encode(settings).decode()
+    return lambda link: [*words, link, told, image]
 
 
 def _check_firmware(elf: str) -> None:

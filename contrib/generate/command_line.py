@@ -14,7 +14,7 @@ from vbus.cli.generate.layout import table
 _HEAD: Final = """\
 # The command line
 
-<!-- Made from the commands by vbus.cli.generate; change those. -->
+<!-- Made from the commands by contrib.generate; change those. -->
 
 `vbus --help` lists the commands, `vbus COMMAND --help` says what each takes. Every command takes
 `-h` and `--help`.
