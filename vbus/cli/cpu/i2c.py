@@ -5,14 +5,11 @@ Interrupts, DMA, slave addresses, 10-bit addresses and stretched clocks are not 
 """
 
 import ctypes
-from collections.abc import Generator, Iterator
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Generator, Iterator
+from typing import Final
 
-from vbus.cli.cpu.machine import CpuMachine
+from vbus.cli.cpu.machine import CpuMachine, PortBits
 from vbus.cli.cpu.registers import IoRegister, RegisterBlock, stored
-
-if TYPE_CHECKING:
-    from vbus.cli.cpu.stm32 import Port
 
 PE, START, STOP, ACK, POS, RESET = (1 << bit for bit in (0, 8, 9, 10, 11, 15))
 SB, ADDR, BTF, RXNE, TXE, AF = (1 << bit for bit in (0, 1, 2, 6, 7, 10))
@@ -42,10 +39,12 @@ class I2cMaster(RegisterBlock):
     )
 
     def __init__(
-        self, machine: CpuMachine, name: str, base: int, port: "Port", scl: int, sda: int
-    ) -> None:
+        self, machine: CpuMachine, name: str, base: int, bits: PortBits,
+        lend: Callable[[int, bool], None], scl: int, sda: int,
+    ) -> None:  # fmt: skip
         super().__init__(machine, name, base)
-        self._port: Final = port
+        self._bits: Final = bits
+        self._lend: Final = lend
         self._scl: Final = scl
         self._sda: Final = sda
         self._begin()
@@ -65,13 +64,13 @@ class I2cMaster(RegisterBlock):
     # -- lines --------------------------------------------------------------------------------
 
     def _drive(self, scl: int, sda: int) -> None:
-        bits = self._port.bits
+        bits = self._bits
         mask = 1 << self._scl | 1 << self._sda
         bits.level = (bits.level & ~mask) | scl << self._scl | sda << self._sda
         self.machine.native.cpu_port_moved(ctypes.byref(bits))
 
     def _sensed(self) -> int:
-        return int(self.machine.native.cpu_input(self._port.bits.number)) >> self._sda & 1
+        return int(self.machine.native.cpu_input(self._bits.number)) >> self._sda & 1
 
     def _send(self, byte: int) -> Generator[tuple[int, int], None, bool]:
         """Clock a byte out; return whether it was acknowledged."""
@@ -185,7 +184,7 @@ class I2cMaster(RegisterBlock):
         # A STOP is one of a transfer: firmware that writes CR1 as it was may set it too late.
         self.values[0x00] = value if self._state & BUSY else value & ~STOP
         mask = 1 << self._scl | 1 << self._sda
-        self._port.lend(mask, bool(value & PE))
+        self._lend(mask, bool(value & PE))
         if not value & PE:
             self._begin()
         elif self._moves is None and not self._state & BUSY:

@@ -499,7 +499,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
         port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
         machine.add(port)
         for name, place, scl, sda in _I2C if letter == "B" else ():
-            machine.add(I2cMaster(machine, name, place, port, scl, sda))
+            machine.add(I2cMaster(machine, name, place, port.bits, port.lend, scl, sda))
     for name, (base, number) in family.timers.items():
         wide = f4 and name in ("TIM2", "TIM5")
         machine.add(Stm32Timer(machine, name, base, processor, number, wide))
