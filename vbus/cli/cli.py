@@ -45,6 +45,7 @@ _GROUPS: Final = {
         "fault": "Break a board on schedule.",
         "campaign": "A program in broken worlds.",
         "fit": "A motor's data from a move.",
+        "fmu": "Make a board an FMI block.",
     },
     "Network": {
         "attach": "A board elsewhere as a PTY.",

@@ -10,6 +10,7 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
+from vbus.cpu.i2c import I2cMaster
 from vbus.cpu.machine import CpuMachine, PortBits
 from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
@@ -91,6 +92,7 @@ class Port(RegisterBlock):
             setattr(self.bits, field, by_name.get(register, _NONE))
         self._clocks: Final = clocks
         self._enable: Final = enable
+        self._lent = 0
         self.modes()
         machine.shared.ports[machine.shared.port_count] = ctypes.pointer(self.bits)
         machine.shared.port_count += 1
@@ -117,8 +119,20 @@ class Port(RegisterBlock):
         """Take what is written."""
         if self._on(offset):
             super().write(offset, size, value)
-            self.modes()
-            self.machine.native.cpu_port_moved(ctypes.byref(self.bits))
+            self._take_modes()
+
+    def _take_modes(self) -> None:
+        self.modes()
+        self.bits.drive |= self._lent
+        self.bits.open |= self._lent
+        self.machine.native.cpu_port_moved(ctypes.byref(self.bits))
+
+    def lend(self, mask: int, on: bool) -> None:
+        """Let another peripheral have these pins, as open drains, or take them back."""
+        if on != (self._lent & mask == mask):
+            self._lent ^= mask
+            self.bits.level |= mask  # nothing is pulled low until that moves them
+            self._take_modes()
 
     def idr(self, _: int) -> int:
         """Levels at the pins."""
@@ -434,9 +448,11 @@ _UARTS: Final = {
 }  # fmt: skip
 _NAMED: Final = {
     "RTC": 0x40002800, "WWDG": 0x40002C00, "SPI2": 0x40003800, "SPI3": 0x40003C00,
-    "I2C1": 0x40005400, "I2C2": 0x40005800, "CAN1": 0x40006400, "CAN2": 0x40006800,
+    "CAN1": 0x40006400, "CAN2": 0x40006800,
     "DAC": 0x40007400, "SPI1": 0x40013000, "CRC": 0x40023000,
 }  # fmt: skip
+_I2C: Final = (("I2C1", 0x40005400, 6, 7), ("I2C2", 0x40005800, 10, 11))
+"""Name, base, and the bits of port B for SCL and SDA, which are not moved elsewhere (AFIO)."""
 FAMILIES: Final = {
     "stm32f1": Stm32Family(
         {**_TIMERS, "TIM1": (0x40012C00, 25), "TIM8": (0x40013400, 44)},
@@ -483,7 +499,10 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
         enable = ("AHB1ENR", number) if f4 else ("APB2ENR", number + 2)
         base = ports + 0x400 * number
-        machine.add((Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable))
+        port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
+        machine.add(port)
+        for name, place, scl, sda in _I2C if letter == "B" else ():
+            machine.add(I2cMaster(machine, name, place, port.bits, port.lend, scl, sda))
     for name, (base, number) in family.timers.items():
         wide = f4 and name in ("TIM2", "TIM5")
         machine.add(Stm32Timer(machine, name, base, processor, number, wide))

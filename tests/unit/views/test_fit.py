@@ -19,7 +19,7 @@ from vbus.core.errors import CaptureError, VbusError
 from vbus.core.kernel import MS, US
 from vbus.plant.dc_motor import DcMotor
 from vbus.views.fit.fit import Fit, MotorFit
-from vbus.views.fit.moves import RecordedMove, Step, capture_move, table_move
+from vbus.views.fit.moves import Driven, RecordedMove, capture_move, table_move
 from vbus.views.silicon.capture import Capture
 
 BOARD = """
@@ -61,7 +61,7 @@ def made_up(
         motor.drive(level, 0)
         count = math.floor(motor.place + phase - 0.5 + rng.gauss(0, 0.4))
         amps = round((motor.current + rng.gauss(0, 0.02)) * 100) / 100
-        steps.append(Step(period, level, count, amps if current else None))
+        steps.append(Driven(period, level, count, amps if current else None))
     return RecordedMove(0, steps)
 
 
@@ -118,10 +118,10 @@ def test_another_motor_than_the_files_is_noticed() -> None:
 @pytest.mark.parametrize(
     ("move", "says"),
     [
-        (RecordedMove(0, [Step(1e-3, 0.5, 0)] * 100), "moves by 0 counts"),
-        (RecordedMove(0, [Step(1e-3, 0.0, 9 * n) for n in range(99)]), "begin at rest"),
+        (RecordedMove(0, [Driven(1e-3, 0.5, 0)] * 100), "moves by 0 counts"),
+        (RecordedMove(0, [Driven(1e-3, 0.0, 9 * n) for n in range(99)]), "begin at rest"),
         (
-            RecordedMove(0, [Step(1e-3, 0.0, 0), *(Step(1e-3, 0.5, n) for n in range(30_000))]),
+            RecordedMove(0, [Driven(1e-3, 0.0, 0), *(Driven(1e-3, 0.5, n) for n in range(30_000))]),
             "at most 20000",
         ),
     ],
@@ -141,9 +141,9 @@ def test_a_table_is_read_with_units_volts_and_rows_that_are_missing() -> None:
         ["time (ms);volts;counts", "0;0;5", "1;12;5", "2;12;9", "4;-6;30", "5;0;40"], "t", 24.0
     )
     assert move == RecordedMove(5, [
-        Step(pytest.approx(1e-3), 0.0, 5), Step(pytest.approx(1e-3), 0.5, 9),
-        Step(pytest.approx(1e-3), 0.5, None), Step(pytest.approx(1e-3), 0.5, 30),
-        Step(pytest.approx(1e-3), -0.25, 40),
+        Driven(pytest.approx(1e-3), 0.0, 5), Driven(pytest.approx(1e-3), 0.5, 9),
+        Driven(pytest.approx(1e-3), 0.5, None), Driven(pytest.approx(1e-3), 0.5, 30),
+        Driven(pytest.approx(1e-3), -0.25, 40),
     ])  # fmt: skip
 
 
@@ -172,7 +172,13 @@ def test_a_capture_of_pwm_and_encoder_is_a_move() -> None:
     wires = {"pwm": "p", "sign": "s", "a": "A", "b": "B"}
     move = capture_move(Capture(["p", "s", "A", "B"], 0, iter(samples)), "c", wires, 100 * US)
     assert move == RecordedMove(
-        0, [Step(1e-4, 0.5, 0), Step(1e-4, -1.0, 0), Step(1e-4, -1.0, -7), Step(1e-4, -1.0, -7)]
+        0,
+        [
+            Driven(1e-4, 0.5, 0),
+            Driven(1e-4, -1.0, 0),
+            Driven(1e-4, -1.0, -7),
+            Driven(1e-4, -1.0, -7),
+        ],
     )
     with pytest.raises(CaptureError, match="no channel 'is named' for a; give it with --map"):
         capture_move(Capture(["p"], 0, iter(samples)), "c", {"pwm": "p"}, 100 * US)

@@ -11,12 +11,13 @@ solvable whatever the move lacks.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import exp, isfinite, sqrt
+from math import exp, isfinite, log, sqrt
 from typing import Final
 
 from vbus.core.errors import VbusError
 from vbus.core.options import Settings
 from vbus.plant.dc_motor import DcMotor
+from vbus.plant.shaft import TWO_PI
 from vbus.views.fit.moves import RecordedMove
 
 TOLD: Final = 0.02
@@ -25,9 +26,10 @@ ROUNDED: Final = sqrt(1.0 / 12.0)
 """Standard deviation of what rounding to a count adds."""
 SETTLED: Final = 3e-5
 """A step so small, in units of the parameters, ends the search."""
-MOST_ROUNDS: Final = 40
-ROUGH: Final = 3.0
-"""Counts, in the mean, off which a model does not describe its motor."""
+MOST_ROUNDS: Final = 30
+SEARCHES: Final = 4
+ASTRAY: Final = 50.0
+"""Times the square of rounding and scatter, from which on a model does not follow its motor."""
 
 INERTIA, TORQUE, VISCOUS, COULOMB, LOAD, OFFSET = range(6)
 NAMES: Final = (
@@ -36,7 +38,7 @@ NAMES: Final = (
 UNITS: Final = ("kg*m^2", "N*m/A", "N*m*s", "N*m", "N*m", "counts")
 _PRIOR: Final = (2.3, 2.3, 2.0, 1.0, 1.0, 0.5)
 """Standard deviations of what is known before: a factor of ten for inertia and torque constant."""
-_BOUNDS: Final = ((-4.6, 4.6), (-4.6, 4.6), (0.0, 1e3), (0.0, 1e3), (-1e3, 1e3), (-1e3, 1e3))
+_BOUNDS: Final = ((-4.6, 4.6), (-4.6, 4.6), (-1.0, 1e3), (0.0, 1e3), (-1e3, 1e3), (-1e3, 1e3))
 """A hundredth and a hundred times what the file has; friction is never below zero."""
 NUDGE: Final = 1e-4
 """How far a parameter is changed to see what that changes."""
@@ -141,26 +143,41 @@ class MotorFit:
         self._amperes = [n for n, step in enumerate(move.steps) if step.current is not None]
         self._targets: Vector = [count + 0.5 - move.first for count in counts]
         self._targets += [move.steps[n].current or 0.0 for n in self._amperes]
+        self._astray = 1.0
+        """How many times the square of what is left is that of rounding and scatter."""
         self._scatter = [ROUNDED, self._current_scatter()]
         """Standard deviations of a count and of a current."""
 
     def _current_scatter(self) -> float:
-        values = sorted({self._move.steps[n].current or 0.0 for n in self._amperes})
-        if len(values) < 2:
+        """Return what the current's readings scatter by, as the curve of three in a row says."""
+        values = [self._move.steps[n].current or 0.0 for n in self._amperes]
+        curves = sorted(
+            abs(a - 2 * b + c) for a, b, c in zip(values[2:], values[1:], values, strict=False)
+        )
+        grid = sorted(set(values))
+        if len(grid) < 2:
             self._amperes = []
             del self._targets[len(self._seen) :]
             return 1.0
-        return max(
-            (values[-1] - values[0]) / 100, ROUNDED * min(b - a for a, b in pairwise(values))
-        )
+        # Steps of the drive are few, so the median is of readings between them; Gauss's has 0.67
+        # standard deviations, and a curve has the variance of six readings.
+        scatter = curves[len(curves) // 2] / (0.6745 * sqrt(6.0))
+        return max(scatter, ROUNDED * min(b - a for a, b in pairwise(grid)))
 
     # -- the model --------------------------------------------------------------------------------
 
     def values(self, at: Sequence[float]) -> Vector:
-        """Return the numbers in SI units that parameters stand for."""
+        """Return the numbers in SI units that parameters stand for.
+
+        All torques are counted beside the torque constant, and viscous friction together with what
+        back EMF brakes: a change of the torque constant alone then changes little of a motion, so
+        the search need not follow a bend.
+        """
+        units, torque = self._units, exp(at[TORQUE])
+        braking = units[VISCOUS] * torque * (1.0 + at[VISCOUS] - torque)
         return [
-            self._units[INERTIA] * exp(at[INERTIA]), self._units[TORQUE] * exp(at[TORQUE]),
-            *(unit * one for unit, one in zip(self._units[VISCOUS:], at[VISCOUS:], strict=True)),
+            units[INERTIA] * exp(at[INERTIA]) * torque, units[TORQUE] * torque, max(braking, 0.0),
+            *(unit * one * torque for unit, one in zip(units[COULOMB:], at[COULOMB:], strict=True)),
         ]  # fmt: skip
 
     def settings(self, values: Sequence[float]) -> dict[str, float]:
@@ -245,6 +262,8 @@ class MotorFit:
                 there[one] += max(-1.0, min(1.0, way))
                 low, high = _BOUNDS[one]
                 there[one] = max(low, min(high, there[one]))
+            # No viscous friction: back EMF alone brakes.
+            there[VISCOUS] = max(there[VISCOUS], exp(there[TORQUE]) - 1.0)
             step = max(abs(b - a) for a, b in zip(at, there, strict=True))
             found, less = self._misses(there)
             if isfinite(less) and less <= cost:
@@ -268,30 +287,42 @@ class MotorFit:
         whole = sum(map(_times, counted, counted)) or 1.0
         echo = sum(map(_times, counted, counted[1:])) / whole
         more = max((1.0 + echo) / (1.0 - echo), 1.0) if echo < 0.999 else 2000.0
-        return [[more * value for value in row] for row in solved(normal, unit)]
+        self._astray = max(1.0, whole / sum(self._weights), self._current_astray(misses))
+        return [[more * self._astray * value for value in row] for row in solved(normal, unit)]
+
+    def _current_astray(self, misses: Vector) -> float:
+        off = misses[len(self._seen) :]
+        return sum(map(_times, off, off)) / len(off) if off else 0.0
 
     def fit(self) -> Fit:
         """Return what the move says."""
         every = list(range(6))
-        at = self.search(list(self._start), [INERTIA, OFFSET])
         # Without a current, back EMF and friction brake alike: torques are known beside each other
         # alone, and the torque constant of the file is taken.
         free = every if self._amperes else [one for one in every if one != TORQUE]
-        for _ in range(2):
+        at = list(self._start)
+        at[TORQUE] = self._first_torque() if self._amperes else 0.0
+        at[VISCOUS] += exp(at[TORQUE]) - 1.0
+        at = self.search(at, [INERTIA, OFFSET])
+        # Where the shaft sticks is no smooth function of the numbers: a search that has become
+        # timid there is begun again.
+        for _ in range(SEARCHES):
             at = self.search(at, free)
-            self._rescale(at)
-        at = self.search(at, free)
         return self._told(at, free)
 
-    def _rescale(self, at: Vector) -> None:
-        """Take for the scatter of readings what is seen of it."""
-        off = [a - b for a, b in zip(self._targets, self._run(at), strict=True)]
-        seen = len(self._seen)
-        mean = sum(w * miss * miss for w, miss in zip(self._weights, off, strict=False))
-        self._scatter[0] = max(sqrt(mean / sum(self._weights)), ROUNDED)
-        if self._amperes:
-            mean = sum(miss * miss for miss in off[seen:]) / len(self._amperes)
-            self._scatter[1] = max(sqrt(mean), 1e-9)
+    def _first_torque(self) -> float:
+        """Return about which torque constant the current says: what is left of the voltage."""
+        given, before = self._given, float(self._move.first)
+        left = squares = 0.0
+        for step in self._move.steps:
+            if step.counted is not None and step.current is not None:
+                speed = (step.counted - before) / step.seconds * TWO_PI / 4 / given["encoder_lines"]
+                volts = max(-given["supply"], min(given["supply"], step.command * given["gain"]))
+                left += speed * (volts - given["resistance"] * step.current)
+                squares += speed * speed
+                before = float(step.counted)
+        found = left / squares / given["back_emf"] if squares else 1.0
+        return log(max(0.1, min(10.0, found)))
 
     # -- what came of it --------------------------------------------------------------------------
 
@@ -299,9 +330,15 @@ class MotorFit:
         values = self.values(at)
         spread = self.covariance(at, free)
         errors = [0.0] * 6
-        for place, one in enumerate(free):
-            size = values[one] if one in (INERTIA, TORQUE) else self._units[one]
-            errors[one] = 1.96 * size * sqrt(max(spread[place][place], 0.0))
+        nudged = []
+        for one in free:
+            there = list(at)
+            there[one] += NUDGE
+            nudged.append(self.values(there))
+        for one in range(OFFSET):
+            slope = [(row[one] - values[one]) / NUDGE for row in nudged]
+            along = [sum(map(_times, slope, row)) for row in spread]
+            errors[one] = 1.96 * sqrt(max(sum(map(_times, slope, along)), 0.0))
         found = [
             self._one(one, values, errors) for one in range(OFFSET) if one in free
         ]  # fmt: skip
@@ -326,13 +363,15 @@ class MotorFit:
     def _one(self, one: int, values: Vector, errors: Vector) -> Found:
         value, error = values[one], errors[one]
         size = max(abs(value), values[COULOMB]) if one == LOAD else abs(value)
-        told = 3.0 / 1.96 * error <= TOLD * size
+        told = self._astray < ASTRAY and 3.0 / 1.96 * error <= TOLD * size
         return Found(
             NAMES[one], UNITS[one], value, error, told, "" if told else self._why(one, values)
         )
 
     def _why(self, one: int, values: Vector) -> str:
         """Return what the run lacks for a number."""
+        if self._astray >= ASTRAY:
+            return "the model does not follow this run"
         counts = [self._move.steps[n].counted or 0 for n in self._seen]
         low, high = min(counts), max(counts)
         first = self._move.first
@@ -358,7 +397,7 @@ class MotorFit:
 
     def _note(self, fit: Fit, values: Vector) -> None:
         turned = 360 * fit.rms / (4 * self._given["encoder_lines"])
-        if fit.rms > ROUGH:
+        if self._astray >= ASTRAY:
             fit.notes.append(
                 f"the model is {fit.rms:.3g} counts ({turned:.2g} degrees) off in the mean: look at"
                 " resistance, supply, gain and encoder_lines of the file, and at what hangs on the"

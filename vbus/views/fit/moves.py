@@ -40,7 +40,7 @@ COLUMNS: Final = {
 CHANNELS: Final = ("pwm", "sign", "a", "b")
 
 
-class Step(NamedTuple):
+class Driven(NamedTuple):
     """A period in which the drive holds.
 
     Attributes:
@@ -66,7 +66,7 @@ class RecordedMove:
     """
 
     first: int
-    steps: list[Step]
+    steps: list[Driven]
 
     def cut(self, name: str, begin: float = 0.0, end: float = float("inf")) -> "RecordedMove":
         """Return the part of it in which the axis is driven and moves.
@@ -119,7 +119,7 @@ class _Tap(FaultyPlant):
     def __init__(self, inner: Plant, period: float) -> None:
         super().__init__(inner)
         self.first: int = int(inner.count)
-        self.steps: list[Step] = []
+        self.steps: list[Driven] = []
         self.period: float = period
 
     def prepare(self, period: float) -> None:
@@ -130,7 +130,7 @@ class _Tap(FaultyPlant):
     def drive(self, command: float, error: i64) -> i64:
         """Take down what the drive was, and where it has led."""
         count = super().drive(command, error)
-        self.steps.append(Step(self.period, command, int(count)))
+        self.steps.append(Driven(self.period, command, int(count)))
         return count
 
     def resting(self) -> bool:
@@ -226,7 +226,7 @@ def table_move(lines: Iterable[str], name: str, gain: float) -> RecordedMove:
     return RecordedMove(found[0][2], list(_held(found, name)))
 
 
-def _held(rows: list[tuple[float, float, int, float | None]], name: str) -> Iterator[Step]:
+def _held(rows: list[tuple[float, float, int, float | None]], name: str) -> Iterator[Driven]:
     """Give the periods between rows; times are made even, so that they share one length."""
     times = [row[0] for row in rows]
     gaps = sorted(later - when for when, later in pairwise(times))
@@ -243,8 +243,8 @@ def _held(rows: list[tuple[float, float, int, float | None]], name: str) -> Iter
                 f"{name}: line {number + 1}: its rows are not evenly apart: {after[0]:g} s is not"
                 f" {place} periods of {period:g} s from the beginning; record at a constant rate"
             )
-        yield from [Step(period, row[1], None)] * (span - 1)
-        yield Step(period, row[1], after[2], after[3])
+        yield from [Driven(period, row[1], None)] * (span - 1)
+        yield Driven(period, row[1], after[2], after[3])
 
 
 def capture_move(capture: Capture, name: str, wiring: dict[str, str], period: int) -> RecordedMove:
@@ -270,13 +270,13 @@ def capture_move(capture: Capture, name: str, wiring: dict[str, str], period: in
             )
         bits.append(capture.channels.index(channel) if channel else -1)
     pwm, sign, a, b = bits
-    steps: list[Step] = []
+    steps: list[Driven] = []
     before, drive, mean, count, place = 0, 0, 0, 0, -1
     for when, levels in capture.samples:
         begun = len(steps) * period
         while when >= begun + period and place >= 0:
             mean += drive * (begun + period - before)
-            steps.append(Step(period / SECOND, mean / period, count))
+            steps.append(Driven(period / SECOND, mean / period, count))
             before, mean, begun = begun + period, 0, begun + period
         mean += drive * (when - before)
         before = when

@@ -1,0 +1,104 @@
+"""``vbus fmu``: a board as a block for simulators that know FMI."""
+
+import re
+import sys
+import tempfile
+import uuid
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.cli.output import duration
+from vbus.core.errors import PluginError, VbusError, read_errors
+from vbus.serve.output_file import write_file
+
+_SCRIPT: Final = '''\
+"""A vbus board as a unit of FMI; made by "vbus fmu"."""
+
+import sys
+
+sys.path += [path for path in {paths!r} if path not in sys.path]
+
+from pythonfmu3 import (
+    Fmi3Causality, Fmi3Slave, Fmi3Status, Fmi3StepResult, Fmi3Variability, Float64,
+    Int32, Int64, String,
+)
+from vbus.board.block import BoardBlock
+
+TYPES = {{float: Float64, str: String}}
+
+
+class Board(Fmi3Slave):
+    def __init__(self, **keywords):
+        super().__init__(**keywords)
+        self.block = BoardBlock({text!r}, {file!r}, {base})
+        self.guid, self.modelName, self.description = {guid!r}, {name!r}, {title!r}
+        self.register_variable(Float64(
+            "time", causality=Fmi3Causality.independent, variability=Fmi3Variability.continuous,
+            getter=lambda: self.block.seconds,
+        ), nested=False)
+        for one in self.block.variables:
+            causality = Fmi3Causality.input if one.put else Fmi3Causality.output
+            kind = TYPES.get(type(one.get()), Int64 if one.name.endswith("counts") else Int32)
+            self.register_variable(kind(
+                one.name, causality=causality, variability=Fmi3Variability.discrete,
+                description=one.title, getter=one.get, setter=one.put,
+            ), nested=False)
+
+    def to_xml(self, *arguments):
+        root = super().to_xml(*arguments)
+        root.set("variableNamingConvention", "flat")  # of pins such as x./RST
+        return root
+
+    def do_step(self, begin, span):
+        try:
+            self.block.step(begin, span)
+        except Exception as error:
+            self.log(f"{{type(error).__name__}}: {{error}}", Fmi3Status.error)
+            return Fmi3StepResult(status=Fmi3Status.error)
+        return Fmi3StepResult(status=Fmi3Status.ok)
+'''
+
+
+@click.command("fmu")
+@click.argument("board", metavar="BOARD.toml", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
+              help="The unit: a file that ends in .fmu.")  # fmt: skip
+@click.option("--step", callback=duration, default="1 us", show_default=True, metavar="TIME",
+              help="Steps are multiples of this; others are refused.")  # fmt: skip
+def command(board: Path, output: Path, step: int) -> int:
+    """Make a board a co-simulation unit of FMI 3.0.
+
+    The unit has the pins of the chips, a bus cycle for each of them, encoder counts and drives as
+    variables. It uses the Python and the vbus that are installed here, wherever it is loaded.
+    """
+    from vbus.board.block import BoardBlock
+
+    if output.suffix != ".fmu" or step < 1:
+        raise click.UsageError(
+            f"-o {output} --step {step} ps: the name ends in .fmu, and the step is 1 ps at least"
+        )
+    try:
+        from pythonfmu3 import FmuBuilder
+    except ImportError:
+        raise PluginError(
+            "units of FMI need pythonfmu3; install it with: pip install 'vbus[fmi]'"
+        ) from None
+    with read_errors(board, VbusError):
+        text = board.read_text()
+    block = BoardBlock(text, str(board), step)
+    script = _SCRIPT.format(
+        paths=[path for path in sys.path if path], text=text, file=str(board), base=step,
+        guid=str(uuid.uuid5(uuid.NAMESPACE_URL, f"{step} {text}")),
+        name=re.sub(r"\W", "_", block.name), title=f"vbus board {block.name}",
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "board_block.py"
+        source.write_text(script)
+        made = FmuBuilder.build_FMU(source, Path(folder) / "made")
+        write_file(output, made.read_bytes())
+    click.echo(
+        f"{output}: {len(block.variables)} variables; steps are multiples of {step / 10**12:g} s"
+    )
+    return 0
