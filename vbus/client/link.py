@@ -29,6 +29,8 @@ class BoardLink:
     by_descriptor: bool = True
     """Whether the descriptor tells when the link takes more bytes; else it takes more when some
     have been read."""
+    at_once: bool = False
+    """Whether the answer to what was sent is here at once: waiting for it is a fifth of a call."""
     patience: float = 0.0
     """Seconds the link may be out of order and mend itself: replies may take so much longer."""
 

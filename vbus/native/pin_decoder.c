@@ -134,13 +134,21 @@ static unsigned at(const struct pin_decoder *decoder, const struct pin_source *s
     return !(decoder->level[source->port] & BIT(source)) ^ !source->inverted;
 }
 
+static unsigned input_at(const struct pin_decoder *decoder, unsigned port)
+{
+    unsigned drive = decoder->drive[port], level = decoder->level[port];
+    unsigned floats = ~(drive | decoder->driven[port]);
+
+    return ((level & drive) | (decoder->external[port] & ~drive) | (level & floats)) & 0xFFFF;
+}
+
 /* The same where something must be read: a floating line is what the microcontroller sees there. */
 static unsigned seen(const struct pin_decoder *decoder, const struct pin_source *source)
 {
     unsigned level = at(decoder, source);
 
     if (level == FLOATS && source->kind == PORT_BIT)
-        return !(pin_decoder_input(decoder, source->port) & BIT(source)) ^ !source->inverted;
+        return !(input_at(decoder, source->port) & BIT(source)) ^ !source->inverted;
     return level == FLOATS ? 1 : level;
 }
 
@@ -159,12 +167,43 @@ static unsigned address_of(const struct pin_decoder *decoder, const struct pin_c
     return chip->latch.kind != UNWIRED ? chip->latched : byte_at(decoder, chip->address);
 }
 
-unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port)
+static void missed(struct pin_decoder *decoder, unsigned turn)
 {
-    unsigned drive = decoder->drive[port], level = decoder->level[port];
-    unsigned floats = ~(drive | decoder->driven[port]);
+    if (decoder->on_missed)
+        decoder->on_missed(decoder->context, turn, decoder->chips[turn].saw, decoder->chips[turn].byte);
+}
 
-    return ((level & drive) | (decoder->external[port] & ~drive) | (level & floats)) & 0xFFFF;
+/* A look at a port, and with it at the data lines of chips. */
+unsigned pin_decoder_input(struct pin_decoder *decoder, unsigned port)
+{
+    unsigned turn, bit, wired = 0, answering = 0;
+
+    for (turn = 0; turn < decoder->chip_count; turn++) {
+        const struct pin_chip *chip = &decoder->chips[turn];
+
+        for (bit = 0; bit < 8; bit++)
+            if (chip->data[bit].kind == PORT_BIT && chip->data[bit].port == port
+                && !(decoder->drive[port] & BIT(&chip->data[bit])))
+                wired |= 1U << turn;
+        answering |= (unsigned)chip->reading << turn;
+    }
+    for (turn = 0; turn < decoder->chip_count; turn++) {
+        struct pin_chip *chip = &decoder->chips[turn];
+
+        if (!(wired >> turn & 1))
+            continue;
+        if (wired & answering) { /* what is seen is theirs */
+            chip->looked = chip->reading;
+            chip->late = 0;
+            continue;
+        }
+        chip->saw = (unsigned char)byte_at(decoder, chip->data);
+        if (chip->late && chip->saw != chip->byte)
+            missed(decoder, turn);
+        chip->looked = !chip->late; /* of the strobe that is over; the next one has its own look */
+        chip->late = 0;
+    }
+    return input_at(decoder, port);
 }
 
 /* --- chips' side ------------------------------------------------------------------------------ */
@@ -350,6 +389,18 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
             decoder->drive[port] = (unsigned short)drive;
             decoder->level[port] = (unsigned short)level;
         }
+        if (reading && !chip->reading) { /* what was seen until now was seen before the strobe */
+            chip->early = chip->looked;
+            chip->looked = 0;
+        }
+        if (chip->reading && !reading) {
+            if (!chip->looked && chip->early && chip->saw != chip->byte)
+                missed(decoder, turn);
+            chip->late = !chip->looked && !chip->early;
+            chip->looked = 0;
+        }
+        if (writing) /* lines that the microcontroller drives tell nothing of the chip */
+            chip->looked = chip->late = 0;
         chip->writing = (unsigned char)writing;
         chip->reading = (unsigned char)reading;
         chip->latching = (unsigned char)latching;

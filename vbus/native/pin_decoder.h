@@ -8,7 +8,8 @@
  * - a read begins when (select AND read strobe) begins, and the byte stays on the data bus until it
  *   ends;
  * - a strobe or select that the microcontroller does not drive is idle;
- * - a floating data bus keeps its last value, unless the port has its pull-ups on.
+ * - a floating data bus keeps its last value, unless the port has its pull-ups on;
+ * - a byte that the microcontroller takes before the read strobe, or after it, is told if it differs.
  *
  * Where glue stands before the strobes of a chip, its cycles are not worked out here: lines and data
  * bus are moved as the port bits move, strobes that rise before data and side pins, strobes that fall
@@ -39,6 +40,10 @@ struct pin_source {
 struct pin_chip {
     struct pin_source select, read, write, latch, address[8], data[8], bus[8];
     unsigned char reading, writing, latching, latched, byte;
+    unsigned char looked;   /* at its data lines, since the last strobe, or within this one */
+    unsigned char early;    /* looked, when this strobe began */
+    unsigned char saw;      /* there, outside a strobe */
+    unsigned char late;     /* the last read strobe has ended without a look before or within it */
     unsigned char behind;   /* its data bus is moved as it is: `bus` is wired in place of `data` */
     unsigned short driving; /* what is driven there, or PIN_FLOATS */
     unsigned short ports;   /* those on which select, strobes and latch are, a bit each */
@@ -61,6 +66,9 @@ struct pin_decoder {
     void (*on_lines)(void *context, unsigned mask, unsigned levels);
     void (*on_bus)(void *context, unsigned chip, unsigned data);
     unsigned (*on_look)(void *context, unsigned chip);
+    /* May be left out: the microcontroller has not looked at the data lines of a chip while its read
+     * strobe was low, but before or after, and saw another byte than the chip gave. */
+    void (*on_missed)(void *context, unsigned chip, unsigned saw, unsigned gave);
     void *context;
 
     /* The rest is the decoder's own, to be looked at. */
@@ -88,7 +96,7 @@ void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word);
 void pin_decoder_look(struct pin_decoder *decoder, unsigned port);
 
 /* What the microcontroller reads at a port; of one of 8 bits the low byte counts. */
-unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port);
+unsigned pin_decoder_input(struct pin_decoder *decoder, unsigned port);
 
 #ifdef __cplusplus
 }

@@ -3,6 +3,7 @@
 
 #include "link_text.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -144,6 +145,32 @@ static unsigned look_at_bus(void *context, unsigned chip)
     return data < 0 ? FLOATING : (unsigned)data;
 }
 
+static void miss(void *context, unsigned chip, unsigned saw, unsigned gave)
+{
+    struct pin_link *link = (struct pin_link *)context;
+    struct pin_missed *missed = &link->missed[chip];
+
+    if (missed->count++)
+        return;
+    missed->saw = saw;
+    missed->gave = gave;
+    missed->when = link->clock ? link->origin + link->clock(link->context) : 0;
+}
+
+static void list_missed(const struct pin_link *link)
+{
+    const char *path = getenv("VBUS_MISSED");
+    FILE *file = path == NULL ? NULL : fopen(path, "a");
+    unsigned chip;
+
+    for (chip = 0; file != NULL && chip < PIN_CHIPS; chip++)
+        if (link->missed[chip].count)
+            fprintf(file, "%u %u %u %u %llu\n", chip, link->missed[chip].count, link->missed[chip].saw,
+                    link->missed[chip].gave, (unsigned long long)link->missed[chip].when);
+    if (file != NULL)
+        fclose(file);
+}
+
 int pin_link_open(struct pin_link *link, const char *where, unsigned bits)
 {
     static unsigned char description[LINK_TEXT_ROOM];
@@ -183,6 +210,7 @@ int pin_link_open(struct pin_link *link, const char *where, unsigned bits)
     link->pins.on_lines = move_lines;
     link->pins.on_bus = move_bus;
     link->pins.on_look = look_at_bus;
+    link->pins.on_missed = miss;
     link->pins.context = link;
     vbus_buffer(&link->bus);
     if (link->realtime)
@@ -197,6 +225,7 @@ int pin_link_close(struct pin_link *link)
     if (link->error == 0)
         keep(link, vbus_echo(&link->bus, 0));
     vbus_close(&link->bus);
+    list_missed(link);
     return link->error;
 }
 

@@ -15,6 +15,12 @@
 extern "C" {
 #endif
 
+/* Bytes of a chip that the host took outside the strobes that gave them. */
+struct pin_missed {
+    unsigned count, saw, gave; /* how many; what it saw first, and what the chip had given */
+    uint64_t when;             /* and at this instant of chip time (ps) */
+};
+
 struct pin_link {
     struct vbus bus;
     struct pin_decoder pins;
@@ -35,6 +41,7 @@ struct pin_link {
     uint64_t step;     /* what looking at a clock takes in lockstep (ps) */
     uint64_t cycles;   /* bus cycles so far, or moves of strobes before glue */
     unsigned selected;
+    struct pin_missed missed[PIN_CHIPS];
 };
 
 #define PIN_LINK_E_WIRING (-200) /* the link has no pin map; name one as `pinmap` in the board file */
@@ -45,7 +52,8 @@ struct pin_link {
  * or an error. Set `clock` before the first pin moves. */
 int pin_link_open(struct pin_link *link, const char *where, unsigned bits);
 
-/* Send what is still kept back and close the session; the first error, or 0. */
+/* Send what is still kept back and close the session; the first error, or 0. Bytes that the host took
+ * outside their strobes are listed in the file that $VBUS_MISSED names. */
 int pin_link_close(struct pin_link *link);
 
 /* What the pin decoder calls; for a bus beside the port bits too. `link` is the struct pin_link. */

@@ -47,12 +47,13 @@ class InProcessLink(BoardLink):
     """
 
     by_descriptor = False
+    at_once = True
 
     def __init__(
         self, board: Board, label: str = "host", chips: tuple[str, ...] = (),
         turn: HostTurn | None = None,
     ) -> None:  # fmt: skip
-        # Always readable: whatever a call waits for is here when it looks.
+        # Always readable: what else a call waits for, an event, is here when it looks.
         super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or HostTurn(board)
         self._watches: Final = [one for one in board.observers if isinstance(one, HostWatch)]

@@ -472,6 +472,7 @@ class Bench:
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
         yield from (f"    {line}" for line in tested.board.hints(judged.failing))
+        yield from (f"missed: {line}" for line in tested.missed)
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))

@@ -91,6 +91,7 @@ class Execute:
             board=tested.board,
             watch=tested.watch,
         )
+        tested.missed += outcome.missed
         if tested.watch.ended:  # what it has said until then belongs to the report
             sys.stdout.write(outcome.output)
             sys.stderr.write(outcome.errors)

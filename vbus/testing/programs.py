@@ -15,7 +15,7 @@ from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.cli.hosted.at_rest import LOOK, AtRest
-from vbus.cli.hosted.program import host_of, link_of_program
+from vbus.cli.hosted.program import host_of, link_of_program, missed_bytes
 from vbus.cli.proc import offspring, what_hangs
 from vbus.core.errors import VbusError
 from vbus.core.runtime import private_runtime
@@ -39,6 +39,7 @@ class ProgramOutcome:
         now: instant at which it ended (ps).
         violations: what it broke.
         transcript: its last packets in the manual's words.
+        missed: bytes that it read outside the strobes that gave them, as sentences.
     """
 
     stuck: str = ""
@@ -50,6 +51,7 @@ class ProgramOutcome:
     violations: list[Violation] = field(default_factory=list)
     transcript: list[str] = field(default_factory=list)
     details: list[str] = field(default_factory=list)
+    missed: list[str] = field(default_factory=list)
 
     @property
     def ok(self) -> bool:
@@ -87,6 +89,7 @@ class _ProgramRun(ServedBoard):
         host = host_of(file)
         left = min(watch.left for watch in (self.watch, of_test) if watch is not None)
         self.note: Path = folder / "fault"
+        self.reached: list[str] = list(host.chips) or [chip.name for chip in board.chips]
         self.virtual: bool = host.pinmap == "" and file.board.time != "realtime"
         mine, variables = link_of_program(board, file, host, self.link, self.note, max(left, 1))
         self.environment: dict[str, str] = {**variables, "VBUS_RUNTIME": str(folder)}
@@ -174,6 +177,7 @@ def run_program(
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
                 run.finish(run.over())
+                outcome.missed = missed_bytes(run.note, run.reached)
             finally:
                 run.call(lambda: run.ended(board_ends))
     if run.error is not None:

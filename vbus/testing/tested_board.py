@@ -66,6 +66,8 @@ class TestedBoard:
         a fault."""
         self.witness: Witness | None = None
         """What sees the run for a campaign."""
+        self.missed: list[str] = []
+        """Bytes that programs read outside the strobes that gave them."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

@@ -50,6 +50,12 @@ static unsigned on_look(void *context, unsigned chip)
     return next_byte;
 }
 
+static void on_missed(void *context, unsigned chip, unsigned saw, unsigned gave)
+{
+    (void)context;
+    printf("missed %u %02X %02X\n", chip, saw, gave);
+}
+
 int main(void)
 {
     static struct pin_decoder decoder;
@@ -71,6 +77,7 @@ int main(void)
     decoder.on_lines = on_lines;
     decoder.on_bus = on_bus;
     decoder.on_look = on_look;
+    decoder.on_missed = on_missed;
     while (fgets(line, sizeof line, stdin) != NULL) {
         if (sscanf(line, "?%c", &port) == 1) {
             pin_decoder_look(&decoder, (unsigned)(port - 'A'));

@@ -267,3 +267,33 @@ def test_a_wiring_that_cannot_be_understood_is_refused(
 
 def test_ports_that_do_not_exist_are_nothing(decoder: Path) -> None:
     assert play(decoder, ONE, "ZFF 00") == []
+
+
+# -- looks outside a strobe ------------------------------------------------------------------------
+
+READ = ("C1F 13", "C1F 12", "C1F 13", "C1F 1F")
+"""/CS and /PS low, /RD low and high again, all idle."""
+
+
+def test_a_byte_that_is_taken_within_its_strobe_is_not_missed(decoder: Path) -> None:
+    played = play(decoder, ONE, IDLE, "=5A", *READ[:2], "?D", *READ[2:], "?D", "=A5", *READ[:2],
+                  "?D", *READ[2:], "?D", "?D")  # fmt: skip
+    assert not [line for line in played if line.startswith("missed")]
+
+
+def test_a_byte_that_is_taken_before_its_strobe_is_missed_if_it_differs(decoder: Path) -> None:
+    early = (*READ[:1], "?D", *READ[1:])
+    played = play(decoder, ONE, IDLE, "=5A", *early, *early, "=A5", *early)
+    assert played == ["D FF", "read 1 0", "missed 0 FF 5A", "D 5A", "read 1 0",
+                      "D 5A", "read 1 0", "missed 0 5A A5"]  # fmt: skip
+
+
+def test_a_byte_that_is_taken_after_its_strobe_is_missed_if_it_differs(decoder: Path) -> None:
+    pulled_up = "D00 FF"
+    played = play(decoder, ONE, IDLE, pulled_up, "=5A", *READ, "?D", *READ, "?D")
+    assert played == ["read 1 0", "missed 0 FF 5A", "D FF"] * 2
+
+
+def test_a_read_for_its_effect_alone_misses_nothing(decoder: Path) -> None:
+    played = play(decoder, ONE, IDLE, "=5A", *READ, "DFF 12", "C1F 15", "C1F 17", "D00 FF", "?D")
+    assert played == ["read 1 0", "write 1 1 12", "D FF"]

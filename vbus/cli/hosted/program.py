@@ -4,7 +4,7 @@ import asyncio
 import os
 import re
 import signal
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -42,6 +42,33 @@ Show = Callable[[str], Coroutine[Any, Any, None]]
 
 LIMIT: Final = "VBUS_LIMIT_PS"
 """Variable that tells firmware's simulator after how much chip time the board must know of it."""
+
+
+MISSED: Final = "VBUS_MISSED"
+"""Variable that names the file in which a host with a pin map lists bytes that it has not taken."""
+_MISSED_FILE: Final = "missed"
+
+
+def missed_bytes(note: Path, chips: Sequence[str]) -> list[str]:
+    """Return what a host with a pin map has read outside the strobes that gave it.
+
+    Args:
+        note: the file that :func:`link_of_program` was given; a host's list stands beside it.
+        chips: names of the chips that the host reaches.
+    """
+    try:
+        rows = note.with_name(_MISSED_FILE).read_text().splitlines()
+    except FileNotFoundError:
+        return []
+    lines = []
+    for chip, count, saw, gave, when in (map(int, row.split()) for row in rows):
+        times = f"; {count} bytes in all" if count > 1 else ""
+        lines.append(
+            f"{chips[chip]}: the host took {saw:02X}h where the chip gave {gave:02X}h at"
+            f" {format_instant(when)}: it looked at D0-D7 before its read strobe was low, or after"
+            f" that (t_AC, t_DF); look while the strobe is low{times}"
+        )
+    return lines
 
 
 class FirstViolations(Observer):
@@ -132,6 +159,8 @@ def link_of_program(
         port.close()
     elif limit:
         environment[LIMIT] = str(limit)
+    if pin_map is not None and note is not None:
+        environment[MISSED] = str(note.with_name(_MISSED_FILE))
     if host.baud and (card is not None or pin_map is not None):
         raise VbusError(
             f"baud = {host.baud}: a program makes the accesses of a card or a pin map itself, not"
@@ -282,6 +311,7 @@ def run_beside(
         for found in board.left_over():
             findings.violation(found)
         findings.hints = board.hints(findings.first.values())
+        findings.hints += missed_bytes(note, host.chips or [chip.name for chip in board.chips])
         outcome.look()
         if written is not None:
             written.end()

@@ -96,7 +96,7 @@ def command(
     chosen = _dimensions(only)
 
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
-        campaign = CampaignSettings(
+        campaign = CampaignRun(
             subject, file, source, chosen, phases or 0, seed,
             jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, program),
             _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
@@ -244,7 +244,7 @@ def _replay_function(name: str, function: "FunctionSubject") -> int:
     return run.code
 
 
-class CampaignSettings:
+class CampaignRun:
     """A campaign as the command line has it.
 
     Args:

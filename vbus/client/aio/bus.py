@@ -361,6 +361,8 @@ class Bus(ChipCycles):
             rest = memoryview(sent)
             try:
                 rest = self._send(rest)
+                if self.link.at_once:
+                    self._receive()
                 waiting = bool(rest) or not message.done
                 deadline = monotonic() + self._patience() if waiting else 0.0
                 while rest or not message.done:
