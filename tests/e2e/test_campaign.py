@@ -1,6 +1,8 @@
 """``vbus campaign``: a program in many worlds, in each of which one thing is broken."""
 
 import json
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -54,6 +56,44 @@ with connect(os.environ["VBUS_LINK"]) as bus:
         bus.delay("100us")
         if sys.argv[1:] and bus.read(0) & 2:
             sys.exit(f"{data:02X}h was no command")
+"""
+
+# One thread loads the gain that the other has worked out, and trusts that three looks at the status
+# take longer than one.
+RACE = r"""
+#include <pthread.h>
+#include <stdio.h>
+#include <sys/io.h>
+
+static volatile int gain;
+
+static void *works_out(void *unused)
+{
+    inb(0x300);
+    gain = 44;
+    return unused;
+}
+
+int main(void)
+{
+    pthread_t other;
+    int turn;
+
+    ioperm(0x300, 2, 1);
+    pthread_create(&other, NULL, works_out, NULL);
+    for (turn = 0; turn < 3; turn++)
+        inb(0x300);
+    printf("gain %d\n", gain);
+    pthread_join(other, NULL);
+    return 0;
+}
+"""
+CARD = """\
+card = "slot"
+[cards.slot]
+base = 0x300
+decode = "direct"
+chips = ["x"]
 """
 
 
@@ -130,12 +170,33 @@ def test_a_driver_that_looks_detects_what_a_driver_that_does_not_look_passes_ove
     assert "was no command" in done.stderr
 
 
+def test_a_program_whose_threads_are_right_in_one_order_alone_is_found(board: Path) -> None:
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("needs gcc")
+    board.write_text(BOARD + CARD)
+    source, race = board.with_name("race.c"), board.with_name("race")
+    source.write_text(RACE)
+    subprocess.run([compiler, "-o", str(race), str(source), "-lpthread"], check=True)
+    words = ("campaign", "--board", board, "--only", "threads", "--seed", "3")
+    done = vbus(*words, "--", race)
+    assert done.returncode == 1
+    assert vbus(*words, "-j", "1", "--", race).stdout == done.stdout
+    table = [line.split() for line in done.stdout.splitlines()]
+    assert (table[1][0], table[1][6]) == ("threads", "8")
+    assert 'line 1 it says is "gain 0", not "gain 44"' in done.stdout
+    again = vbus(*done.stdout.splitlines()[-1].split()[1:])
+    assert again.stdout == "gain 0\n"
+    assert "in the order of seed" in again.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
         (["--only", "cycles"], 2, 'did you mean "cycle"'),
         (["--world", "cycle:x.1"], 2, "DIMENSION:WHERE:HOW"),
         (["--world", "cycle:y.1:lost"], 2, "y"),
+        (["--world", "threads:program:order7"], 3, "only threads of a program with a card"),
         (["--journal", "x"], 2, "--journal goes with --world"),
         (["--json", "x", "--world", "cycle:x.1:lost"], 2, "--json goes with a campaign"),
         (["--for", "5 weeks"], 2, "is no duration"),

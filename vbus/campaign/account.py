@@ -75,6 +75,7 @@ class Account(Struct):
         axes: what each axis did.
         seen: its bus cycles, of a reference run.
         edges: of outputs that hosts look at, of a reference run: output, instant (ps), level.
+        turns: whether threads of the host take turns, in an order that a world may change.
     """
 
     code: int = 0
@@ -89,6 +90,7 @@ class Account(Struct):
     axes: dict[str, Axis] = {}
     seen: list[SeenCycle] = []
     edges: list[tuple[str, int, int]] = []
+    turns: bool = False
 
 
 class _Groups(PacketReader):
@@ -194,7 +196,7 @@ class Witness(Observer):
 
         Args:
             of_host: what is known of the host: ``code``, ``stuck``, ``slow``, ``output``,
-                ``errors``.
+                ``errors``, ``turns``.
         """
         board, cycles, now = self._board, self._cycles, self._board.now
         for found in board.left_over():

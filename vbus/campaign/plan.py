@@ -23,6 +23,8 @@ from vbus.campaign.world import (
     INTERRUPT,
     LATE,
     LOST,
+    NO_TURNS,
+    ORDER,
     PHASE,
     SPECIMEN,
     THREADS,
@@ -45,6 +47,9 @@ _EACH: Final = 64
 _STEP: Final = 17 * US
 """Specimens differ in where in a sample their host begins, too, by multiples of this (ps)."""
 _STEPS: Final = 32
+_ORDERS: Final = 8
+"""How many orders of a program's threads are tried; how many threads it has is not known."""
+_SEEDS: Final = 10**6
 
 
 class PlannedWorld(Struct, frozen=True):
@@ -99,7 +104,7 @@ def plan(
         SPECIMEN: lambda: _specimens(made, file, seed),
         FLOATING: lambda: _floating(board),
         FAULT: lambda: _faults(made, reference, board),
-        THREADS: lambda: _threads(made),
+        THREADS: lambda: _threads(made, reference, seed),
     }
     for dimension in DIMENSIONS:
         if dimension in only:
@@ -243,11 +248,12 @@ def _targets(row: Fault, board: Board) -> Iterator[str]:
             continue
 
 
-def _threads(made: WorldPlan) -> Iterator[PlannedWorld]:
-    made.refused[THREADS] = (
-        "where time is virtual the threads of a program take turns in one order, which repeats"
-    )
-    return iter(())
+def _threads(made: WorldPlan, reference: Account, seed: int) -> Iterator[PlannedWorld]:
+    if not reference.turns:
+        made.refused[THREADS] = NO_TURNS
+    for number in range(_ORDERS if reference.turns else 0):
+        order = f"{ORDER}{1 + drawn(seed, f'order {number}') % _SEEDS}"
+        yield PlannedWorld(World(THREADS, "program", order), "turns of threads")
 
 
 def weakest(worlds: Iterable[World], weak: Callable[[World], bool]) -> World | None:

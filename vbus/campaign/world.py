@@ -35,6 +35,9 @@ BUSY: Final = "busy"
 LATE: Final = "late"
 WAYS: Final = (FLIP, LOST, DOUBLED, BUSY, LATE)
 """What can happen to one bus cycle."""
+NO_TURNS: Final = "only threads of a program with a card, under vbus exec, take turns"
+ORDER: Final = "order"
+"""Before the seed by which threads of a program have their turns: ``order17``."""
 EARLY: Final = "early"
 _FAULTS: Final = {
     LOST: "strobe_lost",
@@ -61,7 +64,7 @@ class World(Struct, frozen=True, order=True):
         dimension: one of :data:`DIMENSIONS`; "" in the reference run.
         where: chip and number of the bus cycle (``"x.17"``), output and instant in ps
             (``"x.HI@1200"``), how far the chips are ahead (``"+64us"``), chip, or fault's target
-            and instant.
+            and instant; "program" for its threads.
         how: the way it is broken, or settings of chips (``"x.busy=worst,x.reset_status=C4"``).
         seed: of the board; 0 is that of its file.
     """
@@ -98,6 +101,11 @@ class World(Struct, frozen=True, order=True):
     def ahead(self) -> int:
         """How long the board runs before its host begins (ps)."""
         return parse_duration(self.where[1:]) if self.dimension in (PHASE, SPECIMEN) else 0
+
+    @property
+    def order(self) -> int:
+        """Seed of the order in which threads have their turns; 0: as they were created."""
+        return int(self.how.removeprefix(ORDER)) if self.dimension == THREADS else 0
 
     def arming(self) -> Arming | None:
         """Return the fault that makes it, if one does."""
@@ -137,6 +145,8 @@ class World(Struct, frozen=True, order=True):
             return f"undriven data lines of {place} show {self.how}"
         if self.dimension == FAULT:
             return f"{self.how} of {place}{when}"
+        if self.dimension == THREADS:
+            return f"threads of the program in the order of seed {self.order}"
         ahead = f"the chips {self.where.removeprefix('+')} ahead" if self.ahead else ""
         seed = f"seed = {self.seed}" if self.seed else ""
         settings = [f"{chip}.{key} = {_toml(value)}" for chip, key, value in self.settings]
@@ -163,7 +173,9 @@ def read_world(text: str) -> World:
         arming = world.arming()
         if arming is not None:
             Faults.find(arming.name)
-        if world.ahead < 0 or any(not (chip and key) for chip, key, _ in world.settings):
+        if min(world.ahead, world.order) < 0 or any(
+            not (chip and key) for chip, key, _ in world.settings
+        ):
             raise ValueError("settings are CHIP.KEY=VALUE, and time goes forward")
     except (KeyError, ValueError) as error:
         raise ValueError(f"{text!r} names no world: {error}") from None
@@ -219,12 +231,15 @@ def of_world(file: BoardFile, source: Source, world: World) -> tuple[BoardFile, 
     """Return a board file with the settings of a world.
 
     Raises:
-        ConfigError: a chip has no section of its own in the file, or the board is in real time.
+        ConfigError: a chip has no section of its own in the file, the board is in real time, or the
+            world is of threads, which are no part of a board.
     """
     if world != REFERENCE and file.board.time == "realtime":
         raise ConfigError(
             f"{file.path}: in real time no two runs are alike; the board must be lockstep or slaved"
         )
+    if world.order:
+        raise ConfigError(f"{world}: {NO_TURNS}")
     if not world.settings and not world.seed:
         return file, source
     return read_board_text(with_settings(source.text, world), file.path)

@@ -35,6 +35,7 @@ def row(number: int, group: str, write: bool = True) -> SeenCycle:
         ("specimen:+17us:x.busy=worst:3", 'x.busy = "worst", seed = 3, the chips 17us ahead'),
         ("floating:x:0", "undriven data lines of x show 0"),
         ("fault:x.1@12000000:jam", "jam of x.1 at 12us"),
+        ("threads:program:order17", "threads of the program in the order of seed 17"),
     ],
 )
 def test_a_world_is_its_text(text: str, sentence: str) -> None:
@@ -52,6 +53,7 @@ def test_a_world_is_its_text(text: str, sentence: str) -> None:
         ("fault:x@0:jamm", 'there is no fault "jamm"'),
         ("phase:+x:ahead", "is no duration"),
         ("specimen:+0us:busy", "CHIP.KEY=VALUE"),
+        ("threads:program:orderly", "names no world"),
     ],
 )
 def test_what_names_no_world_is_refused(text: str, message: str) -> None:
@@ -110,7 +112,7 @@ def test_of_a_poll_some_are_tried_and_the_others_told() -> None:
 def test_what_does_not_apply_is_told() -> None:
     made = planned(of_part("MCP-1200", "ideal"), [row(1, "a")], only=DIMENSIONS)
     assert "no busy that the manual bounds" in made.refused["busy"]
-    assert "one order" in made.refused["threads"]
+    assert "program with a card" in made.refused["threads"]
     assert "has moved" in made.refused["interrupt"]
     assert made.refused["link_cut"].startswith("links have wall time")
 

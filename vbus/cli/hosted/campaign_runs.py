@@ -23,7 +23,7 @@ from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
-from vbus.campaign.world import World, begin, of_world
+from vbus.campaign.world import REFERENCE, World, begin, of_world
 from vbus.cli.hosted.program import HostedProgram, Ran, run_beside
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
@@ -59,6 +59,18 @@ def limits_of(reference: Account | None) -> tuple[int, int]:
     return _LONGER * reference.now + _PATIENCE, _LONGER * reference.cycles + _CYCLES
 
 
+def takes_turns(program: HostedProgram) -> bool:
+    """Tell whether threads of a program take turns: those of firmware in a simulator do not."""
+    return bool(program.host.card and not program.host.pinmap)
+
+
+def in_world(program: HostedProgram, world: World) -> HostedProgram:
+    """Return a program with the board, and the order of threads, that it has in a world."""
+    of_board = REFERENCE if world.order and takes_turns(program) else world
+    file, source = of_world(program.file, program.source, of_board)
+    return replace(program, file=file, source=source, order=world.order)
+
+
 class ProgramSubject:
     """A program on a board of its own."""
 
@@ -67,9 +79,9 @@ class ProgramSubject:
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
-        file, source = of_world(self._program.file, self._program.source, world)
-        file = msgspec.structs.replace(file, record=RecordSection(), waves=())
-        program = replace(self._program, file=file, source=source)
+        program = in_world(self._program, world)
+        file = msgspec.structs.replace(program.file, record=RecordSection(), waves=())
+        program = replace(program, file=file)
         limit, cycles = limits_of(reference)
         seen: list[Witness] = []
 
@@ -85,8 +97,9 @@ class ProgramSubject:
         stuck = ran.hangs[0] if ran.hangs else ""
         output, errors = said
         return seen[0].account(
-            code=ran.code, stuck=stuck, slow=ran.slow, output=output, errors=errors
-        )
+            code=ran.code, stuck=stuck, slow=ran.slow, output=output, errors=errors,
+            turns=takes_turns(program),
+        )  # fmt: skip
 
 
 class FunctionSubject:

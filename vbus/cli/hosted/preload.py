@@ -92,12 +92,13 @@ def _build(folder: Path) -> None:
 
 
 def environment(
-    info: PortInfo, where: str, note: Path | None = None, limit: int = 0
+    info: PortInfo, where: str, note: Path | None = None, limit: int = 0, order: int = 0
 ) -> dict[str, str]:
     """Return the variables with which a program finds the card behind link ``where``.
 
     The library makes the file ``note`` when the program ends by a fault of its own, and tells the
-    board when ``limit`` ps have passed, if that is not 0.
+    board when ``limit`` ps have passed, if that is not 0. Threads have their turns in the order in
+    which they were created, or as the seed ``order`` draws them, if that is not 0.
 
     Raises:
         ConfigError: the link has no card.
@@ -107,6 +108,7 @@ def environment(
         raise ConfigError(f"{where}: this link has no card; name one as card of its host")
     cycles = ",".join(str(chip.cycle_ps) for chip in info.chips)
     settings = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
+    settings += f"order={order};" if order else ""
     settings += f"note={note or ''};card={_sorted(info.card)}"
     loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
     variables = {"VBUS_LINK": where, "VBUS_EXEC": settings, "LD_PRELOAD": ":".join(loaded)}

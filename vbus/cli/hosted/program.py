@@ -121,12 +121,14 @@ class HostedProgram:
         source: the same as text, for mistakes found late.
         host: what the program reaches: chips, card, pin map.
         command: gives program and arguments, for the address of the link.
+        order: seed of the order in which its threads have their turns; 0: as they were created.
     """
 
     file: BoardFile
     source: Source
     host: HostSection
     command: Callable[[str], list[str]]
+    order: int = 0
 
 
 def link_of_program(
@@ -136,6 +138,7 @@ def link_of_program(
     link: str,
     note: Path | None = None,
     limit: int = 0,
+    order: int = 0,
 ) -> tuple[LinkSpec, dict[str, str]]:
     """Return what serves a program, and the variables by which it finds that.
 
@@ -146,6 +149,7 @@ def link_of_program(
         link: address of the link.
         note: the file the library makes when the program ends by a fault of its own.
         limit: chip time after which the program tells the board that it goes on (ps); 0: never.
+        order: seed of the order of its threads, as in :class:`HostedProgram`.
 
     Raises:
         VbusError: the library that traps a card's accesses cannot be built, or they are to take
@@ -155,7 +159,7 @@ def link_of_program(
     environment = {"VBUS_LINK": link}
     if card is not None and pin_map is None:  # firmware runs in a program that needs no library
         port = board.open_port("program", host.chips or None, host.cycle, card)
-        environment |= preload.environment(port.info(), link, note, limit)
+        environment |= preload.environment(port.info(), link, note, limit, order)
         port.close()
     elif limit:
         environment[LIMIT] = str(limit)
@@ -272,7 +276,9 @@ def run_beside(
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
         stack.enter_context(own_board(board.name))
-        mine, environment = link_of_program(board, file, host, link, note, limit or 0)
+        mine, environment = link_of_program(
+            board, file, host, link, note, limit or 0, program.order
+        )
         if mine.card is not None and mine.pin_map is None and prepare is None:
             preload.warn_of(program.command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)

@@ -81,8 +81,8 @@ def command(
     Dimensions: cycle (a bit of a bus cycle inverted, its strobe lost or doubled, its answer late,
     busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
     sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each
-    that "vbus fault list" has, once). The exit code is 1 if a silent outcome is not in the
-    baseline.
+    that "vbus fault list" has, once), threads (of a program with a card, in another order). The
+    exit code is 1 if a silent outcome is not in the baseline.
     """
     if board is None:
         return _pytest(program, longest, worlds)
@@ -197,15 +197,15 @@ def _world(name: str) -> "World":
 def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
     """Run a program in one world; say what it was and what came of it."""
     from vbus.board.board import Board
-    from vbus.campaign.world import begin, of_world
-    from vbus.cli.hosted.campaign_runs import limits_of
+    from vbus.campaign.world import begin
+    from vbus.cli.hosted.campaign_runs import in_world, limits_of
     from vbus.cli.hosted.program import run_beside
     from vbus.cli.outcome import AxisOutcomes
     from vbus.serve.serving import recorded
 
     world = _world(name)
-    file, source = of_world(program.file, program.source, world)
-    file = recorded(file, {"journal": journal} if journal else {}, "")
+    program = in_world(program, world)
+    file = recorded(program.file, {"journal": journal} if journal else {}, "")
 
     def prepare(board: Board) -> None:
         outcomes.append(AxisOutcomes(board))
@@ -217,9 +217,7 @@ def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
 
     outcomes: list[AxisOutcomes] = []
     complain(f"world: {world.sentence()}")
-    ran = run_beside(
-        replace(program, file=file, source=source), limit=limits_of(None)[0], prepare=prepare
-    )
+    ran = run_beside(replace(program, file=file), limit=limits_of(None)[0], prepare=prepare)
     outcomes[0].look()
     for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
         complain(line)

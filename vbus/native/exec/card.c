@@ -284,6 +284,7 @@ void card_read_settings(void)
     card.low = (uint32_t)number_setting(text, "low");
     card.signal = (int)number_setting(text, "signal");
     card.edge = number_setting(text, "edge") != 0;
+    card.order = (unsigned)number_setting(text, "order");
     next = setting(text, "note");
     if (next != NULL && strcspn(next, ";") < sizeof note)
         memcpy(note, next, strcspn(next, ";"));

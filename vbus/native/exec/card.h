@@ -20,6 +20,7 @@ struct card_settings {
     uint32_t lines, low;  /* output lines that interrupt, and those of them that do so when low */
     int signal;           /* signal they send, or 0 */
     int edge;             /* an interrupt that stands counts once, and not again when it is enabled */
+    unsigned order;       /* a seed by which ready threads are drawn, or 0: in order of creation */
 };
 
 extern struct card_settings card;

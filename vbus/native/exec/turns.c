@@ -1,9 +1,10 @@
 /* turns.c - where time is virtual, one thread of the program runs at a time. License: Apache-2.0.
  *
  * The thread that has the turn runs. It is given away at bus accesses, looks at clocks and waits
- * only, to the next ready thread in order of creation; so what threads do to each other is the same in
- * every run. While none is ready the last one to wait lets the chips' time pass, to the next instant
- * at which one is. A wait is never one of the kernel's: it is a place in the table below.
+ * only, to the next ready thread in order of creation, or to one that a seed draws; so what threads do
+ * to each other is the same in every run. While none is ready the last one to wait lets the chips'
+ * time pass, to the next instant at which one is. A wait is never one of the kernel's: it is a place
+ * in the table below.
  */
 #define _GNU_SOURCE
 #include "turns.h"
@@ -310,6 +311,20 @@ static int is_ready(struct guest *guest, int64_t now, int alone)
            || (guest->state == WAITS && ending_of(guest, now, alone) >= 0);
 }
 
+/* One of those that are ready, as the seed draws it; or NULL. Of the same calls the draw is the same, so a
+ * look at who is ready, which waits for other processes make more or less often, changes none. */
+static struct guest *drawn_ready(int64_t now, int alone)
+{
+    struct guest *ready[MOST_GUESTS], *guest;
+    unsigned count = 0, draw = (entries ^ card.order * 0x9E3779B9u) * 0x85EBCA6Bu;
+
+    for (guest = turns_next(NULL); guest != NULL; guest = turns_next(guest))
+        if (is_ready(guest, now, alone))
+            ready[count++] = guest;
+    draw = (draw ^ draw >> 15) * 0xC2B2AE35u;
+    return count == 0 ? NULL : ready[(draw ^ draw >> 16) % count];
+}
+
 /* The next that is ready after `self`, itself last; or NULL. */
 static struct guest *next_ready(struct guest *self)
 {
@@ -318,6 +333,12 @@ static struct guest *next_ready(struct guest *self)
     int alone;
 
     for (alone = 0; alone < 2; alone++) { /* those who only look at memory come last */
+        if (card.order != 0) {
+            guest = drawn_ready(now, alone);
+            if (guest != NULL || !spinning)
+                return guest;
+            continue;
+        }
         for (guest = turns_next(self); guest != NULL; guest = turns_next(guest))
             if (is_ready(guest, now, alone))
                 return guest;
