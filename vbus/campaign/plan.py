@@ -58,10 +58,17 @@ class PlannedWorld(Struct, frozen=True):
     Attributes:
         world: the world.
         group: what is broken there: for a bus cycle its packet, place and packet before.
+        test: which of several tests runs there.
     """
 
     world: World
     group: str
+    test: str = ""
+
+    @property
+    def name(self) -> str:
+        """What its result is known by: the world as text, and the test."""
+        return f"{self.test}: {self.world}" if self.test else str(self.world)
 
 
 class WorldPlan(Struct):

@@ -1,6 +1,6 @@
 """What a campaign has found: as lines, as JSON, as JUnit does, and as one page."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from html import escape
 from pathlib import Path
 from typing import Final
@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import msgspec
 
+from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import (
     DETECTED,
     FOUND,
@@ -20,13 +21,14 @@ from vbus.campaign.verdict import (
     Tried,
     WayTotal,
 )
-from vbus.campaign.world import World
 from vbus.core.errors import VbusError, read_errors
 
 QUIET: Final = (SILENT, FOUND)
 _HEADS: Final = {DETECTED: "detected", NO_EFFECT: "no effect", HANG: "hang", FOUND: "finding",
                  SILENT: "silent"}  # fmt: skip
-Line = Callable[[World], str]
+FILES: Final = ("json", "junit", "page")
+"""Files that a campaign may write, by the options that name them."""
+Line = Callable[[PlannedWorld], str]
 """Gives the line that runs a world again."""
 
 
@@ -51,6 +53,35 @@ def as_json(saved: Saved) -> bytes:
     results = dict(sorted(saved.results.items()))
     whole = msgspec.structs.replace(saved, results=results)
     return msgspec.json.format(msgspec.json.encode(whole), indent=1) + b"\n"
+
+
+def write(
+    campaign: Campaign,
+    saved: Saved,
+    new: Collection[Tried],
+    subject: str,
+    line: Line,
+    files: Mapping[str, Callable[[bytes], object]],
+) -> None:
+    """Write what came of a campaign.
+
+    Args:
+        campaign: the campaign.
+        saved: its results, which take its outcomes and totals.
+        new: outcomes that fail it.
+        subject: what was run.
+        line: gives the line that runs a world again.
+        files: by what they are, of :data:`FILES`, what writes them.
+    """
+    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(QUIET)))
+    saved.totals = campaign.totals()
+    makers = {
+        "json": lambda: as_json(saved),
+        "junit": lambda: as_junit(campaign, new, line),
+        "page": lambda: as_page(campaign, subject, line),
+    }
+    for kind, put in files.items():
+        put(makers[kind]())
 
 
 def _read(path: str) -> Saved:
@@ -128,7 +159,7 @@ def lines(
         yield f"    {one.result.reason}"
         for finding in one.result.findings:
             yield f"    finding: {finding}"
-        yield f"    {line(one.planned.world)}"
+        yield f"    {line(one.planned)}"
 
 
 # -- JUnit ----------------------------------------------------------------------------------------
@@ -149,7 +180,7 @@ def as_junit(campaign: Campaign, new: Collection[Tried], line: Line) -> bytes:
         if one is not None:
             failure = ElementTree.SubElement(case, "failure", message=one.result.verdict)
             world = one.planned.world
-            failure.text = f"{world.sentence()}: {one.result.reason}\n{line(world)}"
+            failure.text = f"{world.sentence()}: {one.result.reason}\n{line(one.planned)}"
     ElementTree.indent(suite)
     text: bytes = ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
@@ -216,7 +247,7 @@ def _cell(tried: list[Tried], line: Line) -> str:
     same = sum(other.result.verdict == verdict for other in tried)
     findings = "".join(f"\nfinding: {finding}" for finding in one.result.findings)
     world = one.planned.world
-    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(world)}"
+    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(one.planned)}"
     return (
         f"<td class={_HEADS[verdict].replace(' ', '')}><details><summary>{_HEADS[verdict]}"
         f" {same}/{len(tried)}</summary><pre>{escape(text)}</pre></details>"

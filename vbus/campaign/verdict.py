@@ -194,21 +194,23 @@ class Campaign:
 
     Args:
         plan: what was to be tried.
-        results: what came of it, by the world as text; others have not been tried.
+        results: what came of it, by :attr:`PlannedWorld.name`; others have not been tried.
     """
 
     def __init__(self, plan: WorldPlan, results: Mapping[str, Result]) -> None:
         self.plan: Final = plan
         self.tried: Final = [
-            Tried(one, results[str(one.world)])
+            Tried(one, results[one.name])
             for one in plan.worlds
-            if str(one.world) in results and results[str(one.world)].verdict != SLOW
+            if one.name in results and results[one.name].verdict != SLOW
         ]
 
     def totals(self) -> list[WayTotal]:
         """Return what came of each way, in the order of the dimensions."""
         counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-        left: Counter[tuple[str, str]] = Counter()
+        left: Counter[tuple[str, str]] = Counter(self.plan.left)
+        for key in self.plan.left:
+            counts[key].update()
         for one in self.plan.worlds:
             counts[one.world.dimension, one.world.way].update()
             left[one.world.dimension, one.world.way] += 1
@@ -218,7 +220,7 @@ class Campaign:
             left[tried.dimension, way] -= 1
         order = {key: number for number, key in enumerate(sorted(counts, key=_place))}
         return [
-            WayTotal(*key, counts[key], left[key] + self.plan.left.get(key, 0))
+            WayTotal(*key, counts[key], left[key])
             for key in sorted(counts, key=lambda key: order[key])
         ]
 
@@ -246,4 +248,4 @@ def _early(one: Tried) -> tuple[int, str, int, str]:
     world = one.planned.world
     place, _, number = world.where.partition("@")[0].rpartition(".")
     dimension = _place((world.dimension, world.way))[0]
-    return dimension, place, int(number) if number.isdecimal() else 0, str(world)
+    return dimension, place, int(number) if number.isdecimal() else 0, one.planned.name

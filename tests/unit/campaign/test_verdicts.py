@@ -99,9 +99,9 @@ def campaign() -> Campaign:
     })  # fmt: skip
 
 
-def again(one: World) -> str:
+def again(one: PlannedWorld) -> str:
     """Return what runs a world again."""
-    return f"again {one}"
+    return f"again {one.world}"
 
 
 def test_the_table_has_each_way_with_its_coverage_and_what_was_not_tried() -> None:

@@ -1,8 +1,16 @@
 """``pytest --vbus-campaign``: tests in many worlds, told in one line of the summary."""
 
+import html
+import json
+import os
 import re
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
+
+from vbus.campaign.report import read_baseline
 
 pytest_plugins = "pytester"
 
@@ -34,11 +42,40 @@ def test_a_campaign_tells_what_a_test_passes_over(suite: pytest.Pytester) -> Non
     text = result.stdout.str()
     (line,) = re.findall(r"^vbus: 1 test in 43 worlds: .*$", text, re.MULTILINE)
     assert re.search(r": \d+ detected, \d+ no effect, \d+ hang, .*; \d+ not tried$", line)
-    assert "silent: x LFIL" in text
+    assert re.search(r"silent: \S+::test_kp: x LFIL", text)
     again = suite.runpytest(*words)
     assert line in again.stdout.str()
     (world,) = set(re.findall(r"--vbus-world='(cycle:x\.\d+:flip\d)'", text)[:1])
     suite.runpytest("-q", f"--vbus-world={world}").assert_outcomes(passed=1)
+
+
+def test_a_campaign_leaves_the_files_of_the_verb(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    suite.makepyfile(test_a=LOADS.format(look=""), test_b=LOADS.format(look=""))
+    files = ("--vbus-campaign-json=c.json", "--vbus-campaign-junit=c.xml",
+             "--vbus-campaign-page=c.html")  # fmt: skip
+    result = suite.runpytest("-q", "-p", "no:cacheprovider", "--vbus-campaign=12", *files)
+    result.assert_outcomes(passed=2)
+    one, other = read_baseline("c.json"), json.loads(Path("c.json").read_text())
+    assert {"test_a.py::test_kp", "test_b.py::test_kp"} == {
+        group.partition(": ")[0] for _, group, _ in one
+    }
+    assert len(other["results"]) == 24
+    assert sum(total["left"] for total in other["totals"]) > 100
+    cases = ElementTree.parse("c.xml").getroot()
+    assert (cases.get("tests"), cases.get("failures")) == ("24", str(len(one)))
+    line = "pytest 'test_a.py::test_kp' --vbus-world='cycle:x."
+    assert line in "".join(case.findtext("failure", "") for case in cases)
+    page = Path("c.html").read_text()
+    assert html.escape(line) in page
+    assert "only threads of a program with a card" in page
+    before = Path("c.json").read_bytes()
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    verb = ("-m", "vbus", "campaign", "--worlds=12", "--json=c.json", "--",
+            "pytest", "-q", "-n", "2", "-p", "no:cacheprovider")  # fmt: skip
+    assert suite.run(sys.executable, *verb).ret == 0
+    assert Path("c.json").read_bytes() == before
 
 
 def test_a_test_that_looks_fails_in_the_world_in_which_another_passes(
@@ -71,6 +108,7 @@ def test_what_makes_no_campaign_is_told(suite: pytest.Pytester) -> None:
         ("--vbus-campaign=soon", "write a number of worlds"),
         ("--vbus-campaign=0", "write a number of worlds"),
         ("--vbus-world=cycle:x", "DIMENSION:WHERE:HOW"),
+        ("--vbus-campaign-json=x.json", "goes with --vbus-campaign"),
     ],
 )
 def test_an_option_that_cannot_be_is_refused(

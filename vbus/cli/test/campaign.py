@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.campaign.account import Account
+    from vbus.campaign.plan import PlannedWorld
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
     from vbus.cli.hosted.campaign_runs import FunctionSubject, Subject
@@ -90,9 +92,10 @@ def command(
         raise click.UsageError("name either a PROGRAM or a function with --host")
     if journal is not None and world is None:
         raise click.UsageError("--journal goes with --world: a campaign is many runs")
-    for name, value in (("--json", json), ("--junit", junit), ("--page", page)):
+    files = {"json": json, "junit": junit, "page": page}
+    for name, value in files.items():
         if value is not None and world is not None:
-            raise click.UsageError(f"{name} goes with a campaign, and --world is one run")
+            raise click.UsageError(f"--{name} goes with a campaign, and --world is one run")
     chosen = _dimensions(only)
 
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
@@ -101,7 +104,7 @@ def command(
             jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, program),
             _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
         )  # fmt: skip
-        return campaign.run(json, junit, page, baseline, every)
+        return campaign.run(files, baseline, every)
 
     if host is not None:
         from vbus.board.config import read_board_file
@@ -147,19 +150,21 @@ def _dimensions(only: str | None) -> tuple[str, ...]:
 
 def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
     """Let pytest make the campaign."""
+    from vbus.campaign.report import FILES
     from vbus.core.kernel import SECOND
 
     if program[:1] != ("pytest",):
         raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
     given = click.get_current_context()
-    for name in ("host", "avr", "cpu", "pinmap", "only", "phases", "jobs", "json", "junit", "page",
-                 "baseline", "world", "journal"):  # fmt: skip
+    for name in ("host", "avr", "cpu", "pinmap", "only", "phases", "jobs", "baseline",
+                 "world", "journal"):  # fmt: skip
         if given.params[name] is not None:
             raise click.UsageError(f"--{name} does not go with pytest; pytest has its own options")
     if longest is not None and worlds is not None:
         raise click.UsageError("with pytest write either --for or --worlds")
     budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else "=100"
-    words = ["-m", "pytest", f"--vbus-campaign{budget}", *program[1:]]
+    files = [f"--vbus-campaign-{kind}={given.params[kind]}" for kind in FILES if given.params[kind]]
+    words = ["-m", "pytest", f"--vbus-campaign{budget}", *files, *program[1:]]
     return subprocess.run([sys.executable, *words]).returncode
 
 
@@ -279,19 +284,17 @@ class CampaignRun:
         self._jobs, self._longest, self._most = jobs, longest, most
         self._words, self._digest = words, digest
 
-    def line(self, world: "World") -> str:
+    def line(self, one: "PlannedWorld") -> str:
         """Return the line that runs a world again."""
-        return shlex.join(["vbus", "campaign", "--world", str(world), *self._words])
+        return shlex.join(["vbus", "campaign", "--world", str(one.world), *self._words])
 
-    def run(
-        self,
-        json: str | None,
-        junit: str | None,
-        page: str | None,
-        baseline: str | None,
-        every: bool,
-    ) -> int:
+    def run(self, files: Mapping[str, str | None], baseline: str | None, every: bool) -> int:
         """Run it, and write what came of it into files that are its own from before the first run.
+
+        Args:
+            files: names of files, by what they are; None: there is no such file.
+            baseline: a file whose silent outcomes are known.
+            every: whether all outcomes are told.
 
         Raises:
             VbusError: the reference run fails, or does not repeat; a file cannot be written.
@@ -299,20 +302,14 @@ class CampaignRun:
         from vbus.serve.output_file import OutputFile
 
         with ExitStack() as stack:
+            claimed = {
+                kind: stack.enter_context(closing(OutputFile(name)))
+                for kind, name in files.items()
+                if name
+            }
+            return self._run(claimed, baseline, every)
 
-            def claimed(name: str | None) -> OutputFile | None:
-                return stack.enter_context(closing(OutputFile(name))) if name else None
-
-            return self._run(claimed(json), claimed(junit), claimed(page), baseline, every)
-
-    def _run(
-        self,
-        json: "OutputFile | None",
-        junit: "OutputFile | None",
-        page: "OutputFile | None",
-        baseline: str | None,
-        every: bool,
-    ) -> int:
+    def _run(self, files: "dict[str, OutputFile]", baseline: str | None, every: bool) -> int:
         from vbus.board.build import build
         from vbus.campaign import report
         from vbus.campaign.plan import PHASES, plan
@@ -328,6 +325,7 @@ class CampaignRun:
                 f"{self._file.path}: in real time no two runs are alike; the board must be lockstep"
                 " or slaved"
             )
+        json = files.get("json")
         known = report.read_baseline(baseline) if baseline else ()
         begun = monotonic()
         until = begun + self._longest / SECOND if self._longest else float("inf")
@@ -353,15 +351,9 @@ class CampaignRun:
         names = [str(one.world) for one in wanted]
         found = {name: saved.results[name] for name in names if name in saved.results}
         campaign = Campaign(planned, found)
-        saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(report.QUIET)))
-        saved.totals = campaign.totals()
         new = campaign.new(known)
-        if json:
-            json.write(report.as_json(saved))
-        if junit:
-            junit.write(report.as_junit(campaign, new, self.line))
-        if page:
-            page.write(report.as_page(campaign, shlex.join(self._words), self.line))
+        into = {kind: file.write for kind, file in files.items()}
+        report.write(campaign, saved, new, shlex.join(self._words), self.line, into)
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
         made = len(saved.results) - before

@@ -1,8 +1,11 @@
 """The part of the pytest plug-in that runs one test in many worlds: parts, specimens, campaigns."""
 
+import pickle
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from hashlib import sha256
 from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Final, cast
@@ -14,8 +17,10 @@ if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.campaign.account import Account
-    from vbus.campaign.verdict import Result
+    from vbus.campaign.plan import PlannedWorld, WorldPlan
+    from vbus.campaign.verdict import Campaign, Result
     from vbus.campaign.world import World
+    from vbus.serve.output_file import OutputFile
     from vbus.testing.bench import Bench
 
 WORLD: pytest.StashKey["World"] = pytest.StashKey()
@@ -27,6 +32,9 @@ RUN: pytest.StashKey["tuple[BoardFile, Source, Account | None]"] = pytest.StashK
 LIMITS: pytest.StashKey["tuple[int, int]"] = pytest.StashKey()
 """Chip time (ps) and bus cycles that it may take in a world of a campaign."""
 TALLY: pytest.StashKey["Tally"] = pytest.StashKey()
+FILES: pytest.StashKey["dict[str, OutputFile]"] = pytest.StashKey()
+"""Files of a campaign, by what they are."""
+_KINDS: Final = {"json": "JSON", "junit": "JUnit", "page": "a page for a browser"}
 _USUAL: Final = 100
 """Worlds of each test, where nothing is said."""
 _MOST: Final = 20
@@ -40,51 +48,87 @@ class Tally:
 
     Attributes:
         tests: runs of each test that has a board.
-        verdicts: of campaigns, how many worlds came to what.
-        left: worlds that were not tried.
-        told: test, world, what was broken, and what came of it: of each silent outcome the first.
+        worlds: of campaigns, those that were tried.
+        results: what came of them, by name.
+        left: of each dimension and way, how many worlds were not tried.
+        refused: dimensions that do not apply to the board of a test, with the reason.
         passed: tests of which no campaign can be made, with the reason.
     """
 
     def __init__(self) -> None:
         self.tests: Counter[str] = Counter()
-        self.verdicts: Counter[str] = Counter()
-        self.left: int = 0
-        self.told: list[tuple[str, str, str]] = []
-        self.passed: list[tuple[str, str]] = []
+        self.worlds: list[PlannedWorld] = []
+        self.results: dict[str, Result] = {}
+        self.left: Counter[tuple[str, str]] = Counter()
+        self.refused: dict[str, str] = {}
+        self.passed: dict[str, str] = {}
 
-    def export(self) -> dict[str, Any]:
-        """Return it as pytest-xdist carries it."""
-        return {**vars(self), "tests": dict(self.tests), "verdicts": dict(self.verdicts)}
-
-    def add(self, other: dict[str, Any]) -> None:
+    def add(self, other: "Tally") -> None:
         """Take over what a worker of pytest-xdist has seen."""
-        self.tests.update(other["tests"])
-        self.verdicts.update(other["verdicts"])
-        self.left += other["left"]
-        self.told += other["told"]
-        self.passed += other["passed"]
+        for name, value in vars(self).items():
+            more = getattr(other, name)
+            value.extend(more) if isinstance(value, list) else value.update(more)
+
+    def add_campaign(self, test: str, plan: "WorldPlan", results: "dict[str, Result]") -> None:
+        """Take the campaign of one test: its groups have the name of the test before them."""
+        from msgspec.structs import replace
+
+        from vbus.campaign.verdict import Campaign
+
+        made = Campaign(plan, results)
+        for one in made.tried:
+            planned = replace(one.planned, group=f"{test}: {one.planned.group}", test=test)
+            self.worlds.append(planned)
+            self.results[planned.name] = one.result
+        for total in made.totals():
+            self.left[total.dimension, total.way] += total.left
+        self.refused |= plan.refused
+
+    def campaign(self) -> "Campaign":
+        """Return the campaigns of all tests as one."""
+        from vbus.campaign.plan import WorldPlan
+        from vbus.campaign.verdict import Campaign
+
+        worlds = sorted(self.worlds, key=lambda one: one.test)
+        return Campaign(WorldPlan(worlds, self.left, self.refused | self.passed), self.results)
 
     def lines(self) -> Iterator[str]:
         """Say in one line how many worlds there were; of a campaign, what was silent, too."""
         runs, tests = sum(self.tests.values()), len(self.tests)
         seen = f"vbus: {tests} test{'s' * (tests != 1)} in {runs} world{'s' * (runs != 1)}"
-        if not self.verdicts and not self.passed:
+        if not self.worlds and not self.passed:
             yield seen
             return
+        from vbus.campaign.report import QUIET
         from vbus.campaign.verdict import DETECTED, NO_EFFECT, VERDICTS
 
-        effects = sum(self.verdicts.values()) - self.verdicts[NO_EFFECT]
-        share = f"{100 * self.verdicts[DETECTED] / effects:.0f} %" if effects else "-"
-        counts = ", ".join(f"{self.verdicts[one]} {one}" for one in VERDICTS)
-        yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left} not tried"
-        for test, why in self.passed:
+        verdicts = Counter(result.verdict for result in self.results.values())
+        effects = sum(verdicts.values()) - verdicts[NO_EFFECT]
+        share = f"{100 * verdicts[DETECTED] / effects:.0f} %" if effects else "-"
+        counts = ", ".join(f"{verdicts[one]} {one}" for one in VERDICTS)
+        yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left.total()} not tried"
+        for test, why in self.passed.items():
             yield f"  {test}: no campaign: {why}"
-        for test, world, what in self.told[:_MOST]:
-            yield f"  {what}"
-            yield f"    pytest '{test}' --vbus-world='{world}'"
-        if len(self.told) > _MOST:
-            yield f"  {len(self.told) - _MOST} more silent outcomes"
+        told = self.campaign().told(QUIET)
+        for one in told[:_MOST]:
+            sentence, result = one.planned.world.sentence(), one.result
+            yield f"  {result.verdict}: {one.planned.group}, {sentence}: {result.reason}"
+            yield f"    {_line(one.planned)}"
+        if len(told) > _MOST:
+            yield f"  {len(told) - _MOST} more silent outcomes"
+
+    def write(self, subject: str, files: "dict[str, OutputFile]") -> None:
+        """Write what came of all campaigns, as ``vbus campaign`` does."""
+        from vbus.campaign import report
+
+        made = self.campaign()
+        into = {kind: file.write for kind, file in files.items()}
+        saved = report.Saved(results=self.results)
+        report.write(made, saved, made.told(report.QUIET), subject, _line, into)
+
+
+def _line(one: "PlannedWorld") -> str:
+    return f"pytest '{one.test}' --vbus-world='{one.world}'"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -98,6 +142,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help=f"run each test in N worlds, in each of which one thing is broken ({_USUAL}), or all"
         " of them for so long, such as 5m",
     )
+    for kind, what in _KINDS.items():
+        group.addoption(
+            f"--vbus-campaign-{kind}",
+            metavar="FILE",
+            help=f"write what came of the campaign: {what}, as vbus campaign --{kind} does",
+        )
     group.addoption(
         "--vbus-world", metavar="WORLD", help="run the tests in one world, as a campaign names it"
     )
@@ -122,10 +172,33 @@ def _asked(config: pytest.Config) -> tuple[int | None, float | None] | None:
     return int(text), None
 
 
+def _claimed(config: pytest.Config) -> "dict[str, OutputFile]":
+    """Open the files of a campaign, before its first run; workers of pytest-xdist have none."""
+    names = {kind: config.getoption(f"--vbus-campaign-{kind}") for kind in _KINDS}
+    asked = _asked(config)
+    if not any(names.values()) or hasattr(config, "workerinput"):
+        return {}
+    from vbus.core.errors import VbusError
+    from vbus.serve.output_file import OutputFile
+
+    claimed: dict[str, OutputFile] = {}
+    with ExitStack() as stack:
+        for kind, name in names.items():
+            if name and asked is None:
+                raise pytest.UsageError(f"--vbus-campaign-{kind} goes with --vbus-campaign")
+            try:
+                if name:
+                    claimed[kind] = stack.enter_context(closing(OutputFile(name)))
+            except VbusError as error:
+                raise pytest.UsageError(f"--vbus-campaign-{kind}: {error}") from None
+        config.add_cleanup(stack.pop_all().close)
+    return claimed
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker."""
     config.stash[TALLY] = Tally()
-    _asked(config)
+    config.stash[FILES] = _claimed(config)
     if config.getoption("--vbus-world"):
         from vbus.campaign.world import read_world
 
@@ -286,7 +359,7 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     """Run a test in many worlds, and tally what comes of it."""
     from vbus.board.build import build
     from vbus.campaign.plan import plan
-    from vbus.campaign.verdict import FOUND, SILENT, Campaign, judge
+    from vbus.campaign.verdict import judge
     from vbus.campaign.world import REFERENCE
     from vbus.cli.hosted.campaign_runs import limits_of
     from vbus.core.wall_clock import monotonic
@@ -304,7 +377,7 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
         elif again is not None and judge(reference, again).reason:
             why = f"two runs with nothing broken differ: {judge(reference, again).reason}"
     if reference is None or why:
-        tally.passed.append((item.nodeid, why))
+        tally.passed[item.nodeid] = why
         return
     file, source, _ = item.stash[RUN]
     item.stash[LIMITS] = limits_of(reference)
@@ -318,13 +391,7 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
         if run is not None:
             results[str(one.world)] = judge(reference, run, one.world)
     del item.stash[LIMITS]
-    made = Campaign(planned, results)
-    tally.verdicts.update(one.result.verdict for one in made.tried)
-    tally.left += sum(total.left for total in made.totals())
-    for tried in made.told((SILENT, FOUND)):
-        world, result = tried.planned.world, tried.result
-        what = f"{result.verdict}: {tried.planned.group}, {world.sentence()}: {result.reason}"
-        tally.told.append((item.nodeid, str(world), what))
+    tally.add_campaign(item.nodeid, planned, results)
 
 
 def _account(item: pytest.Item, world: "World") -> "Account | None":
@@ -351,13 +418,13 @@ def pytest_testnodedown(node: Any, error: object) -> None:
     """Take over what a worker of pytest-xdist has seen."""
     output = getattr(node, "workeroutput", {})
     if "vbus_worlds" in output:
-        node.config.stash[TALLY].add(output["vbus_worlds"])
+        node.config.stash[TALLY].add(pickle.loads(output["vbus_worlds"]))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Hand over what this worker of pytest-xdist has seen."""
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["vbus_worlds"] = session.config.stash[TALLY].export()
+        session.config.workeroutput["vbus_worlds"] = pickle.dumps(session.config.stash[TALLY])
 
 
 def pytest_terminal_summary(
@@ -367,3 +434,5 @@ def pytest_terminal_summary(
     tally = config.stash[TALLY]
     for line in tally.lines() if tally.tests else ():
         terminalreporter.line(line)
+    if config.stash[FILES]:
+        tally.write(shlex.join(["pytest", *config.invocation_params.args]), config.stash[FILES])
