@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 
@@ -188,6 +189,18 @@ def test_a_program_whose_threads_are_right_in_one_order_alone_is_found(board: Pa
     again = vbus(*done.stdout.splitlines()[-1].split()[1:])
     assert again.stdout == "gain 0\n"
     assert "in the order of seed" in again.stderr
+
+
+def test_a_fault_of_links_is_one_run_of_a_program_and_none_of_a_function(board: Path) -> None:
+    host = script(board, "import sys\ntry:\n" + indent(LOADS, " ")
+                  + "except OSError as error:\n sys.exit(str(error))\n")  # fmt: skip
+    world = ("campaign", "--board", board, "--world", "fault:host0@150000000:answer_lost")
+    done = vbus(*world, "--", sys.executable, host, "looks")
+    assert done.returncode == 1
+    assert "no reply to READ" in done.stderr
+    done = vbus(*world, "--host", f"{script(board, 'def host(bus): bus.read(0)')}:host")
+    assert done.returncode == 3
+    assert "only a program has a link" in done.stderr
 
 
 @pytest.mark.parametrize(

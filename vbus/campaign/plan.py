@@ -236,6 +236,7 @@ def _faults(made: WorldPlan, reference: Account, board: Board) -> Iterator[Plann
     for row in faults().values():
         targets = list(_targets(row, board))
         if row.target == LINK:
+            # Time stands after a lost answer: hosts give up by the wall clock, or never.
             made.refused[row.name] = "links have wall time, in which no two runs are alike"
         elif not targets:
             made.refused[row.name] = "nothing on this board can have it"

@@ -14,6 +14,7 @@ from vbus.core.errors import ConfigError
 from vbus.core.options import Value
 from vbus.core.values.settings import among
 from vbus.faults.faults import Faults
+from vbus.faults.row import LINK
 from vbus.faults.table import faults
 from vbus.plugins import chip_class, family_of
 from vbus.protocols.quantities import format_instant, parse_duration
@@ -36,6 +37,7 @@ LATE: Final = "late"
 WAYS: Final = (FLIP, LOST, DOUBLED, BUSY, LATE)
 """What can happen to one bus cycle."""
 NO_TURNS: Final = "only threads of a program with a card, under vbus exec, take turns"
+NO_LINK: Final = "only a program has a link: functions and tests run in the process of the board"
 ORDER: Final = "order"
 """Before the seed by which threads of a program have their turns: ``order17``."""
 EARLY: Final = "early"
@@ -106,6 +108,12 @@ class World(Struct, frozen=True, order=True):
     def order(self) -> int:
         """Seed of the order in which threads have their turns; 0: as they were created."""
         return int(self.how.removeprefix(ORDER)) if self.dimension == THREADS else 0
+
+    @property
+    def of_host(self) -> bool:
+        """Whether it is of a program's threads or its link, and not of the board."""
+        link = self.dimension == FAULT and faults()[self.how].target == LINK
+        return self.dimension == THREADS or link
 
     def arming(self) -> Arming | None:
         """Return the fault that makes it, if one does."""
@@ -232,14 +240,14 @@ def of_world(file: BoardFile, source: Source, world: World) -> tuple[BoardFile, 
 
     Raises:
         ConfigError: a chip has no section of its own in the file, the board is in real time, or the
-            world is of threads, which are no part of a board.
+            world is of a program's threads or link, which are no part of a board.
     """
     if world != REFERENCE and file.board.time == "realtime":
         raise ConfigError(
             f"{file.path}: in real time no two runs are alike; the board must be lockstep or slaved"
         )
-    if world.order:
-        raise ConfigError(f"{world}: {NO_TURNS}")
+    if world.of_host:
+        raise ConfigError(f"{world}: {NO_TURNS if world.order else NO_LINK}")
     if not world.settings and not world.seed:
         return file, source
     return read_board_text(with_settings(source.text, world), file.path)

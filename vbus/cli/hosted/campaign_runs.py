@@ -61,12 +61,14 @@ def limits_of(reference: Account | None) -> tuple[int, int]:
 
 def takes_turns(program: HostedProgram) -> bool:
     """Tell whether threads of a program take turns: those of firmware in a simulator do not."""
-    return bool(program.host.card and not program.host.pinmap)
+    host, time = program.host, program.file.board.time
+    return bool(host.card) and not host.pinmap and time != "realtime"
 
 
 def in_world(program: HostedProgram, world: World) -> HostedProgram:
     """Return a program with the board, and the order of threads, that it has in a world."""
-    of_board = REFERENCE if world.order and takes_turns(program) else world
+    fits = world.of_host and (takes_turns(program) or not world.order)
+    of_board = REFERENCE if fits else world
     file, source = of_world(program.file, program.source, of_board)
     return replace(program, file=file, source=source, order=world.order)
 
