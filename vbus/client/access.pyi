@@ -21,18 +21,25 @@ class Packets(Blocking):
             driver on hardware does. ``"wait"`` lets the board wait: a whole packet is one
             message, which is several times faster.
         polls: status reads after which a busy chip is given up.
+        checked: look after every packet whether the chip has taken it, by what it tells of that.
     """
 
     cycles: ChipCycles
     ready: str
     polls: int
+    checked: bool
     COMMAND_PORT: int = 0
     DATA_PORT: int = 1
     READY_MASK: int = 0
     READY_LEVEL: int = 0
 
     def __init__(
-        self, cycles: ChipCycles, *, ready: str = "poll", polls: int = READY_POLLS
+        self,
+        cycles: ChipCycles,
+        *,
+        ready: str = "poll",
+        polls: int = READY_POLLS,
+        checked: bool = False,
     ) -> None: ...
     def status(self) -> int:
         """Return the status byte; possible at any time."""

@@ -3,7 +3,7 @@
 
 from vbus.chips.lm628 import datasheet as lm
 from vbus.client.access import READY_POLLS, Packets
-from vbus.client.bus import Bus, Chip, ChipCycles
+from vbus.client.bus import Bus, Chip
 
 class Lm628Calls(Lm628Packets):
     """A call for each row of the chip's tables, under the manual's name in lower case.
@@ -203,16 +203,6 @@ class Lm628Packets(Packets):
         checked: look after every packet whether the chip has taken it for an error (LM-AMB-12).
     """
 
-    checked: bool
-
-    def __init__(
-        self,
-        cycles: ChipCycles,
-        *,
-        ready: str = "poll",
-        polls: int = READY_POLLS,
-        checked: bool = False,
-    ) -> None: ...
     def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
         """Write a command byte and words, then read ``count`` words; return these.
 

@@ -636,8 +636,6 @@ class Mc1241aPackets(Packets):
         checked: read and compare the checksum of every packet (PMD-PKT-2).
     """
 
-    checked: bool
-
     def __init__(
         self,
         cycles: ChipCycles,
