@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from vbus.chips.tables import AcTable
+from vbus.chips.ac_table import AcTable
 from vbus.core.kernel.clock import Clock
 from vbus.core.signals import Violation
 

@@ -11,7 +11,7 @@ from tests.e2e.command import vbus
 from vbus.cli.cli import cli
 from vbus.cli.run import doctor
 
-NO_DATA = {"demo", "exec", "logs", "plot", "router", "schema", "scope", "stop", "wait"}
+NO_DATA = {"demo", "exec", "fmu", "logs", "plot", "router", "schema", "scope", "stop", "wait"}
 """Verbs that print what a program or a board says, one document, or have nothing to say."""
 
 

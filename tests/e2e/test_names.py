@@ -112,8 +112,9 @@ def test_a_computer_without_free_descriptors_is_reported_and_not_asked_all_the_t
     full = Exhausted()
 
     async def main() -> None:
-        loop = asyncio.get_running_loop()
-        loop.add_reader(full.fileno(), transport._accept, full, loop, lambda link: None)
+        transport.loop = asyncio.get_running_loop()
+        transport._listener = full
+        transport.loop.add_reader(full.fileno(), transport._accept)
         for _ in range(100):
             await asyncio.sleep(0)
 

@@ -3,6 +3,7 @@
 import ast
 import fcntl
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -99,6 +100,7 @@ OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
     ("coverage", "--output"): ("c.json", lambda p: [
         "coverage", "run.vbj", "--format", "json", "--output", p,
     ]),
+    ("fmu", "--output"): ("b.fmu", lambda p: ["fmu", "other.toml", "-o", p]),
     ("plot", "--output"): ("p.svg", lambda p: ["plot", "motor.vbj", "-o", p]),
     ("scope", "--output"): ("s.html", lambda p: ["scope", "run.vbj", "-o", p]),
     ("snap save", "file"): ("s.snap", lambda p: ["snap", "save", "bench", p]),
@@ -129,7 +131,7 @@ INPUTS = {
     "--suppress", "--from", "--baseline", "--host", "--scenario", "--board", "--map",
     "--certificate", "--key",
     "capture", "files", "first", "second", "scenario", "journal", "journals", "sources", "what",
-    "file",
+    "file", "board", "run",
 }  # fmt: skip
 """Options and arguments that name what is read."""
 UNTIL_STOPPED = {("run", one) for one in ("--journal", "--report", "--coverage", "--wave")}
@@ -149,7 +151,7 @@ def options() -> Iterator[tuple[str, str]]:
             for one in command.params:
                 named = str(one.metavar or "")
                 if isinstance(one.type, click.Path | click.File) or "FILE" in named or (
-                    named == "DIR" or "." in named.strip(".")
+                    named == "DIR" or re.search(r"\w\.[a-z]", named)
                 ):  # fmt: skip
                     yield before + name, one.opts[-1]
 
@@ -312,6 +314,7 @@ BY_HAND = {
     "cli/run/detach.py": "the log of a run in the background",
     "cli/run/doctor.py": "looks whether a folder can be written",
     "cli/cli.py": "the null device",
+    "cli/test/fmu.py": "in a folder of its own, for the builder of units",
     "serve/in_process.py": "the null device",
     "testing/plugins/github.py": "GitHub's file, which every step of a job adds to",
     "transports/runtime.py": "locks and marks",

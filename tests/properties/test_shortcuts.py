@@ -1,6 +1,8 @@
 """What is computed the short way is, bit for bit, what the long way gives."""
 
 import ast
+import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.microstep import STEPS, Microstepper
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.generated.registers import NAMES
+from vbus.chips.mcp1200.generated.registers import NAMES, Registers
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.core.state import load, save
 from vbus.plant.angle import sine
@@ -134,7 +136,7 @@ def assigned(file: Path, *owners: str) -> Iterator[str]:
 
 
 def test_a_sample_takes_every_register_the_chip_itself_may_have_changed() -> None:
-    taken = list(assigned(FOLDER / "registers.py", "sampled"))
+    taken = re.findall(r"self\.(\w+) = other\.", inspect.getsource(Registers.copy_own))
     changed = {
         *assigned(FOLDER / "registers.py", "self"),
         *(
@@ -144,7 +146,7 @@ def test_a_sample_takes_every_register_the_chip_itself_may_have_changed() -> Non
         ),
     }
     assert {"flag", "capture", "actual_velocity", "pwm_fraction"} <= changed
-    assert sorted(taken) == sorted(changed)
+    assert changed <= set(taken)
 
 
 @given(

@@ -5,8 +5,9 @@ from typing import Any, ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
+from vbus.chips.ac_table import AcTable
 from vbus.chips.bus_watch import BusTable
-from vbus.chips.tables import AcTable, CardRow, PinRow
+from vbus.chips.tables import CardRow, PinRow
 from vbus.core.kernel import NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings, Value, with_defaults
 from vbus.core.signals import (

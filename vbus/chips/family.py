@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 
 from msgspec import Struct, field
 
+from vbus.chips.ac_table import AcTable
 from vbus.chips.base import Chip
 from vbus.chips.packets import packets_of
-from vbus.chips.tables import AcTable, Command, Register
+from vbus.chips.tables import Command, Register
 from vbus.core.errors import PluginError
 from vbus.core.signals import Rule, ValueTable
 

@@ -60,7 +60,7 @@ COMPILED: Final = (
 ``benchmarks/compiled_modules.py`` measures, and what such modules inherit from or look into."""
 
 COLD: Final = frozenset({
-    "__init__.py", "clauses.py", "tables.py",
+    "__init__.py", "clauses.py", "tables.py", "ac_table.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "host.py", "demo.py", "core/signals/values.py",
     "core/signals/trace_hash.py", "core/signals/violation.py", "plant/fmu.py",

@@ -5,9 +5,9 @@ from functools import cache
 
 from vbus import plugins
 from vbus.board.check.checks import all_rules
+from vbus.chips.ac_table import AcTable
 from vbus.chips.base import Chip
 from vbus.chips.clauses import Clause, clauses_of
-from vbus.chips.tables import AcTable
 from vbus.core.signals import Rule
 from vbus.views.scope.frames import ALL, CLAUSES, frame, texts
 

@@ -1,8 +1,9 @@
 """A chip small enough to read: what HostBus needs, and nothing else."""
 
+from vbus.chips.ac_table import AcLimit, AcTable
 from vbus.chips.base import POLL, Chip
 from vbus.chips.bus_watch import strobed_bus
-from vbus.chips.tables import AcLimit, AcTable, PinRow
+from vbus.chips.tables import PinRow
 from vbus.core.kernel import NEVER, US
 from vbus.core.signals import LOW, Watcher, Z
 

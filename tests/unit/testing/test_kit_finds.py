@@ -198,7 +198,9 @@ class HalfKept(ByteProtocol):
 
 class NoReset(ByteProtocol):
     def reset(self) -> None:
-        """Forget nothing."""
+        """Forget nothing of what has begun."""
+        if not hasattr(self, "_kept"):
+            super().reset()
 
 
 @INTERPRETED

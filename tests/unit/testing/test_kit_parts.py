@@ -40,7 +40,7 @@ def test_our_chips_keep_the_contract(part: str, plant: str) -> None:
     check_chip(maker(part, plant), cycles=120)
 
 
-@pytest.mark.parametrize("model", names(PLANTS))
+@pytest.mark.parametrize("model", sorted({*names(PLANTS)} - {"fmu"}))  # one with a unit: test_fmu
 def test_our_plants_keep_the_contract(model: str) -> None:
     check_plant(plant_class(model))
 

@@ -110,6 +110,15 @@ def test_a_run_shorter_than_the_time_constant_says_so() -> None:
     assert any("mechanical time constant" in one.why for one in fit.found if not one.told)
 
 
+def test_a_search_that_has_not_settled_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vbus.views.fit.fit.MOST_ROUNDS", 3)
+    monkeypatch.setattr("vbus.views.fit.fit.SEARCHES", 1)
+    monkeypatch.setattr("vbus.views.fit.fit.ASTRAY", 1e30)
+    fit = fitted(made_up(0, TRUE), inertia=9e-5)
+    assert not any(one.told for one in fit.found)
+    assert any("the search has not settled" in one.why for one in fit.found)
+
+
 def test_another_motor_than_the_files_is_noticed() -> None:
     fit = fitted(made_up(1, TRUE), encoder_lines=100)
     assert any("encoder_lines" in note for note in fit.notes)

@@ -6,9 +6,10 @@ or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.ac_table import AcLimit, AcTable, rules_in
 from vbus.chips.bus_watch import strobed_bus
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
-from vbus.chips.tables import AcLimit, AcTable, Bit, Command, CommandTable, PinRow, rules_in
+from vbus.chips.tables import Bit, Command, CommandTable, PinRow
 from vbus.core.kernel import MS, NS, US
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z

@@ -2,18 +2,10 @@
 
 from typing import Final
 
+from vbus.chips.ac_table import AcLimit, AcTable, rules_in
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
-from vbus.chips.tables import (
-    AcLimit,
-    AcTable,
-    Bit,
-    CardRow,
-    Command,
-    CommandTable,
-    PinRow,
-    rules_in,
-)
+from vbus.chips.tables import Bit, CardRow, Command, CommandTable, PinRow
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 

@@ -6,20 +6,10 @@ silent or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.ac_table import AcLimit, AcTable, rules_in
 from vbus.chips.bus_watch import ADDRESS, BYTE, EITHER, BusTable, Strobe
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
-from vbus.chips.tables import (
-    LIVE,
-    REPORTED,
-    SAMPLED,
-    AcLimit,
-    AcTable,
-    Bit,
-    PinRow,
-    Register,
-    RegisterMap,
-    rules_in,
-)
+from vbus.chips.tables import LIVE, REPORTED, SAMPLED, Bit, PinRow, Register, RegisterMap
 from vbus.core.options import Option
 from vbus.core.signals import HIGH, LOW, Rule, Value, ValueTable, Z
 

@@ -6,9 +6,10 @@ from functools import cache
 from typing import Final
 
 from vbus import plugins
+from vbus.chips.ac_table import AcLimit, AcTable
 from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.family import Family
-from vbus.chips.tables import AcLimit, AcTable, Bit, Command, PinRow, Register
+from vbus.chips.tables import Bit, Command, PinRow, Register
 from vbus.cli.generate.layout import folder_of, option_table, own_families, table
 from vbus.core.options import Option
 from vbus.core.signals import Rule

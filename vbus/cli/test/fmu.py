@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 from vbus.cli.output import duration
-from vbus.core.errors import PluginError, VbusError, read_errors
+from vbus.core.errors import PluginError, VbusError, read_errors, write_errors
 from vbus.serve.output_file import write_file
 
 _SCRIPT: Final = '''\
@@ -93,7 +93,7 @@ def command(board: Path, output: Path, step: int) -> int:
         guid=str(uuid.uuid5(uuid.NAMESPACE_URL, f"{step} {text}")),
         name=re.sub(r"\W", "_", block.name), title=f"vbus board {block.name}",
     )  # fmt: skip
-    with tempfile.TemporaryDirectory() as folder:
+    with write_errors(output), tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "board_block.py"
         source.write_text(script)
         made = FmuBuilder.build_FMU(source, Path(folder) / "made")

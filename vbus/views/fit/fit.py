@@ -28,6 +28,8 @@ SETTLED: Final = 3e-5
 """A step so small, in units of the parameters, ends the search."""
 MOST_ROUNDS: Final = 30
 SEARCHES: Final = 4
+PROMISE: Final = 0.01
+"""Squares of standard deviations that a step may still promise at the end of a search."""
 ASTRAY: Final = 50.0
 """Times the square of rounding and scatter, from which on a model does not follow its motor."""
 
@@ -143,6 +145,8 @@ class MotorFit:
         self._amperes = [n for n, step in enumerate(move.steps) if step.current is not None]
         self._targets: Vector = [count + 0.5 - move.first for count in counts]
         self._targets += [move.steps[n].current or 0.0 for n in self._amperes]
+        self._promise = 0.0
+        """What a step would gain where the search has ended, in squares of standard deviations."""
         self._astray = 1.0
         """How many times the square of what is left is that of rounding and scatter."""
         self._scatter = [ROUNDED, self._current_scatter()]
@@ -241,6 +245,12 @@ class MotorFit:
             normal[place][place] += 1.0 / _PRIOR[one] ** 2
         return normal
 
+    def _pull(self, at: Vector, free: Sequence[int], slopes: Matrix, misses: Vector) -> Vector:
+        return [
+            sum(map(_times, row, misses)) + (self._start[one] - at[one]) / _PRIOR[one] ** 2
+            for row, one in zip(slopes, free, strict=True)
+        ]
+
     def search(self, at: Vector, free: Sequence[int]) -> Vector:
         """Return the parameters that fit best; those that are not free stay."""
         damping = 1e-3
@@ -248,10 +258,7 @@ class MotorFit:
         slopes = self._slopes(at, free, misses)
         for _ in range(MOST_ROUNDS):
             normal = self._normal(slopes, free)
-            pull = [
-                sum(map(_times, row, misses)) + (self._start[one] - at[one]) / _PRIOR[one] ** 2
-                for row, one in zip(slopes, free, strict=True)
-            ]
+            pull = self._pull(at, free, slopes, misses)
             damped = [
                 [value * (1.0 + damping) if n == place else value for n, value in enumerate(row)]
                 for place, row in enumerate(normal)
@@ -280,7 +287,8 @@ class MotorFit:
     def covariance(self, at: Vector, free: Sequence[int]) -> Matrix:
         """Return how far parameters may be off together."""
         misses, _ = self._misses(at)
-        normal = self._normal(self._slopes(at, free, misses), free)
+        slopes = self._slopes(at, free, misses)
+        normal = self._normal(slopes, free)
         unit = [[float(n == m) for n in range(len(free))] for m in range(len(free))]
         # What is left is no noise of its own in each reading, so there are fewer of them than rows.
         counted = misses[: len(self._seen)]
@@ -288,6 +296,9 @@ class MotorFit:
         echo = sum(map(_times, counted, counted[1:])) / whole
         more = max((1.0 + echo) / (1.0 - echo), 1.0) if echo < 0.999 else 2000.0
         self._astray = max(1.0, whole / sum(self._weights), self._current_astray(misses))
+        # At the best fit no step promises more; one that does was not to be had, at a kink.
+        pull = self._pull(at, free, slopes, misses)
+        self._promise = sum(map(_times, pull, solved(normal, [pull])[0])) / self._astray
         return [[more * self._astray * value for value in row] for row in solved(normal, unit)]
 
     def _current_astray(self, misses: Vector) -> float:
@@ -363,7 +374,9 @@ class MotorFit:
     def _one(self, one: int, values: Vector, errors: Vector) -> Found:
         value, error = values[one], errors[one]
         size = max(abs(value), values[COULOMB]) if one == LOAD else abs(value)
-        told = self._astray < ASTRAY and 3.0 / 1.96 * error <= TOLD * size
+        told = (
+            self._astray < ASTRAY and self._promise < PROMISE and 3.0 / 1.96 * error <= TOLD * size
+        )
         return Found(
             NAMES[one], UNITS[one], value, error, told, "" if told else self._why(one, values)
         )
@@ -393,6 +406,8 @@ class MotorFit:
             )
         if one == VISCOUS and values[one] < 0.2 * braking:
             return "the motor's own back EMF brakes far more; a current would tell them apart"
+        if self._promise >= PROMISE:
+            return "the search has not settled: choose another part of the run with --from and --to"
         return "its part of the motion is too small beside the rounding to counts"
 
     def _note(self, fit: Fit, values: Vector) -> None:
