@@ -55,6 +55,7 @@ ROLES = {
 NUMBERS = (["generated", "bits"], ["generated", "registers"])
 """What is made for the chip itself, not for its clients."""
 SHARED_BY_CHIPS = {
+    "ac_table",
     "base",
     "bus_watch",
     "family",

@@ -244,7 +244,7 @@ class Container:
         """What it has printed."""
         return self.output.read_text()
 
-    def _first(self) -> str:
+    def first(self) -> str:
         """Return its first process; "" until that sees the image and nothing else."""
         children = Path(f"/proc/{self._popen.pid}/task/{self._popen.pid}/children")
         if self._popen.poll() is not None:
@@ -257,7 +257,7 @@ class Container:
     def healthy(self) -> bool:
         """Tell whether its health check finds it well; raise if it has ended."""
         assert self._popen.poll() is None, self.said
-        first = self._first()
+        first = self.first()
         if not first:
             return False
         words = self._image.become(self._check[1:])
@@ -271,12 +271,12 @@ class Container:
     def stop(self) -> tuple[int, float]:
         """End it as ``docker stop`` does; return its exit code and how long that took (s)."""
         begin = time.monotonic()
-        os.kill(int(self._first()), signal.SIGTERM)
+        os.kill(int(self.first()), signal.SIGTERM)
         return self._popen.wait(STOP_SECONDS), time.monotonic() - begin
 
     def kill(self) -> None:
         """End it whatever it does, and wait until all of it is gone."""
-        if first := self._first():
+        if first := self.first():
             os.kill(int(first), signal.SIGKILL)
         else:
             self._popen.kill()
@@ -438,10 +438,16 @@ def try_real_time(image: Image) -> None:
         host = machine.start("host")
         assert host.wait() == 0, host.said
         assert "all axes have arrived" in host.said, host.said
-        for name in ("x", "y", "z", "router"):
-            code, seconds = machine.running[name].stop()
-            assert code == 0, (name, code, machine.running[name].said)
-            print(f"  {name}: ended {seconds:.1f} s after SIGTERM")
+        # All at once, as "docker compose stop" does: a node that outlives another one by 0.3 s
+        # ends with that as its error.
+        nodes = [machine.running[name] for name in ("x", "y", "z")]
+        for first in [int(node.first()) for node in nodes]:
+            os.kill(first, signal.SIGTERM)
+        for node in nodes:
+            assert node.wait() == 0, node.said
+        code, seconds = machine.running["router"].stop()
+        assert code == 0, machine.running["router"].said
+        print(f"  router: ended {seconds:.1f} s after SIGTERM")
     finally:
         machine.end()
 
