@@ -139,15 +139,20 @@ def test_a_long_wait_of_a_host_that_has_gone_ends_at_a_whole_minute(
         host.connect(str(runtime / "one"))
         return host.detach()
 
-    with served(toy_board(), link) as server:
-        fd = opened()
-        os.write(fd, b"\x50" + u64(15 * WEEK))  # a busy machine lets the second host wait for one
-        os.close(fd)
-        until(lambda: server.pacer.board.now > 0, "time passes")
-        fd = opened()
-        os.write(fd, b"\x52")
-        left = 15 * WEEK - int.from_bytes(read_exactly(fd, 9)[1:], "big")
-        os.close(fd)
+    def left_when_the_next_has_come() -> int:
+        with served(toy_board(), link) as server:
+            fd = opened()
+            os.write(fd, b"\x50" + u64(15 * WEEK))
+            os.close(fd)
+            until(lambda: server.pacer.board.now > 0, "time passes")
+            fd = opened()
+            os.write(fd, b"\x52")
+            now = int.from_bytes(read_exactly(fd, 9)[1:], "big")
+            os.close(fd)
+        return 15 * WEEK - now
+
+    # The weeks pass in some tenths of a second, in which a busy machine may let nobody come.
+    left = next(filter(None, (left_when_the_next_has_come() for _ in range(50))))
     assert left > 0
     assert left % (60 * SECOND) == 0
 
