@@ -32,7 +32,7 @@ def main() -> None:
 
     def ask(number: int, data: bytes) -> bytes:
         while True:  # what has been lost is asked again
-            for reply in session.get(BUS, payload=data, attachment=cover(number), timeout=600.0):
+            for reply in session.get(BUS, payload=data, attachment=cover(number), timeout=130.0):
                 assert reply.ok is not None, reply.err
                 return reply.ok.payload.to_bytes()
 
@@ -53,7 +53,7 @@ def main() -> None:
             kept.append(
                 session.get(
                     BUS, zenoh.handlers.Callback(take, indirect=False), payload=REQUESTS,
-                    attachment=cover(number), timeout=600.0,
+                    attachment=cover(number), timeout=130.0,
                     congestion_control=zenoh.CongestionControl.BLOCK,
                 )
             )  # fmt: skip

@@ -250,12 +250,12 @@ def deaf_host(endpoint: str, how: str) -> Iterator[subprocess.Popen[str]]:
 def test_a_host_that_reads_no_posted_reply_holds_nobody_up_and_loses_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What blocks does so for ten minutes here, which is longer than any wait of this test."""
+    """What blocks does so for two minutes here, which is longer than any wait of this test."""
     settings = session._settings
 
     def patient(*given: Any) -> dict[str, Any]:
         block = "transport/link/tx/queue/congestion_control/block/wait_before_close"
-        return {**settings(*given), block: 600_000_000}
+        return {**settings(*given), block: 130_000_000}
 
     monkeypatch.setattr(session, "_settings", patient)
     with (
