@@ -1,9 +1,5 @@
 """Messages after the first one are samples, where the board takes them; and each counts once."""
 
-import os
-import subprocess
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,16 +14,12 @@ from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
-from vbus import connect
 from vbus.client.zenoh_link import Sent, ZenohBoardLink, open_zenoh
 from vbus.core.errors import TransportError
-from vbus.network import envelope, keys, session
+from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
 from vbus.network.session import close_session, open_session
-from vbus.serve.server import LinkSpec, Server
-from vbus.transports import zenoh_host
-from vbus.transports.zenoh_host import ZenohLink as BoardLink
-from vbus.transports.zenoh_host import send_reply
+from vbus.serve.server import LinkSpec
 
 __all__ = ["files"]
 ROOT = Path(__file__).parents[2]
@@ -224,76 +216,3 @@ def test_what_is_no_message_of_the_session_is_not_carried_out(
         host.close()
 
     assert cycles.seen == []
-
-
-MESSAGES = 90
-"""Their replies are 13 MB: more than the system and Zenoh take for a host that does not read."""
-
-
-@contextmanager
-def deaf_host(endpoint: str, how: str) -> Iterator[subprocess.Popen[str]]:
-    """A host that has sent its messages, and hears none of their replies."""
-    program = Path(__file__).with_name("deaf_host.py")
-    with subprocess.Popen(
-        [sys.executable, program, endpoint, how, str(MESSAGES)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    ) as process:  # fmt: skip
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "sent\n"
-            yield process
-        finally:
-            process.kill()
-
-
-def test_a_host_that_reads_no_posted_reply_holds_nobody_up_and_loses_none(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """What blocks does so for two minutes here, which is longer than any wait of this test."""
-    settings = session._settings
-
-    def patient(*given: Any) -> dict[str, Any]:
-        block = "transport/link/tx/queue/congestion_control/block/wait_before_close"
-        return {**settings(*given), block: 130_000_000}
-
-    monkeypatch.setattr(session, "_settings", patient)
-    with (
-        served(board(), LinkSpec("zenoh:")) as server,
-        deaf_host(endpoint_of(server.urls[0]), "posts") as deaf,
-    ):
-        until(lambda: following(server) > MESSAGES, "the end of all messages")
-        with connect(server.urls[0]) as bus:
-            assert [bus.echo(byte) for byte in range(100)] == list(range(100))
-        out, _ = deaf.communicate("hear\n", timeout=60)
-        assert out == f"{16384 * 9}\n"
-
-
-def test_replies_to_queries_of_a_host_that_reads_none_are_sent_by_a_thread_of_its_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A query may ask for replies that block: until the host's link is given up, after a lease."""
-    senders: dict[int, int] = {}
-
-    def noted(query: zenoh.Query, data: bytes, *given: Any, **named: Any) -> None:
-        thread = threading.get_ident()
-        senders[thread] = max(senders.get(thread, 0), len(data))
-        send_reply(query, data, *given, **named)
-
-    monkeypatch.setattr(zenoh_host, "send_reply", noted)
-    with (
-        served(board(), LinkSpec("zenoh:")) as server,
-        deaf_host(endpoint_of(server.urls[0]), "queries"),
-    ):
-        until(lambda: following(server) > MESSAGES, "the end of all messages")
-        with connect(server.urls[0]) as bus:
-            assert [bus.echo(byte) for byte in range(100)] == list(range(100))
-    assert len(senders) == 2
-    assert min(senders.values()) <= zenoh_host.DIRECT < max(senders.values())
-
-
-def following(server: Server) -> int:
-    """Return how many messages the first host's session has carried out."""
-    link = next(server.sessions()).link
-    assert isinstance(link, BoardLink)
-    return link.exchange.following
