@@ -117,7 +117,7 @@ class FmuPlant(Plant):
             one = variables.get(name.strip())
             try:
                 number = float(value)
-            except (ValueError, PluginError):
+            except ValueError:
                 number = float("nan")
             if one is None or one.type not in _NUMBERS or number != number:
                 raise ValueError(
