@@ -99,6 +99,12 @@ def test_both_versions_move_alike_and_the_same_in_every_run(
     assert first[-1] < max(first) > 100
 
 
+def test_a_unit_that_is_not_driven_stays_at_the_count_it_began_at(units: list[Path]) -> None:
+    plant = FmuPlant(settings(units[0]))
+    plant.prepare(256e-6)
+    assert [plant.drive(0.0, 0) for _ in range(5)] == [0] * 5
+
+
 def test_a_unit_keeps_the_contract_of_plants(units: list[Path]) -> None:
     check_plant(lambda: FmuPlant(settings(units[0])), periods=120)
 
