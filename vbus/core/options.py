@@ -1,8 +1,7 @@
 """Settings a board file may give to a chip, plant, protocol or transport, as a table."""
 
 from collections.abc import Mapping
-
-from msgspec import Struct
+from typing import NamedTuple
 
 Value = int | float | str | bool
 """A setting after checking: times in ps (int), frequencies in Hz (int), the rest in SI."""
@@ -10,7 +9,7 @@ Value = int | float | str | bool
 Settings = Mapping[str, Value]
 
 
-class Option(Struct, frozen=True):
+class Option(NamedTuple):
     """One setting.
 
     Attributes:

@@ -6,10 +6,7 @@ conditions and what is published over Zenoh follow from the rows.
 
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import Any, Final
-
-from msgspec import Struct
-from msgspec.structs import replace
+from typing import Any, Final, NamedTuple
 
 from vbus.core.signals.lane import nearest
 
@@ -23,7 +20,7 @@ INTERRUPT: Final = "interrupt"
 _SPELLED: Final = {"cnt": "counts", "count": "counts", "ustep": "microsteps"}
 
 
-class Value(Struct, frozen=True):
+class Value(NamedTuple):
     """One value of a chip or of a plant.
 
     Attributes:
@@ -148,7 +145,7 @@ class ValueTable:
             for row in rows
         )
         if not any(row.lane for row in rows):
-            rows = tuple(row if row.text else replace(row, lane=row.key) for row in rows)
+            rows = tuple(row if row.text else row._replace(lane=row.key) for row in rows)
         self.rows: tuple[Value, ...] = rows
         self.registers: dict[str, Value] = {row.register: row for row in rows if row.register}
         self._keyed: dict[str, Value] = {row.key: row for row in rows if row.key}
@@ -213,10 +210,12 @@ def _filled(value: Value, row: Any, home: str) -> Value:
     unit, fraction = value.unit or row.unit, value.fraction or row.fraction
     if not value.command:
         fields = value.fields or row.fields
-        return replace(value, place=place, unit=unit, fraction=fraction, fields=fields)
+        return value._replace(place=place, unit=unit, fraction=fraction, fields=fields)
     title = value.title or (f"what {row.name} reads" if row.read else f"as {row.name} set it")
     clause = value.clause or row.clause
-    return replace(value, place=place, unit=unit, fraction=fraction, title=title, clause=clause)
+    return value._replace(
+        place=place, unit=unit, fraction=fraction, title=title, clause=clause
+    )
 
 
 def _place_of_lane(row: Value) -> int:
