@@ -213,9 +213,7 @@ def _filled(value: Value, row: Any, home: str) -> Value:
         return value._replace(place=place, unit=unit, fraction=fraction, fields=fields)
     title = value.title or (f"what {row.name} reads" if row.read else f"as {row.name} set it")
     clause = value.clause or row.clause
-    return value._replace(
-        place=place, unit=unit, fraction=fraction, title=title, clause=clause
-    )
+    return value._replace(place=place, unit=unit, fraction=fraction, title=title, clause=clause)
 
 
 def _place_of_lane(row: Value) -> int:
