@@ -97,6 +97,8 @@ class ServoAxis:
 
     def interrupt(self) -> bool:
         """Level of HI: any flag that is enabled (LM-STA-7)."""
+        # LM-STA-7, LM-AMB-13: a level, no latch: a driver masks around long packets, and the flags
+        # raise HI again.
         return self.flags & self.mask != 0
 
     def may_interrupt(self) -> bool:
@@ -182,6 +184,7 @@ class ServoAxis:
 
     def capture(self, position: int) -> None:
         """The index pulse has come at ``position`` (LM-POS-3)."""
+        # LM-AMB-10: here the register changes, and not when SIP is given.
         self.index = wrap(position, ds.POSITION_BITS)
         # LM-POS-3: further pulses do nothing until SIP is given again.
         self.sip = False
@@ -243,7 +246,7 @@ class ServoAxis:
             profile = self.profile
             # LM-TRJ-14: the desired position goes on, however far the motor lags.
             if profile.step():
-                self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4
+                self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4, LM-AMB-2: latched
             # LM-PID-2: a difference of 31 bits.
             error = (profile.position >> 16) - real
             if error < ds.POSITION_MIN or error > ds.POSITION_MAX:  # LM-PID-2

@@ -213,6 +213,7 @@ class PacketPort:
             self.unchecked += 1
         row = ds.COMMANDS.by_code(code)
         if row is not None:
+            # PMD-PKT-1: words one way, then the checksum, if the host reads it.
             self._open(row, row.write, row.read)
             # PMD-BUS-9: without data the command acts now, else with its last word.
             if not row.write:

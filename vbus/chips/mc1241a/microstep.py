@@ -180,6 +180,7 @@ class Microstepper:
     @property
     def phase_info(self) -> int:
         """GET_PHASE_INFO: bit 3, two phases (PMD-CMD-80)."""
+        # PMD-AMB-27: bit 3 alone has a name.
         return TWO_PHASE if self.two_phase else 0
 
     def still(self) -> bool:

@@ -155,7 +155,8 @@ class ExceptionSources:
         one: i64 = 1
         # MCP-EXC-6: R46 acts without a flag, and 00 is "report", which does nothing.
         wanted = one << (registers.forced_exception & 3)
-        # MCP-EXC-5, MCP-REG-5: bits 1 and 0 of R04, in every sample while the pin is low.
+        # MCP-EXC-5, MCP-REG-5, MCP-AMB-34: bits 1 and 0 of R04, in every sample while the pin is
+        # low.
         if self.limit or limit_low:
             wanted |= one << (setting & 3)
         # MCP-EXC-5, MCP-REG-5: bits 3 and 2.
@@ -430,6 +431,7 @@ class ControlLoop:
         else:
             too_large = following.too_large
         if too_large:
+            # MCP-ERR-2, MCP-AMB-6: status bit 4, of a stall too.
             registers.fault(ds.ERROR_OK)
             self.faults.error = True
 

@@ -12,6 +12,8 @@ from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.core.bits import sign_extend
 from vbus.core.state import Names
 
+# MCP-CAP-1, MCP-AMB-15: by the table, bits 4 and 1 enable, and bits 3 and 0 are latches that a 0
+# clears.
 _STORED_CAPTURE_BITS: Final = (
     ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
 )
@@ -231,6 +233,8 @@ class HostRegisters:
             return
         # MCP-FLG-1: bit 3 sets or clears, bits 2 to 0 say which.
         if data & 8:
+            # MCP-MOD-9, MCP-FLG-3: flag Fn reads in bit n, in idle mode too, where its mode waits
+            # for control.
             registers.flag |= flag
             self._judge_flag(flag, cycle)
             # F2 acknowledges a profile at once, so that a host may wait for it to fall (NOTES 3).
@@ -292,6 +296,7 @@ class HostRegisters:
             flags &= ~ds.LIMIT_OK
         if not self._inputs.stop:
             flags &= ~ds.STOP_OK
+        # MCP-AMB-20, MCP-AMB-21: the error flags are active low: cleared is 1.
         self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
 
     def guard(self) -> None:

@@ -31,6 +31,7 @@ def frame_clocks(setting: i64) -> i64:
     # MCP-OUT-5: 9 to 15 are as 8.
     if setting > 8:
         setting = 8
+    # MCP-AMB-18: by R1A; the division by 100 that is printed elsewhere is its setting 0.
     clocks: i64 = 100
     if setting & 1:
         clocks = 150
@@ -94,7 +95,7 @@ class Pwm:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
-        # MCP-OUT-6: 0 is half a frame.
+        # MCP-OUT-6, MCP-AMB-3: by bit 7 of R02; 0 is half a frame.
         if self._registers.config & ds.PWM_BIAS:
             return (ds.PWM_FULL + command) * length // (2 * ds.PWM_FULL)
         if command < 0:
@@ -276,6 +277,8 @@ class OutputPins:
             self._prof.drive(self._prof_level())
             self._idle.drive(int(registers.flag & ds.F1 != 0))
             self._busy.drive(registers.status & ds.BUSY)
+            # MCP-MOD-3: in idle mode as the host wrote it: without offset, unipolar mode or
+            # saturation.
             self._dac.drive(registers.dac)
             self._trig.drive(self._trig_level())
         self.show_pulse(cycle)

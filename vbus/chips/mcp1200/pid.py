@@ -86,7 +86,7 @@ class Following:
         # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF (MCP-ERR-2).
         self.too_large = size > sampled.max_error and sampled.max_error < 0xFFFF
         deadband = sampled.deadband
-        self.in_position = size <= deadband + 1  # MCP-STA-4
+        self.in_position = size <= deadband + 1  # MCP-STA-4, MCP-AMB-35
         # MCP-ERR-4: 16 bits.
         # MCP-ERR-3, MCP-AMB-17: less or equal.
         if size <= deadband:
@@ -125,7 +125,7 @@ class LeadFilter:
         """Return the motor command, not limited, for position error ``error`` (16 bits)."""
         gain = sampled.lead_gain
         old = 4 * sampled.lead_zero * gain * self._error + sampled.lead_pole * self._command
-        # MCP-FLT-2: one floor for both old terms.
+        # MCP-FLT-2, MCP-AMB-26: in 1/16 of an R08 step; one floor for both old terms.
         command = 4 * gain * error - (old >> 8)
         self._error = error
         # MCP-FLT-2: the old motor command as it was sent.
@@ -201,6 +201,7 @@ class PidFilter:
         self._error_1 = error
         acceleration = velocity - self._velocity  # MCP-FLT-4
         self._velocity = velocity  # MCP-FLT-4
+        # MCP-FLT-3, MCP-AMB-24: one floor at the end; the acceleration term has no factor.
         command = (
             256 * sampled.kp * error
             + sampled.ki * self.integral
@@ -226,11 +227,13 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
         error: position error, sent instead for diagnosis; it keeps its sign (NOTES 22).
         clip: of a negative command a unipolar output gives zero, not the magnitude (NOTES 22).
     """
+    # MCP-AMB-4: by bit 2 of R01: F2, which one sentence names, shows motion in this chip.
     unipolar = sampled.feature & ds.UNIPOLAR
     # MCP-OUT-9, MCP-OUT-2: either takes the place of the command.
     if sampled.feature & ds.DIAGNOSTIC_DAC:
         unipolar = 0
         command = limited(error * 16)
+    # MCP-OUT-2, MCP-AMB-5: a setting, as the manual does not say which.
     elif unipolar and clip and command < 0:
         command = 0
     limit = sampled.saturation

@@ -275,7 +275,7 @@ class Trapezoid:
             self._origin = command.position
             command.phase = ACCELERATING
         elif final != self._final and command.phase < DECELERATING:
-            # MCP-TRP-6
+            # MCP-TRP-6, MCP-AMB-31: taken while the axis does not brake yet.
             if not _reachable(command, final, accel):
                 return -1
             self._final = final

@@ -123,6 +123,7 @@ class Stepper:
     @property
     def width(self) -> i64:
         """Clocks of a step pulse (MCP-STP-2)."""
+        # MCP-STP-2, MCP-AMB-19: the formula counts, not the examples.
         return self._registers.step_width + 1
 
     def overrun(self, period: i64) -> bool:
