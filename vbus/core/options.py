@@ -62,6 +62,7 @@ def with_defaults(options: tuple[Option, ...], given: Settings | None = None) ->
         if option.choices and value not in option.choices:
             allowed = ", ".join(option.choices)
             raise ValueError(f"{option.name} = {value!r}: allowed are {allowed}")
+        # A text has no range.
         if not isinstance(value, str):
             if option.low is not None and value < option.low:
                 raise ValueError(f"{option.name} = {value}: at least {option.low}")

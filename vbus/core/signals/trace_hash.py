@@ -23,6 +23,7 @@ class TraceHash(Observer):
         self.records: int = 0
 
     def _add(self, when: int, name: str, text: str) -> None:
+        # A joined net has no chip: it comes after all of them, by name.
         rank = self._order.get(name.partition(".")[0], len(self._order))
         self._pending.append((when, rank, text))
 

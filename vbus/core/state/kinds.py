@@ -121,6 +121,7 @@ class Kind:
             Refused: it is no such value.
         """
         kind = type(saved)
+        # type(), not isinstance(): True is an int in Python.
         if kind not in self.types or (kind is int and not -MOST - 1 <= saved <= MOST):
             raise self.refuse(saved)
         return saved
@@ -136,6 +137,7 @@ class Integer(Kind):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
+        # msgpack, which snapshots are written in, has integers of 64 bits.
         return value if -MOST - 1 <= value <= MOST else str(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -164,6 +166,7 @@ class Real(Kind):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was saved."""
         number = float(super().take(saved, now, load))
+        # Not finite: inf - inf and nan - nan are nan.
         if number - number != 0.0:
             raise self.refuse(saved)
         return number
@@ -202,6 +205,7 @@ class InPlace(Octets):
         super().take(saved, now, load)
         if self.fixed and len(saved) != len(now):
             raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
+        # Later: nothing is set before all of the state has been checked.
         load.put(now.__setitem__, ALL, saved)
         return now
 
@@ -263,6 +267,7 @@ class Sorted(Repeated):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
+        # Two equal states must be equal bytes.
         return super().save(sorted(value))
 
 
