@@ -41,6 +41,7 @@ def open_link(where: str) -> BoardLink:
         kind, rest = "pty", place
     elif not colon:
         raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
+    # Imported here: Zenoh is an extra, which may not be installed.
     if kind == "zenoh" and rest:
         from vbus.client.zenoh_link import open_zenoh
 
@@ -55,6 +56,7 @@ def open_link(where: str) -> BoardLink:
         return BoardLink(f"{kind}:{rest}", opener[kind](rest), board)
     except (OSError, termios.error) as error:
         reason = error.args[1] if len(error.args) > 1 else str(error)
+        # expandvars() leaves what is not set as it is, and then no file is found.
         if "$" in rest:
             reason = "an environment variable in it is not set; vbus ls shows the link in full"
         elif error.args[:1] == (errno.ENOENT,):
@@ -77,6 +79,7 @@ def _board_at(name: Path) -> str:
         held, lock = lock_state(name)
     except OSError:
         return ""
+    # A terminal's number is given out again: behind it may be a shell by now.
     if not held:
         raise OSError(errno.ESTALE, "the board it led to was killed; start it again (vbus ls)")
     return lock.partition("\n")[2].strip()
@@ -110,7 +113,9 @@ def _open_tcp(address: str) -> int:
         host.strip("[]"), int(port), type=socket.SOCK_STREAM
     )[0]
     with socket.socket(family, kind, protocol) as link:
+        # Connecting must not wait: the caller has a time limit of its own.
         link.setblocking(False)
+        # Requests are a few bytes: Nagle's algorithm would hold each back for the answer before.
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         code = link.connect_ex(target)
         if code not in (0, errno.EINPROGRESS):

@@ -124,6 +124,7 @@ def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator
         yield
     except OSError as error:
         raise kind(f"{path}: {unreadable(path, error)}") from error
+    # The bytes are at hand: what the file is instead can be said.
     except UnicodeDecodeError as error:
         raise kind(f"{path}: {no_text(path, error.object)}") from error
 
@@ -151,6 +152,7 @@ def listen_errors(place: str, where: str = "", kind: type[Exception] = OSError) 
     try:
         yield
     except kind as error:
+        # Libraries wrap the system's error, which has the words that help.
         cause = error.__cause__ or error
         another = " ".join(["another", *where.split()])
         raise TransportError(

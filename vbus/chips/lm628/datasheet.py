@@ -220,6 +220,8 @@ CLOCK_ABSURD: Final = (10_000, 80_000_000)
 
 # -- Timings ------------------------------------------------------------------------------------
 
+# LM-AMB-7: the 2048 periods that the text on reset names are the sample; a derivative interval is
+# one or more of them.
 SAMPLE_CLK: Final = 2048
 """Servo sample (LM-TRJ-17)."""
 BUSY_CLK: Final = 120

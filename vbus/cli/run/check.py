@@ -106,7 +106,7 @@ def _rules() -> list[dict[str, Any]]:
     from vbus.board.check.checks import all_rules
     from vbus.views.clauses import ac_limits
 
-    return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
+    return [{**rule._asdict(), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
 
 def _lines(report: dict[str, Any]) -> Iterator[str]:

@@ -131,7 +131,7 @@ class EventsView(BoardView, Observer):
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        self._add(["v", *msgspec.structs.astuple(violation)])
+        self._add(["v", *violation])
 
     def _add(self, event: list[Any]) -> None:
         if len(self._events) < MOST_EVENTS:
