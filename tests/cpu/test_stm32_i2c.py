@@ -64,7 +64,7 @@ UNUSED uint8_t get_one(uint8_t address)
 
 
 def test_a_pca9554_is_written_and_read_byte_by_byte(bench: Bench) -> None:
-    bench.board = _board("PCA9554")
+    bench.board = expander_board("PCA9554")
     body = (
         DRIVER
         + """
@@ -99,7 +99,7 @@ int main(void) {
 
 
 def test_a_pcf8574_answers_and_nobody_else_does(bench: Bench) -> None:
-    bench.board = _board("PCF8574")
+    bench.board = expander_board("PCF8574")
     body = (
         DRIVER
         + """
@@ -121,7 +121,7 @@ int main(void) {
 
 
 def test_a_bit_takes_its_time(bench: Bench) -> None:
-    bench.board = _board("PCF8574")
+    bench.board = expander_board("PCF8574")
     body = (
         DRIVER
         + """
@@ -139,7 +139,7 @@ int main(void) {
     assert 18 <= int(out) <= 21
 
 
-def _board(part: str) -> str:
+def expander_board(part: str) -> str:
     pins = 'PB6 = "exp.SCL"\nPB7 = "exp.SDA"\nPB8 = "D0"'
     plain = BOARD.replace('PB8 = "D0"', pins).replace('PA4 = "/RST"\n', "")
     plain = plain.replace('PA5 = "HI"\n', "")
@@ -147,7 +147,7 @@ def _board(part: str) -> str:
 
 
 def test_without_i2c_the_pins_are_those_of_the_port(bench: Bench) -> None:
-    bench.board = _board("PCF8574")
+    bench.board = expander_board("PCF8574")
     body = """int main(void) { CLOCKS |= 0x1D; R(GPIOB) = 0x66444444; R(GPIOB + 0x10) = 0xC0;
     R(GPIOB + 0x14) = 0x40;
     number(R(GPIOB + 8) >> 6 & 3); return 0; }"""
@@ -245,7 +245,7 @@ VECTORS = (
 def test_events_errors_and_dma_drive_an_expander(
     bench: Bench, spec: str, family: str, sent: str, taken: str
 ) -> None:
-    bench.board = _board("PCA9554")
+    bench.board = expander_board("PCA9554")
     body = (
         family
         + DRIVER.replace("UNUSED void open", "#ifndef STREAMS\nUNUSED void open").replace(
