@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from tests.boards import AXIS
 from tests.unit.views.conftest import lm629_command, record
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
@@ -22,17 +23,7 @@ from vbus.views.fit.fit import Fit, MotorFit
 from vbus.views.fit.moves import Driven, RecordedMove, capture_move, table_move
 from vbus.views.silicon.capture import Capture
 
-BOARD = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "dc_motor"
-"""
+BOARD = AXIS.format(time="lockstep", model="dc_motor")
 TRUE = {
     "inertia": 9e-6, "torque_constant": 0.035, "back_emf": 0.035, "viscous_friction": 2e-5,
     "coulomb_friction": 0.003, "static_friction": 0.00375, "load_torque": 0.001,
