@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import zip_longest
 from typing import Final
 
@@ -233,10 +233,9 @@ class Campaign:
                 first.setdefault((*one.key, one.result.verdict), one)
         return list(first.values())
 
-    def new(self, baseline: Iterable[tuple[str, str, str]]) -> list[Tried]:
+    def new(self, baseline: Collection[tuple[str, str, str]]) -> list[Tried]:
         """Return the quiet outcomes that a baseline does not have."""
-        known = {*baseline}
-        return [one for one in self.told((SILENT, FOUND)) if one.key not in known]
+        return [one for one in self.told((SILENT, FOUND)) if one.key not in baseline]
 
 
 def _place(key: tuple[str, str]) -> tuple[int, int, str]:
