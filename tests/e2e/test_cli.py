@@ -354,7 +354,8 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
     assert chip == "  chip x: ACME-1 at 8 MHz, 0 reads, 0 writes"
     assert pty == f"  link pty:{runtime}/x: byte protocol, to x, waiting, 0 bytes in, 0 out"
     assert unix == f"  link unix:{runtime}/x.sock: text protocol, to x, waiting, 0 bytes in, 0 out"
-    assert connected.startswith(f"  link unix:{runtime}/x.sock: text protocol, to x, connected, 4 bytes in")
+    shown = f"  link unix:{runtime}/x.sock: text protocol, to x, connected, 4 bytes in"
+    assert connected.startswith(shown)
     assert status["chips"] == [
         {
             "name": "x",

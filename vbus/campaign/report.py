@@ -73,7 +73,7 @@ def write(
         line: gives the line that runs a world again.
         files: by what they are, of :data:`FILES`, what writes them.
     """
-    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(QUIET)))
+    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.listed(QUIET)))
     saved.totals = campaign.totals()
     makers = {
         "json": lambda: as_json(saved),
@@ -149,7 +149,7 @@ def lines(
                  str(total.left), _share(total.coverage)]  # fmt: skip
         yield f"{name:24}" + "".join(f"{cell:>10}" for cell in cells)
     yield from _refused(campaign)
-    shown = campaign.told()
+    shown = campaign.listed()
     for number, one in enumerate(shown):
         if most is not None and number >= most:
             yield f"{len(shown) - most} more; --all tells them, --json and --page have them"

@@ -109,13 +109,13 @@ class Tally:
         yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left.total()} not tried"
         for test, why in self.passed.items():
             yield f"  {test}: no campaign: {why}"
-        told = self.campaign().told(QUIET)
-        for one in told[:_MOST]:
+        quiet = self.campaign().listed(QUIET)
+        for one in quiet[:_MOST]:
             sentence, result = one.planned.world.sentence(), one.result
             yield f"  {result.verdict}: {one.planned.group}, {sentence}: {result.reason}"
             yield f"    {_line(one.planned)}"
-        if len(told) > _MOST:
-            yield f"  {len(told) - _MOST} more silent outcomes"
+        if len(quiet) > _MOST:
+            yield f"  {len(quiet) - _MOST} more silent outcomes"
 
     def write(self, subject: str, files: "dict[str, OutputFile]") -> None:
         """Write what came of all campaigns, as ``vbus campaign`` does."""
@@ -124,7 +124,7 @@ class Tally:
         made = self.campaign()
         into = {kind: file.write for kind, file in files.items()}
         saved = report.Saved(results=self.results)
-        report.write(made, saved, made.told(report.QUIET), subject, _line, into)
+        report.write(made, saved, made.listed(report.QUIET), subject, _line, into)
 
 
 def _line(one: "PlannedWorld") -> str:
