@@ -44,7 +44,7 @@ def ls(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int
     lines = (line for board in boards for line in listed_lines(board))
     show(as_json, boards, lines if boards or names else ["no board is running"])
     for name in missing:
-        complain(f'no board called "{name}" answers; "vbus ls" shows which do')
+        complain(registry.not_there(name, "answers"))
     return exit_codes.NO_LINK if missing else exit_codes.OK
 
 
@@ -83,10 +83,8 @@ def wait(names: tuple[str, ...], timeout: float) -> int:
     for name in names:
         while not registry.answers(name):
             if time.monotonic() >= deadline:
-                raise TransportError(
-                    f'no board called "{name}" is ready within {timeout:g} s; "vbus ls" shows which'
-                    ' run, "vbus logs" what one in the background has said'
-                )
+                late = registry.not_there(name, f"is ready within {timeout:g} s")
+                raise TransportError(f'{late}; "vbus logs" shows what one in the background says')
             time.sleep(WAIT_PAUSE)
     return exit_codes.OK
 
@@ -102,10 +100,8 @@ def logs(board: str, follow: bool) -> None:
     try:
         file = registry.log_path(board).open(encoding="utf-8", errors="replace")
     except FileNotFoundError:
-        raise TransportError(
-            f'no board called "{board}" was started with --detach; "vbus ls" shows which run, and'
-            " others tell the terminal they were started on"
-        ) from None
+        absent = registry.not_there(board, "was started with --detach")
+        raise TransportError(f"{absent}; without it a board tells its own terminal") from None
     with file:
         while True:
             alive = follow and registry.answers(board)
@@ -135,7 +131,7 @@ def stop(names: tuple[str, ...], timeout: float) -> int:
             process for board, process in boards if name in (board, board.partition(".")[0])
         }
         if not processes[name]:
-            raise TransportError(f'no board called "{name}" runs; "vbus ls" shows which do')
+            raise TransportError(registry.not_there(name, "runs"))
     late = []
     for name in names:
         ended = [_ended(process, timeout) for process in processes[name]]
