@@ -94,7 +94,7 @@ def write(
         line: gives the line that runs a world again.
         files: by what they are, of :data:`FILES`, what writes them.
     """
-    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(QUIET)))
+    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.listed(QUIET)))
     saved.totals = campaign.totals()
     makers = {
         "json": lambda: as_json(saved),
@@ -181,7 +181,7 @@ def outcomes(
     everything: str = "--all tells them, --json and --page have them",
 ) -> Iterator[str]:
     """Give what was silent or hung, as :func:`lines` does; ``everything`` says where all is."""
-    shown = campaign.told()
+    shown = campaign.listed()
     for number, one in enumerate(shown):
         if most is not None and number >= most:
             yield f"{len(shown) - most} more; {everything}"

@@ -224,7 +224,7 @@ class Campaign:
             for key in sorted(counts, key=lambda key: order[key])
         ]
 
-    def told(self, verdicts: Iterable[str] = (SILENT, FOUND, HANG)) -> list[Tried]:
+    def listed(self, verdicts: Iterable[str] = (SILENT, FOUND, HANG)) -> list[Tried]:
         """Return of each group, way and verdict the earliest world, for a look at it."""
         wanted = {*verdicts}
         first: dict[tuple[str, ...], Tried] = {}
@@ -235,7 +235,7 @@ class Campaign:
 
     def new(self, baseline: Collection[tuple[str, str, str]]) -> list[Tried]:
         """Return the quiet outcomes that a baseline does not have."""
-        return [one for one in self.told((SILENT, FOUND)) if one.key not in baseline]
+        return [one for one in self.listed((SILENT, FOUND)) if one.key not in baseline]
 
 
 def _place(key: tuple[str, str]) -> tuple[int, int, str]:

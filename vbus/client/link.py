@@ -14,6 +14,11 @@ from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import parse_duration
 
 _READ: Final = 65536
+NOT_RUNNING: Final = {
+    errno.ENOENT: "no such name; is the board running? (vbus ls)",
+    errno.ECONNREFUSED: "no process listens there; is the board running? (vbus ls)",
+}
+"""By the system's error: why a link cannot be opened, and where to look."""
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
 
 
@@ -107,7 +112,8 @@ class BoardLink:
             with socket.socket(fileno=os.dup(self.fd)) as connected:
                 code = connected.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if code:
-                raise TransportError(f"{self.where} cannot be opened: {os.strerror(code)}")
+                reason = NOT_RUNNING.get(code, os.strerror(code))
+                raise TransportError(f"{self.where} cannot be opened: {reason}")
 
     def check_board(self, board: str) -> None:
         """Compare the board that has answered with the one that should.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qs
 
-from vbus.client.link import BoardLink
+from vbus.client.link import NOT_RUNNING, BoardLink
 from vbus.core.errors import TransportError
 from vbus.core.runtime import expanded, lock_state
 
@@ -59,10 +59,8 @@ def open_link(where: str) -> BoardLink:
         # expandvars() leaves what is not set as it is, and then no file is found.
         if "$" in rest:
             reason = "an environment variable in it is not set; vbus ls shows the link in full"
-        elif error.args[:1] == (errno.ENOENT,):
-            reason = "no such name; is the board running? (vbus ls)"
-        elif error.args[:1] == (errno.ECONNREFUSED,):
-            reason = "no process listens there; is the board running? (vbus ls)"
+        else:
+            reason = NOT_RUNNING.get(error.args[0] if error.args else 0, reason)
         raise TransportError(f"{kind}:{rest} cannot be opened: {reason}") from error
 
 

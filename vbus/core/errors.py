@@ -27,7 +27,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from vbus.core.file_kinds import no_text, unreadable
+from vbus.core.file_kinds import no_text, unreadable, unwritable
 
 
 class VbusError(Exception):
@@ -137,7 +137,7 @@ def write_errors(path: str | Path) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, VbusError):  # a TransportError, which says more
             raise
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+        raise VbusError(f"{path}: {unwritable(path, error)}") from error
 
 
 @contextmanager

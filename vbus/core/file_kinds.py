@@ -126,6 +126,17 @@ def is_none(name: object, head: bytes, wanted: str, made: str) -> str:
     return f"{name} is no {wanted}: {looks_like(name, head)}; {made}"
 
 
+def unwritable(path: str | Path, error: OSError) -> str:
+    """Return why a file cannot be written, and what to do."""
+    reason = f"cannot be written: {error.strerror}"
+    folder = Path(path).parent
+    if isinstance(error, IsADirectoryError):
+        return f"{reason}; name a file in it, such as {Path(path) / 'FILE'}"
+    if isinstance(error, FileNotFoundError) and not folder.is_dir():
+        return f"{reason}; there is no folder {folder}: make it first"
+    return reason
+
+
 def unreadable(path: str | Path, error: OSError) -> str:
     """Return why a file cannot be read, and what to do."""
     if isinstance(error, IsADirectoryError):

@@ -102,7 +102,7 @@ class Bench:
         self.variant = variant
         self.budget: Limits = budget_of("vbus", keywords.get("budget", {}), budget)
         self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), tolerance)
-        self.judge: Judge = (judge or Judge()).told("vbus", keywords)
+        self.judge: Judge = (judge or Judge()).configured("vbus", keywords)
         of_test = ("budget", "golden", *CHOICES)
         keywords = {key: value for key, value in keywords.items() if key not in of_test}
         _check_keywords(keywords, ("accept", *of_test))

@@ -291,7 +291,7 @@ class CampaignRun:
         Args:
             files: names of files, by what they are; None: there is no such file.
             baseline: a file whose silent outcomes are known.
-            every: whether all outcomes are told.
+            every: whether all outcomes are listed.
 
         Raises:
             VbusError: the reference run fails, or does not repeat; a file cannot be written.

@@ -266,24 +266,24 @@ def _meaning(row: Command, notes: Mapping[str, str]) -> list[str]:
     remarks = [notes.get(row.note, ""), _SCOPES.get(row.scope, "")]
     if row.buffered and not row.read:
         remarks.append("Takes effect at an update.")
-    told = " ".join(filter(None, remarks))
+    remark = " ".join(filter(None, remarks))
     if row.read:
-        return [title, told, f"Returns {_sense(row, 16 * row.read)}."]
+        return [title, remark, f"Returns {_sense(row, 16 * row.read)}."]
     if row.up_to > row.write:
         words = f"    words: 0 to {row.up_to - row.write} data words."
         return [
             title,
-            told,
+            remark,
             f"Args:\n    control: the control word, which says what follows.\n{words}",
         ]
     if row.write:
         width = row.bits or 16 * row.write
         return [
             title,
-            told,
+            remark,
             f"Args:\n    value: {_sense(row, width)},\n        {_range(row, width)}.",
         ]
-    return [title, told]
+    return [title, remark]
 
 
 def _register_meaning(row: Register, verb: str) -> list[str]:

@@ -160,7 +160,7 @@ class ValueTable:
         drawn = [row for row in rows if row.lane]
         self._lanes: list[Value] = sorted(drawn, key=_place_of_lane)
 
-    def told(self, axes: int) -> dict[str, tuple[Value, int]]:
+    def by_key(self, axes: int) -> dict[str, tuple[Value, int]]:
         """Return row and axis (0-based) of each value of telemetry, by its key.
 
         Args:
@@ -194,7 +194,7 @@ class ValueTable:
 
     def telemetry(self, axes: int) -> Callable[[Any], dict[str, Reading]]:
         """Return the function of a chip that gives every value of telemetry by its key."""
-        rows = self.told(axes).items()
+        rows = self.by_key(axes).items()
         return reader(f"{{{', '.join(f'{k!r}: {row.number(n)}' for k, (row, n) in rows)}}}")
 
     def steps(self, axes: int) -> Callable[[Any], list[int | float]]:

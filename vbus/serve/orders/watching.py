@@ -358,7 +358,7 @@ class ScopeView(FramesView):
     def _tell_steps(self) -> None:
         if self._connection.view is self:
             self.take_news()
-            self._connection.answer({"control": self._steps.told()})
+            self._connection.answer({"control": self._steps.status()})
 
     def end(self) -> None:
         """Record no more, and let time go on."""
