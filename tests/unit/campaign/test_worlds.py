@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.unit.faults.bench import Lm
+from tests.unit.faults.bench import build as build_lm
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.campaign.account import Account, SeenCycle, Witness
@@ -133,6 +135,11 @@ def test_an_interrupt_comes_a_cycle_early_or_late() -> None:
         assert board.find_pin("x.HI").net.value == (level if world is late else 0)
 
 
+def test_phases_leave_out_the_one_of_the_reference_run() -> None:
+    made = planned(LM629, [], only=["phase"], phases=4)
+    assert sorted(one.world.where for one in made.worlds) == ["+128us", "+192us", "+64us"]
+
+
 def test_specimens_have_each_extreme_alone_first() -> None:
     file, _ = read_board_text(LM629)
     found = list(specimens(file, 0, 20))
@@ -147,6 +154,10 @@ def test_a_specimen_is_shortened_part_by_part() -> None:
         "specimen:+0us:x.a=1,x.b=2:3",
         "specimen:+17us:x.b=2:3",
         "specimen:+17us:x.a=1:3",
+    ]
+    assert [str(one) for one in shortened(World("specimen", "+17us", "", 3))] == [
+        "specimen:+17us:",
+        "specimen:+0us::3",
     ]
     assert [*shortened(read_world("cycle:x.1:lost"))] == []
 
@@ -173,3 +184,25 @@ def test_cycles_are_grouped_by_packet_place_and_what_came_before() -> None:
 
 def test_planned_worlds_are_values() -> None:
     assert PlannedWorld(REFERENCE, "") == PlannedWorld(World(), "")
+
+
+def test_drawn_specimens_have_all_seeds_of_one_digit() -> None:
+    file, _ = read_board_text(LM629)
+    assert {one.seed for one in specimens(file, 0, 120)} == {*range(10)}
+
+
+def test_values_of_two_axes_have_the_number_of_the_axis() -> None:
+    file, source = read_board_text(of_part("MC1241A", "ideal"))
+    values = Witness(build(file, source), reference=True).account().values
+    of_axes = {name.split()[0] for name in values}
+    assert of_axes == {"x", "x.1", "x.2"}
+
+
+def test_an_account_waits_for_motors_to_come_to_rest() -> None:
+    board = build_lm()
+    witness = Witness(board)
+    Lm(board).move(3000)
+    axis = witness.account().axes["x.1"]
+    assert not axis.runs
+    assert axis.moves[-1][2:] == (axis.moves[-1][0], axis.moves[-1][1])
+    assert abs(axis.last - 3000) <= 4
