@@ -474,7 +474,7 @@ def _renew(bed: Bed) -> int:
     kept = [mutant for mutant in there if mutant.id in old]
     good = [
         mutant for mutant in there
-        if mutant.id not in old and (it := results.get(mutant.id)) and it.holds(mutant)
+        if mutant.id not in old and (it := results.get(mutant.id)) and it.holds(mutant, bed.root)
         and it.verdict == "killed" and it.by in tests and tests[it.by].seconds < GATE_SECONDS
     ]  # fmt: skip
     for _ in range(min(GATE - len(kept), len(good))):

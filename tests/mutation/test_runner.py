@@ -254,7 +254,7 @@ def test_a_verdict_remembers_its_test_and_is_void_once_that_has_changed(
     assert "survived" not in again.stdout
     tests.write_text(TESTS.replace("double(5) == 10", "double"))
     weak = run(root, "run", *ALL, "--since", "HEAD", "--jobs", "1")
-    assert "toy/code.py:15: run `map` first" in weak.stdout
+    assert "toy/code.py:14: run `map` first" in weak.stdout
 
 
 def test_a_room_may_not_have_more_mutants_without_a_verdict_than_it_had(tmp_path: Path) -> None:

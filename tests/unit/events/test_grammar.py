@@ -152,3 +152,5 @@ def test_forms_are_the_same_if_they_say_the_same_and_in_no_other_case() -> None:
     assert Number(value=3) != Number(value=4)
     assert Number(value=4) != Number(value=3)
     assert Number(value=3) != Name(parts=("x",))
+    pair = (Number(value=3), Number(value=4))
+    assert Several(word="and", parts=pair, at=1) == Several(word="and", parts=pair, at=9)

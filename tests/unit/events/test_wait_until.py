@@ -255,3 +255,11 @@ def test_a_value_that_a_host_writes_holds_with_the_cycle_that_writes_it() -> Non
     board.run_for(3 * MS)
     watch.end()
     assert 0 <= met[0] - written <= 200_000
+
+
+def test_chips_that_no_condition_names_have_come_as_far_as_the_board() -> None:
+    board, twin = moving(), moving()
+    met = wait_until(board, "time >= 100.1 ms", SECOND)
+    twin.run_until(met)
+    twin.chips[0].advance()
+    assert sample(board, "real") == sample(twin, "real")
