@@ -1,7 +1,7 @@
 """Operators that break one behaviour at a time, beside those of cosmic-ray.
 
-They are for the question of :mod:`tests.mutation.clauses` only: in the sample of ``run`` they would
-take the places of others.
+They are for the question of :mod:`tests.mutation.clauses`. In the sample of ``run`` there is only
+``Forget``, with a share of its own, so that it does not take the places of others.
 """
 
 from collections.abc import Iterator

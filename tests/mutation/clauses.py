@@ -20,9 +20,10 @@ from typing import Any, Final
 from tests.mutation.breaks import BREAKS
 from tests.mutation.mutants import (
     DOUBTFUL,
-    Layout,
+    KEPT,
     Mutant,
     digest,
+    digest_of_test,
     folder,
     mutants,
     mutated,
@@ -331,22 +332,7 @@ def _of_names(
 def digest_of(root: Path, it: Break, tests: dict[str, tuple[str, ...]]) -> str:
     """Hash what an answer depends on: the mutant's scope, and the functions that are asked."""
     asked = sorted({test for clause in it.clauses for test in tests[clause]})
-    return digest(it.mutant.digest, *(_text(root, test) for test in asked))[:12]
-
-
-def _text(root: Path, test: str) -> str:
-    file, _, name = test.partition("[")[0].partition("::")
-    layout = _layout(root / file)
-    return "".join(it.digest for it in layout.scopes if it.name == name.replace("::", "."))
-
-
-_LAYOUTS: Final[dict[Path, Layout]] = {}
-
-
-def _layout(path: Path) -> Layout:
-    if path not in _LAYOUTS:
-        _LAYOUTS[path] = Layout(path.read_text())
-    return _LAYOUTS[path]
+    return digest(it.mutant.digest, *(digest_of_test(root, test) for test in asked))[:KEPT]
 
 
 def read_answers(path: Path) -> dict[str, Answer]:

@@ -142,6 +142,28 @@ def test_junit_has_a_case_for_each_group_and_way() -> None:
 def test_the_page_asks_for_nothing_and_each_cell_says_how_to_run_it_again() -> None:
     page = as_page(campaign(), "--board <b> -- ./host", again).decode()
     there = ("again cycle:x.9:flip1", "kp &lt;is&gt; 44", "--board &lt;b&gt;", "silent 2/2",
-             "detected 1/2")  # fmt: skip
+             "detected 1/2", "<tr><th>cycle flip<td>0<td>0<td>0<td>0<td>2<td>2<td>0<td>0 %", "<table><tr><th>way<th>detected<th>no effect")  # fmt: skip
     assert [text for text in there if text not in page] == []
+    assert page.count("<table>") == page.count("</table>") == 2
     assert [text for text in ("http", "src=") if text in page] == []
+
+
+def test_a_way_that_was_left_out_altogether_has_a_row_with_what_is_left() -> None:
+    made = Campaign(WorldPlan([], {("cycle", "late"): 7}, {}), {})
+    assert [(row.dimension, row.way, row.tried, row.left) for row in made.totals()] == [
+        ("cycle", "late", 0, 7)
+    ]
+
+
+def test_beyond_the_most_outcomes_there_is_one_line_that_counts_the_others() -> None:
+    worlds = [world(number, way) for number, way in enumerate(("flip0", "lost", "doubled"), 1)]
+    silent = {one.name: Result(SILENT, "kp is 44") for one in worlds}
+    found = list(lines(Campaign(WorldPlan(worlds, {}, {}), silent), (), again, 1))
+    assert found[-1] == "2 more; --all tells them, --json and --page have them"
+    assert [line for line in found if "more;" in line] == found[-1:]
+
+
+def test_of_outcomes_alike_the_earliest_cycle_is_shown_by_its_number() -> None:
+    worlds = [world(number, "lost") for number in (10, 9)]
+    made = Campaign(WorldPlan(worlds, {}, {}), {one.name: Result(SILENT, "so") for one in worlds})
+    assert [one.planned.world.where for one in made.told()] == ["x.9"]

@@ -1,12 +1,24 @@
 """Worlds as text, what they change, and the order in which they are tried."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from tests.unit.faults.bench import Lm
+from tests.unit.faults.bench import build as build_lm
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.campaign.account import Account, SeenCycle, Witness
 from vbus.campaign.plan import PlannedWorld, WorldPlan, in_order, plan, shortened, specimens
-from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
+from vbus.campaign.world import (
+    DIMENSIONS,
+    REFERENCE,
+    World,
+    begin,
+    longest_cycle,
+    of_world,
+    read_world,
+)
 from vbus.core.errors import ConfigError
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
@@ -133,6 +145,30 @@ def test_an_interrupt_comes_a_cycle_early_or_late() -> None:
         assert board.find_pin("x.HI").net.value == (level if world is late else 0)
 
 
+def test_phases_leave_out_the_one_of_the_reference_run() -> None:
+    made = planned(LM629, [], only=["phase"], phases=4)
+    assert sorted(one.world.where for one in made.worlds) == ["+128us", "+192us", "+64us"]
+    assert made.refused == {}
+
+
+def test_a_board_whose_chips_have_no_cycle_has_no_phases() -> None:
+    assert longest_cycle(SimpleNamespace(chips=())) == 0  # type: ignore[arg-type]
+
+
+def test_a_fault_comes_in_the_middle_of_the_cycles_of_the_host() -> None:
+    made = planned(LM629, [row(number, "a") for number in range(1, 8)], only=["fault"])
+    assert {one.world.where.partition("@")[2] for one in made.worlds} == {"4000000"}
+
+
+def test_threads_run_in_orders_of_a_million() -> None:
+    file, source = read_board_text(LM629)
+    made = plan(Account(turns=True), file, build(file, source), only=["threads"])
+    orders = [int(one.world.how.removeprefix("order")) for one in made.worlds]
+    assert len(orders) == len({*orders}) >= 8
+    assert min(orders) >= 1
+    assert 10_000 < max(orders) <= 1_000_000
+
+
 def test_specimens_have_each_extreme_alone_first() -> None:
     file, _ = read_board_text(LM629)
     found = list(specimens(file, 0, 20))
@@ -147,6 +183,10 @@ def test_a_specimen_is_shortened_part_by_part() -> None:
         "specimen:+0us:x.a=1,x.b=2:3",
         "specimen:+17us:x.b=2:3",
         "specimen:+17us:x.a=1:3",
+    ]
+    assert [str(one) for one in shortened(World("specimen", "+17us", "", 3))] == [
+        "specimen:+17us:",
+        "specimen:+0us::3",
     ]
     assert [*shortened(read_world("cycle:x.1:lost"))] == []
 
@@ -173,3 +213,35 @@ def test_cycles_are_grouped_by_packet_place_and_what_came_before() -> None:
 
 def test_planned_worlds_are_values() -> None:
     assert PlannedWorld(REFERENCE, "") == PlannedWorld(World(), "")
+
+
+def test_drawn_specimens_have_all_seeds_of_one_digit() -> None:
+    file, _ = read_board_text(LM629)
+    assert {one.seed for one in specimens(file, 0, 120)} == {*range(10)}
+
+
+def test_values_of_two_axes_have_the_number_of_the_axis() -> None:
+    file, source = read_board_text(of_part("MC1241A", "ideal"))
+    values = Witness(build(file, source), reference=True).account().values
+    of_axes = {name.split()[0] for name in values}
+    assert of_axes == {"x", "x.1", "x.2"}
+
+
+def test_an_account_waits_for_motors_to_come_to_rest() -> None:
+    board = build_lm()
+    witness = Witness(board)
+    Lm(board).move(3000)
+    axis = witness.account().axes["x.1"]
+    assert not axis.runs
+    assert axis.moves[-1][2:] == (axis.moves[-1][0], axis.moves[-1][1])
+    assert abs(axis.last - 3000) <= 4
+
+
+def test_edges_of_outputs_are_those_of_the_reference_run() -> None:
+    board = build_lm()
+    witness = Witness(board, reference=True)
+    begun = board.now
+    Lm(board).command(0x1D, 0x0000)
+    edges = witness.account().edges
+    assert [(name, level) for name, _, level in edges][:1] == [("x.HI", 0)]
+    assert all(when >= begun for _, when, _ in edges)

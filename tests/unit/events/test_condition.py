@@ -75,3 +75,18 @@ def test_what_is_asked_of_a_part_does_not_depend_on_the_others() -> None:
         course.change("x.real", real)
         course.change("x.A", level)
         assert condition.holds(course, real) == bool(level)
+
+
+def test_a_text_rises_and_falls_when_it_becomes_another_and_not_otherwise() -> None:
+    course = Course()
+    course.change("x.mode", "idle")
+    course.change("x.mode", "idle")
+    assert (course.rose, course.fell) == (set(), set())
+    course.change("x.mode", "profile")
+    assert (course.rose, course.fell) == ({"x.mode"}, {"x.mode"})
+
+
+def test_that_a_rule_was_broken_stays_so_and_a_level_may_change() -> None:
+    assert Condition("lm628.busy-write", BOARD).stays
+    assert not Condition("x.HI", BOARD).stays
+    assert not Condition("lm628.busy-write and x.HI", BOARD).stays

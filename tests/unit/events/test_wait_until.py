@@ -10,7 +10,7 @@ from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, SECOND
 from vbus.core.signals import Observer
 from vbus.events.condition import Condition
-from vbus.events.watch import wait_until
+from vbus.events.watch import Watch, wait_until
 from vbus.testing.bench import Bench
 
 
@@ -67,6 +67,12 @@ def test_what_holds_already_takes_no_time() -> None:
     board = moving()
     now = board.now
     assert wait_until(board, "x.real < 400", 0) == now == board.now
+
+
+def test_a_number_rises_while_it_grows_and_falls_while_it_shrinks() -> None:
+    soon = wait_until(moving(), "x.real > 100", SECOND)
+    assert wait_until(moving(), "rising(x.real)", SECOND) < soon
+    assert wait_until(moving(-500), "falling(x.real)", SECOND) < soon
 
 
 def test_and_or_not() -> None:
@@ -235,3 +241,25 @@ def test_a_test_has_it_by_its_board_and_by_its_clock() -> None:
 
 def test_a_board_of_nobody_has_it_too() -> None:
     assert build().wait_until("time >= 2 ms", within="5 ms") == 2 * MS
+
+
+def test_a_value_that_a_host_writes_holds_with_the_cycle_that_writes_it() -> None:
+    board = build(MCP)
+    host = Mcp(board)
+    met: list[int] = []
+    watch = Watch("x.R3CH == -5", board, met=lambda: met.append(board.now))
+    watch.begin()
+    board.run_for(MS // 3)
+    host.write(0x3C, 0xFB)
+    written = board.now
+    board.run_for(3 * MS)
+    watch.end()
+    assert 0 <= met[0] - written <= 200_000
+
+
+def test_chips_that_no_condition_names_have_come_as_far_as_the_board() -> None:
+    board, twin = moving(), moving()
+    met = wait_until(board, "time >= 100.1 ms", SECOND)
+    twin.run_until(met)
+    twin.chips[0].advance()
+    assert sample(board, "real") == sample(twin, "real")

@@ -188,6 +188,8 @@ def test_registers_take_what_was_there_before_the_clock() -> None:
     assert bench.set(**byte(0x34)).word() == 0x34
     assert bench.set(LE=0).set(**byte(0x56)).word() == 0x34
     assert bench.set(LE=1).set(LE=0, **byte(0x78)).word() == 0x56
+    bench.set(nOE=1)
+    assert {bench.part.pins[name].level for name in bench.outputs} == {Z}
 
 
 def test_a_flip_flop_takes_data_at_the_clock_and_is_cleared_without() -> None:

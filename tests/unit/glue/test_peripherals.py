@@ -273,3 +273,15 @@ def test_a_pca9554_interrupts_until_its_input_register_is_read() -> None:
     assert not bench.interrupts
     bench.write(1, 0x00)  # outputs do not interrupt
     assert not bench.interrupts
+
+
+def test_a_write_to_an_82c55_ends_with_its_select_if_that_rises_first() -> None:
+    bench = Ports()
+    bench.write(3, 0x80)
+    bench.set(A0=0, A1=0, nCS=0, **{d: 0x5A >> n & 1 for n, d in enumerate(DATA)})
+    bench.set(nWR=0)
+    bench.set(nCS=1)
+    assert bench.port("A") == 0x5A
+    bench.set(**dict.fromkeys(DATA, 0))
+    bench.set(nWR=1)
+    assert bench.port("A") == 0x5A
