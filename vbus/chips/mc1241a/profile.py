@@ -155,8 +155,8 @@ class Profile:
 
         Not for electronic gear.
         """
-        # PMD-TRJ-10: phases 5, 6 and 7 mirror what has been run of 1, 2 and 3.
         if self.mode == ds.S_CURVE:
+            # PMD-TRJ-10: phases 5, 6 and 7 mirror what has been run of 1, 2 and 3.
             self._curve.stop()
             rests = self._curve.done
         else:

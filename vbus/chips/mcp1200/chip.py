@@ -326,7 +326,7 @@ class MCP1200(HostInterface):
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that errors of the status register stand."""
         self.advance()
-        # MCP-STA-1: an error flag is 0 when it has happened.
+        # An error flag is 0 when it has happened.
         standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
         if not standing:
             return []
