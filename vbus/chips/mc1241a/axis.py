@@ -527,7 +527,7 @@ class StepperAxis:
         # Everything but time stands still while an axis rests.
         if self.breakpoint_mode != ds.BRK_TIME:
             return FOR_EVER
-        # PMD-CMD-27: of the cycle in which the time is equal nothing is passed over.
+        # The cycle in which the time is equal is run.
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF
 
 

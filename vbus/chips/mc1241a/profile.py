@@ -136,7 +136,7 @@ class Profile:
         """
         before = self.position
         self.position = position << 32
-        # PMD-AMB-5: motion goes on, as the reference warns; the end is the destination in the new
+        # Motion goes on, as the reference warns; the end is the destination in the new
         # numbers.
         if self.mode == ds.S_CURVE and self._state == RUNNING:
             self._start += self.position - before

@@ -114,7 +114,7 @@ class MCP1200(HostInterface):
                 self._latch = host.read(address, cycle)
                 # MCP-BUS-6: what a read does besides it does here, when /CS rises.
                 host.taken(address, cycle)
-                self._stall()
+                self._stall()  # MCP-BUS-11
         return self._latch
 
     def drop_read(self) -> None:
