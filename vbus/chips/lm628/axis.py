@@ -150,7 +150,7 @@ class ServoAxis:
     def mask_interrupts(self, enable: int) -> None:
         """MSKI: ones enable (LM-CMD-17)."""
         self.mask = enable & ds.INTERRUPTS
-        # LM-STA-7: a host that enables flags is told at the end that HI stands.
+        # LM-STA-7: with a flag enabled, an HI that stands at the end is reported.
         self.interrupts_wanted = self.mask != 0
 
     def kept_flags(self, keep: int) -> int:
