@@ -75,7 +75,6 @@ REASONS: dict[str, str] = {
     "vbus/serve/time/statistics.py": "a session's histogram takes each message",
     "vbus/serve/time/pacer.py": ROUND,
     "vbus/core/signals/axis.py": BASE,
-    "vbus/core/signals/lane.py": HELD,
     "vbus/core/signals/observer.py": BASE,
     "vbus/core/signals/wire.py": "a net, and nets take no interpreted heirs",
     "vbus/views/wave/changes.py": "a waveform takes 1.27 times as long without",

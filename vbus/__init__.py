@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from vbus.board.build import load_board as load_board
     from vbus.client.bus import connect as connect
     from vbus.core.errors import VbusError as VbusError
-    from vbus.core.signals.tables import Violation as Violation
+    from vbus.core.signals.violation import Violation as Violation
     from vbus.serve.serving import serve as serve
 
 if compiled.pure_wanted():
@@ -20,7 +20,7 @@ if compiled.pure_wanted():
 _HOMES = {
     "Board": "vbus.board.board",
     "VbusError": "vbus.core.errors",
-    "Violation": "vbus.core.signals.tables",
+    "Violation": "vbus.core.signals.violation",
     "connect": "vbus.client.bus",
     "load_board": "vbus.board.build",
     "serve": "vbus.serve.serving",

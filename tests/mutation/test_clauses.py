@@ -63,7 +63,7 @@ def test_a_text_names_clauses(text: str, names: set[str]) -> None:
     ("home", "file", "text", "names"),
     [
         # The hook of two rows.
-        ("lm628", "commands.py", "self._axis.threshold = word", {"LM-CMD-15", "LM-CMD-16"}),
+        ("lm628", "commands.py", "def load_threshold", {"LM-CMD-15", "LM-CMD-16"}),
         # A docstring.
         ("mc1241a", "commands.py", "shared.sensing = bool(on)", {"PMD-CMD-72", "PMD-CMD-73"}),
         # A row of a table.

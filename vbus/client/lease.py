@@ -58,7 +58,7 @@ class Lease:
         if address != self.address or when >= self._until:
             return False
         self._now = when
-        # A stamped poll is told with its instant, others by their number.
+        # Stamped polls are reported by their instants, others by their number.
         if self._stamp >= 0 and self.stamps:
             self.run.append(self._stamp)
             self._stamp = -1

@@ -1,4 +1,4 @@
-"""Word widths: the one place that knows how numbers wrap, saturate and change sign."""
+"""Word widths: the one place that knows how numbers wrap, saturate, round and change sign."""
 
 from mypy_extensions import i64
 
@@ -40,3 +40,8 @@ def clamp(value: int, low: int, high: int) -> int:
     if value < low:
         return low
     return high if value > high else value
+
+
+def nearest(steps: float) -> int:
+    """Return the whole number of steps nearest to a value; halfway lies the one farther from 0."""
+    return int(steps + 0.5) if steps >= 0.0 else -int(0.5 - steps)

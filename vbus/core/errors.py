@@ -20,7 +20,7 @@
         +-- NodeMismatchError it runs another board, or tells what cannot be
 
 The kind says whose mistake it was. A host that breaks a *datasheet* raises nothing: the chip
-does what silicon would do and a :class:`~vbus.core.signals.tables.Violation` is filed.
+does what silicon would do and a :class:`~vbus.core.signals.violation.Violation` is filed.
 """
 
 from collections.abc import Iterator

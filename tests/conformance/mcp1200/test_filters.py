@@ -173,7 +173,7 @@ def test_the_derivative_span(code: int, span: int) -> None:
     assert respond(bench, errors) == expected
 
 
-@pytest.mark.spec("MCP-FLT-4", "MCP-REG-43", "MCP-REG-47")
+@pytest.mark.spec("MCP-FLT-3", "MCP-FLT-4", "MCP-REG-43", "MCP-REG-47", "MCP-AMB-24")
 @pytest.mark.parametrize("value", [0x0280, 0x8001, 0x7FFF])
 def test_feed_forward_in_position_control_comes_from_its_registers(value: int) -> None:
     bench = servo(pid=True, KP=0, KI=0, KD=0, KV=7, KA=3, FEED_FORWARD=value)

@@ -324,7 +324,7 @@ def test_a_move_is_shortened_down_to_its_stopping_distance_and_no_further():
     assert len(offsets) == 22
 
 
-@pytest.mark.spec("MCP-SCV-5", "MCP-TRP-6")
+@pytest.mark.spec("MCP-SCV-5", "MCP-TRP-6", "PMD-TRJ-5")
 def test_a_move_that_decelerates_is_not_retargeted():
     curve = mcp(1000)
     run(curve, 101)

@@ -152,6 +152,7 @@ class ServoAxis:
     def mask_interrupts(self, enable: int) -> None:
         """MSKI: ones enable (LM-CMD-17)."""
         self.mask = enable & ds.INTERRUPTS
+        # LM-STA-7: with a flag enabled, an HI that stands at the end is reported.
         self.interrupts_wanted = self.mask != 0
 
     def kept_flags(self, keep: int) -> int:
@@ -246,7 +247,6 @@ class ServoAxis:
             self.error = self.following = 0
         else:
             profile = self.profile
-            # LM-TRJ-14: the desired position goes on, however far the motor lags.
             if profile.step():
                 self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4, LM-AMB-2: latched
             # LM-PID-2: a difference of 31 bits.
@@ -338,9 +338,9 @@ class ServoAxis:
         profile.stopping = False
         # LM-STA-5: bit 10 falls with the next STT that is accepted.
         profile.done = False
-        # LM-TRJ-8, LM-AMB-8: the target becomes the real position, not the desired one; the loop
-        # stays closed.
         if stops & ds.STOP_ABRUPTLY:
+            # LM-TRJ-8, LM-AMB-8: the target becomes the real position, not the desired one; the
+            # loop stays closed.
             profile.hold(self.real)
             profile.target = self.real
             profile.done = True

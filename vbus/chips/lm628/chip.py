@@ -195,8 +195,8 @@ class LM628(FrontEndHost):
         self.encoder.run(self.output.command, self.axis.following)
         self._place_sample()
         self._reset_end = NEVER
-        # LM-RST-1: with /RST low nothing begins before it rises.
         if self.pins["/RST"].value == LOW:
+            # LM-RST-1: with /RST low nothing begins before it rises.
             self._mode = _RESET_BY_PIN
         elif done:
             self._mode = _RUNNING
@@ -462,7 +462,7 @@ class LM628(FrontEndHost):
         return self.axis.pid.lacking()
 
     def hint(self, rule: str, when: int) -> str:
-        """Return that a write came into the reset at power-on, in which busy reads 0 (LM-RST-4)."""
+        """Return that a write came into the reset at power-on, in which busy reads 0."""
         if rule != ds.RESET_WRITE.name or when > int(self.settings["reset_time"]):
             return ""
         return (

@@ -71,9 +71,9 @@ class AxisCommands:
         words: int = row.write
         if step == 0:
             self._host.words_due = words
-        # LM-BUS-6: of a long the high word comes first; the hook is called with the low one.
         if step < words:
             if step:
+                # LM-BUS-6: of a long the high word comes first; the low one calls the hook.
                 self._high = word
             return True
         part, _, name = row.parameter.rpartition(".")
@@ -81,8 +81,8 @@ class AxisCommands:
         if row.hook:
             owner = self if HOOKS[row.hook] is AxisCommands else self._axis
             getattr(owner, row.hook)(*self._given(row, step, word))
-        # LM-CMD-24: all words that the host reads later are of this instant.
         elif row.read:
+            # LM-CMD-24: all words that the host reads later are of this instant.
             self._host.reply(getattr(holder, name), row.read)
             self._axis.reads |= 1 << code
         else:
@@ -234,7 +234,7 @@ class AxisCommands:
         axis = self._axis
         before = axis.flags
         axis.flags = axis.kept_flags(keep)
-        # HI falls with this RSTI: the host has seen why it was up.
+        # LM-STA-7: HI falls with this RSTI: the host has seen why it was up.
         if before & axis.mask and not axis.flags & axis.mask:
             axis.interrupts_wanted = False
         if keep & ds.INTERRUPTS == ds.INTERRUPTS:

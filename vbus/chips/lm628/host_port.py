@@ -140,8 +140,8 @@ class PortState:
             )
         # LM-BUS-11: an odd byte is dropped; complete words have reached their buffers.
         self._drop_packet()
-        # LM-RST-4: a reset begins at the strobe; busy shows for all of it, not for a busy time.
         if code == ds.RESET:
+            # LM-RST-4: a reset begins at the strobe; busy shows for all of it, not for a busy time.
             self._execute(code, 0, 0)
         else:
             # LM-BUS-7: any command byte that is accepted, also an undefined one.
@@ -149,15 +149,15 @@ class PortState:
 
     def write_data(self, data: int, now: int) -> bool:
         """A data byte was latched; False is a command error (LM-BUS-12)."""
-        # LM-BUS-10: ignored; no command error.
         if self.busy:
+            # LM-BUS-10: ignored; no command error.
             self._report(ds.BUSY_WRITE, f"data {data:02X}H written while busy", now)
         elif not self.words_due:
             self._report(ds.WRONG_WAY, f"data {data:02X}H written, none was expected", now)
             return False
         elif self._second:
             self._second = False
-            # LM-BUS-7: with the second byte of a word; the first leaves busy 0.
+            # LM-BUS-7, LM-BUS-6: with the second, low byte of a word; the first leaves busy 0.
             self._begin_busy(now, _WORD, self._high << 8 | data)
         else:
             self._second = True
@@ -175,12 +175,12 @@ class PortState:
             self._kind = _STATUS
         elif in_reset:
             self._kind = _REPEAT
-        # LM-BUS-10: the byte that was driven last comes again, and no pointer moves.
         elif self.busy:
+            # LM-BUS-10: the byte that was driven last comes again, and no pointer moves.
             self._report(ds.BUSY_READ, "data read while busy", now)
             self._kind = _REPEAT
-        # LM-BUS-12: such a read returns the last byte again.
         elif not self._reply:
+            # LM-BUS-12: such a read returns the last byte again.
             self._report(ds.WRONG_WAY, "data read, none was expected", now)
             self._kind = _UNASKED
         else:

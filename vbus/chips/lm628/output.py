@@ -65,7 +65,7 @@ class ServoOutput:
             self._code = ds.ZERO_12
 
     def put(self, command: i64, port8: bool) -> float:
-        """Put out the motor command of a sample (LM-PID-8 to LM-PID-10); return :attr:`command`.
+        """Put out the motor command of a sample (LM-PID-8, LM-PID-10); return :attr:`command`.
 
         Args:
             command: 16 bits signed.

@@ -386,8 +386,8 @@ class EncoderPins:
         chip = self._chip
         inputs = self._inputs
         while found := inputs.settle(now):
-            # LM-POS-1: nothing is counted, as either direction may be meant.
             if found & q.SKIPPED:
+                # LM-POS-1: nothing is counted, as either direction may be meant.
                 chip.report(ds.DOUBLE_EDGE, when=inputs.at)
             if found & (q.INDEX_FELL | q.INDEX_ROSE):
                 self._low = bool(found & q.INDEX_FELL)

@@ -289,11 +289,10 @@ class Trajectory:
             else:
                 self.velocity = -approach(-way, -self.velocity, self.top, self.accel)
         self._move()
-        # LM-TRJ-12, LM-TRJ-16: exactly on the target and slow enough; a move of no length is over
-        # in its first sample.
+        # LM-TRJ-12: exactly on the target, and slow enough.
         if arrived(target - self.position, self.velocity, self.accel):
             self.velocity = 0
-            self.done = True  # LM-STA-5
+            self.done = True  # LM-STA-5, LM-TRJ-16: also of a move of no length
             return True
         return False
 
@@ -305,6 +304,7 @@ class Trajectory:
             position = wrap_word(position, _HALF)
             counts = position >> 16
             self.wrapped = True
+        # LM-TRJ-14: whether the motor follows or not.
         self.position = position
         return counts
 

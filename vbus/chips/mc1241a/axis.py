@@ -340,8 +340,8 @@ class StepperAxis:
         self._update_pending = False
         before = self.active.position
         refused = self._copy(taken)
-        # PMD-TRJ-11: STOP counts, and both are used up.
         if stop and smooth:
+            # PMD-TRJ-11: STOP counts, and both are used up.
             self._report(ds.STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
         # PMD-AMB-5: the target becomes the actual position, as the reference says; two other places
         # say the reverse.
@@ -449,8 +449,8 @@ class StepperAxis:
 
     def set_start_velocity(self, value: int) -> None:
         """SET_START_VEL: at once, but not in motion (PMD-CMD-14)."""
-        # PMD-CMD-14: the manual forbids it in motion.
         if self.profile.in_motion():
+            # PMD-CMD-14: the manual forbids it in motion.
             self._refuse("start velocity changed in motion")
         else:
             self.start_velocity = value
@@ -527,7 +527,7 @@ class StepperAxis:
         # Everything but time stands still while an axis rests.
         if self.breakpoint_mode != ds.BRK_TIME:
             return FOR_EVER
-        # PMD-CMD-27: of the cycle in which the time is equal nothing is passed over.
+        # The cycle in which the time is equal is run.
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF
 
 

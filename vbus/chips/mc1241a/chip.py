@@ -193,8 +193,8 @@ class MC1241A(ChipSet):
         for axis in self.axes:
             axis.reset()
         self.output.rest()
-        # PMD-RST-1: the 2 ms count from when ~Reset rises.
         if self.held:
+            # PMD-RST-1: the 2 ms count from when ~Reset rises.
             self.port.reset(since, NEVER)
         else:
             # PMD-RST-1: 2 ms, in clocks: a clock that stands does not end it.

@@ -125,7 +125,7 @@ class Commands:
     # -- interrupts ---------------------------------------------------------------------------
 
     def shown(self, word: int) -> None:
-        """The host reads a status word: it has seen the errors in it (PMD-STA-1)."""
+        """The host reads a status word: it has seen the errors in it."""
         self._axes[word >> ds.AXIS_SHIFT & 1].unread &= ~word
 
     def interrupting_status(self) -> int:

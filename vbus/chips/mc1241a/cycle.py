@@ -378,7 +378,7 @@ class SampleCycles:
         if not self._slot or self.heard or not self.skipping:
             return False
         # A command may have changed what the next look-up gives.
-        # PMD-USTP-2: a new motor command moves the rotor with the next look-up.
+        # A new motor command moves the rotor with the next look-up.
         for windings in self._windings:
             if windings.motor is not None and not windings.steady(self._slot):
                 return False

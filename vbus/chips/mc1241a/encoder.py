@@ -206,8 +206,8 @@ class AxisInputs:
             found = decoder.settle(instant)
             if found & COUNTED:
                 self.count += decoder.direction
-            # PMD-ENC-1: both channels at once count nothing: either direction may be meant.
             if found & SKIPPED:
+                # PMD-ENC-1: both channels at once count nothing: either direction may be meant.
                 self._chip.report(ds.TWO_CHANNELS, when=decoder.at)
             # The index must have fallen before the later of A and B (PMD-CAP-1).
             if found & (ALL_LOW | INDEX_FELL) == ALL_LOW:

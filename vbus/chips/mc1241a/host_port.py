@@ -175,12 +175,13 @@ class PacketPort:
     def _latch(self) -> None:
         """Take the word whose bytes the host reads next."""
         self._word_is_data = False
-        # PMD-BUS-11: 0000h, and the packet stays open.
         if self._given < self._writes:
+            # PMD-BUS-11: 0000h, and the packet stays open.
             self._chip.report(ds.UNEXPECTED_READ)  # PMD-BUS-11
             self._word = 0
-        # PMD-BUS-5, PMD-PKT-7: the high word first, of the value as it was when the command acted.
         elif self._taken < self._reads:
+            # PMD-BUS-5, PMD-PKT-7: the high word first, of the value as it was when the command
+            # acted.
             self._word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
             self._word_is_data = True
             if self._code in ds.STATUS_READERS:

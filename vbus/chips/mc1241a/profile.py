@@ -136,7 +136,7 @@ class Profile:
         """
         before = self.position
         self.position = position << 32
-        # PMD-AMB-5: motion goes on, as the reference warns; the end is the destination in the new
+        # Motion goes on, as the reference warns; the end is the destination in the new
         # numbers.
         if self.mode == ds.S_CURVE and self._state == RUNNING:
             self._start += self.position - before
@@ -155,8 +155,8 @@ class Profile:
 
         Not for electronic gear.
         """
-        # PMD-TRJ-10: phases 5, 6 and 7 mirror what has been run of 1, 2 and 3.
         if self.mode == ds.S_CURVE:
+            # PMD-TRJ-10: phases 5, 6 and 7 mirror what has been run of 1, 2 and 3.
             self._curve.stop()
             rests = self._curve.done
         else:

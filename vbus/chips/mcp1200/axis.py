@@ -367,8 +367,8 @@ class ClockedAxis:
         loop.request = mode
         if loop.state == STANDING and mode != ds.CONTROL_CODE:
             loop.request = NO_REQUEST
-            # MCP-RST-5: from idle mode at once; in control it waits for the end of the sample.
             if mode == ds.SOFT_RESET_CODE:
+                # MCP-RST-5: from idle mode at once; in control it waits for the end of the sample.
                 self._begin_reset(cycle)
             elif mode == ds.IDLE_CODE:
                 loop.enter_idle()
@@ -468,8 +468,8 @@ class ClockedAxis:
             if request == ds.SOFT_RESET_CODE:
                 self._begin_reset(cycle)
                 return
-            # MCP-MOD-2: R05 = 01 takes effect with the sample's start.
             if request == ds.IDLE_CODE:
+                # MCP-MOD-2: R05 = 01 takes effect with the sample's start.
                 self._enter_idle(cycle)
             # MCP-MOD-6, MCP-AMB-29: out of idle mode, and out of a halt.
             elif request == ds.CONTROL_CODE:

@@ -114,7 +114,7 @@ class MCP1200(HostInterface):
                 self._latch = host.read(address, cycle)
                 # MCP-BUS-6: what a read does besides it does here, when /CS rises.
                 host.taken(address, cycle)
-                self._stall()
+                self._stall()  # MCP-BUS-11
         return self._latch
 
     def drop_read(self) -> None:
@@ -326,7 +326,7 @@ class MCP1200(HostInterface):
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that errors of the status register stand."""
         self.advance()
-        # MCP-STA-1: an error flag is 0 when it has happened.
+        # An error flag is 0 when it has happened.
         standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
         if not standing:
             return []

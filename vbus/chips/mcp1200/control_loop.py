@@ -425,8 +425,8 @@ class ControlLoop:
         if self.abrupt and step_mode:
             following.begin(command.position)
         self.steps = following.step(sampled, command.position, position)
-        # MCP-STP-4: steps are compared with counts, not a command with a position.
         if step_mode:
+            # MCP-STP-4: steps are compared with counts, not a command with a position.
             too_large = self.stall.stalled(sampled)
         else:
             too_large = following.too_large
@@ -454,8 +454,8 @@ class ControlLoop:
             command.rest()
             command.position = self._position
             self._stopping = False
-            # MCP-EXC-2: an abrupt stop clears the mode flags.
             if self._action == ds.ABRUPT:
+                # MCP-EXC-2: an abrupt stop clears the mode flags.
                 cleared = ds.MODE_FLAGS
             # MCP-AMB-33: F3 stays set; the next point that is loaded goes on.
             elif mode == ds.F3:
@@ -512,11 +512,11 @@ class ControlLoop:
             # MCP-EXC-2, MCP-TRP-6: by A in every sample, whatever the profile was.
             over = int(stop(command, sampled.accel))
         command.moving = over <= 0
-        # MCP-TRP-3: F0, F2 and R06 become 0; position control goes on.
         if over > 0:
             self._stopping = False
             command.phase = 0
             command.fraction = 0
+            # MCP-TRP-3: F0, F2 and R06 become 0; position control goes on.
             return ds.F0
         return 0
 

@@ -561,8 +561,8 @@ class EncoderChannels:
         while (found := decoder.settle(cycle)) != 0:
             if found & COUNTED:
                 self._counter.count_external(decoder.direction, decoder.at)
-            # MCP-ENC-1: both channels at once count nothing.
             if found & SKIPPED:
+                # MCP-ENC-1: both channels at once count nothing.
                 self._find(ds.DOUBLE_EDGE, decoder.at, 0, "")
             if found & (INDEX_FELL | INDEX_ROSE):
                 self._counter.index_external(bool(found & INDEX_ROSE), decoder.at)

@@ -140,8 +140,8 @@ class HostRegisters:
 
     def taken(self, address: int, cycle: int) -> None:
         """The byte has been latched for the host: reading R14 latches R13 and R12."""
-        # MCP-REG-16: latched together, so that the three are of one instant.
         if address == _ACTUAL_LSB:
+            # MCP-REG-16: latched together, so that the three are of one instant.
             self._registers.actual_position = self._counter.position(cycle)
         elif address not in _WRITES:
             self._note(address, -1)

@@ -247,8 +247,8 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
             code = ds.DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
         else:
             code = ds.DAC_ZERO + command
-    # MCP-OUT-1, MCP-AMB-11: the lower 4 bits of a limiting code are 0.
     elif command > 0 or unipolar:
+        # MCP-OUT-1, MCP-AMB-11: the lower 4 bits of a limiting code are 0.
         code = limit << 4
     else:
         code = (~limit & 0xFF) << 4

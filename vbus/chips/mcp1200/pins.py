@@ -227,8 +227,8 @@ class StrobePins(BusFrontEnd):
     def _cs_falls(self, now: int) -> None:
         self._cs = 0
         self._cs_fell = now
-        # MCP-BUS-2, MCP-BUS-3: the fall of /CS within /ALE closes the latch.
         if self._open:
+            # MCP-BUS-2, MCP-BUS-3: the fall of /CS within /ALE closes the latch.
             self._overlapped = True
             self._judge("tAC", now - self._ale_fell)
             self._close("tASR", now)

@@ -286,8 +286,8 @@ class Trapezoid:
         velocity = next_velocity(ahead, before, top, accel)
         command.move(velocity)
         old = before
-        # MCP-TRP-4: a move that turns round accelerates from 0 on.
         if before < 0 < ahead or ahead < 0 < before:
+            # MCP-TRP-4: a move that turns round accelerates from 0 on.
             old = 0
         elif before < 0:
             old = -before
@@ -295,9 +295,9 @@ class Trapezoid:
         if velocity < 0:
             speed = -velocity
         self._show_phase(command, speed, old, top, here)
-        # MCP-TRP-2: exactly there, and slower than one A.
         if arrived(ahead - velocity, velocity, accel):
             self.begun = False
+            # MCP-TRP-2: exactly there, and slower than one A.
             return 1
         return 0
 

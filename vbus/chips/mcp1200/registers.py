@@ -25,7 +25,6 @@ class SampledRegisters(Registers):
     @property
     def velocity_goal(self) -> i64:
         """Velocity command of integral velocity mode, 1/256 count per sample (MCP-VEL-1)."""
-        # MCP-AMB-1: by bit 5 of R01, as the register's table has it.
         if self.feature & ds.HIGH_RESOLUTION:
             return self.velocity
         return self.velocity_command << 8
@@ -33,6 +32,7 @@ class SampledRegisters(Registers):
     @property
     def top_velocity(self) -> i64:
         """Top velocity of a profile, 1/256 count per sample (MCP-TRP-1)."""
+        # MCP-AMB-1: by bit 5 of R01, as the register's table has it.
         if not self.feature & ds.HIGH_RESOLUTION:
             # MCP-REG-26, MCP-AMB-2: R28, not R40; its bit 7 is not used.
             return (self.profile_velocity & 0x7F) << 8

@@ -247,8 +247,8 @@ class Quadrature:
             self._b.take()
         state = self.state
         turn = (_PLACE[state] - _PLACE[old]) & 3
-        # LM-POS-1, MCP-ENC-1, PMD-ENC-1: two states on, by either way: nothing is counted.
         if turn == 2:
+            # LM-POS-1, MCP-ENC-1, PMD-ENC-1: two states on, by either way: nothing is counted.
             found = SKIPPED
         else:
             # LM-POS-1, MCP-ENC-1, PMD-ENC-1: A before B counts up.

@@ -184,8 +184,8 @@ class SCurve:
             part -= self._den
             self.offset += 1
         self._part = part
-        # MCP-SCV-4: complete with the last sample that moves.
         if self.offset == self.distance and part == self._end_part:
+            # MCP-SCV-4: complete with the last sample that moves.
             self.done = True
             self.phase = 0
             self.velocity = 0

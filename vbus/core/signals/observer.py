@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from mypy_extensions import mypyc_attr
 
-from vbus.core.signals.tables import Violation
+from vbus.core.signals.violation import Violation
 from vbus.core.state import Names
 
 

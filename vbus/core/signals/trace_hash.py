@@ -1,7 +1,7 @@
 """The trace hash: one number for everything a run did on its buses and wires."""
 
 from vbus.core.signals.observer import Observer
-from vbus.core.signals.tables import Violation
+from vbus.core.signals.violation import Violation
 
 
 class TraceHash(Observer):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, Final, NamedTuple
 
-from vbus.core.signals.lane import nearest
+from vbus.core.bits import nearest
 
 Reading = int | float | str
 """A value as telemetry has it."""

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from vbus.core.signals import nearest
+from vbus.core.bits import nearest
 
 TICK: Final = 1
 """Picoseconds of a tick: instants are as exact as the board's."""

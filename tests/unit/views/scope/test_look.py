@@ -7,8 +7,9 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.base import SAMPLE, Chip
+from vbus.core.bits import nearest
 from vbus.core.kernel import MS, NEVER
-from vbus.core.signals import Value, ValueTable, nearest
+from vbus.core.signals import Value, ValueTable
 from vbus.core.signals.values import reader
 from vbus.plant.dc_motor import DcMotor
 from vbus.record.journal import end_of
