@@ -50,7 +50,7 @@ class I2cMaster(RegisterBlock):
         self._number: Final = IRQ + number
         """Of its event interrupt; the error interrupt has the next."""
         self._dma: Final = dma
-        dma.asks.append(self._ask)
+        dma.asks.append(self.settle)
         self._bits: Final = bits
         self._lend: Final = lend
         self._scl: Final = scl
@@ -175,7 +175,7 @@ class I2cMaster(RegisterBlock):
         if levels is None:
             self._moves = None
             self._go_on()
-            self._ask()
+            self.settle()
             return
         self._drive(*levels)
         clocks = self.of("CCR") & 0xFFF or 1
@@ -189,7 +189,7 @@ class I2cMaster(RegisterBlock):
 
     # -- requests -----------------------------------------------------------------------------
 
-    def _ask(self) -> None:
+    def settle(self) -> None:
         """Ask for transfers by DMA, and interrupt as long as a flag stands."""
         control = self.of("CR2")
         while control & DMAEN and self._flags & TXE and self._dma.serve(f"{self.name}_TX"):
@@ -202,17 +202,6 @@ class I2cMaster(RegisterBlock):
         self._processor.request(self._number, self, event)
         error = bool(control & ITERREN and self._flags & AF)
         self._processor.request(self._number + 1, self, error)
-
-    def read(self, offset: int, size: int) -> int:
-        """Return what is read; that may end what it asks for."""
-        value = super().read(offset, size)
-        self._ask()
-        return value
-
-    def write(self, offset: int, size: int, value: int) -> None:
-        """Take what is written."""
-        super().write(offset, size, value)
-        self._ask()
 
     # -- registers ----------------------------------------------------------------------------
 

@@ -78,6 +78,7 @@ class RegisterBlock(Peripheral):
         if row.read:
             method: Callable[[int], Any] = getattr(self, row.read)
             value = method(place - row.offset)
+        self.settle()
         return (value >> 8 * (offset - place)) & ((1 << 8 * size) - 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
@@ -94,3 +95,7 @@ class RegisterBlock(Peripheral):
         else:
             mask = ((1 << 8 * size) - 1) << shift
             self.values[place] = (self.values[place] & ~mask) | (value << shift & mask)
+        self.settle()
+
+    def settle(self) -> None:
+        """Do what an access has led to: interrupt, or ask for a transfer."""

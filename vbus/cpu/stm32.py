@@ -296,18 +296,13 @@ class SerialPort(RegisterBlock):
         self._processor: Final = processor
         self._number: Final = IRQ + number
         self._dma: Final = dma
-        dma.asks.append(self._ask)
+        dma.asks.append(self.settle)
 
-    def _ask(self) -> None:
+    def settle(self) -> None:
         """Let DMA send (DMAT of CR3), and interrupt (TXEIE and TCIE of CR1)."""
         while self.of("CR3") & 0x80 and self._dma.serve(f"{self.name}_TX"):
             pass
         self._processor.request(self._number, self, bool(self.of("CR1") & 0xC0))
-
-    def write(self, offset: int, size: int, value: int) -> None:
-        """Take what is written."""
-        super().write(offset, size, value)
-        self._ask()
 
     def nothing(self, _: int, __: int) -> None:
         """Flags are cleared, which are never set."""
@@ -321,15 +316,15 @@ class Stm32Timer(RegisterBlock):
     """TIMx: counts up, at the clock divided by PSC + 1, and interrupts when it begins again."""
 
     REGISTERS = (
-        IoRegister("CR1", 0x00, 0, "CEN counts; OPM stops at the update", write="put_cr1"),
+        IoRegister("CR1", 0x00, 0, "CEN counts; OPM stops at the update"),
         *stored("CR2", "SMCR", first=0x04),
-        IoRegister("DIER", 0x0C, 0, "UIE: the update interrupts", write="put_dier"),
+        IoRegister("DIER", 0x0C, 0, "UIE: the update interrupts"),
         IoRegister("SR", 0x10, 0, "UIF: the update came", "sr", "put_sr"),
         IoRegister("EGR", 0x14, 0, "UG: begin again", write="put_egr"),
         *stored("CCMR1", "CCMR2", "CCER", first=0x18),
-        IoRegister("CNT", 0x24, 0, "the count", "cnt", "put_cnt"),
-        IoRegister("PSC", 0x28, 0, "divides the clock", write="put_psc"),
-        IoRegister("ARR", 0x2C, 0xFFFF, "the last count", write="put_arr"),
+        IoRegister("CNT", 0x24, 0, "the count", "cnt"),
+        IoRegister("PSC", 0x28, 0, "divides the clock"),
+        IoRegister("ARR", 0x2C, 0xFFFF, "the last count"),
         *stored("RCR", "CCR1", "CCR2", "CCR3", "CCR4", "BDTR", "DCR", "DMAR", "OR", first=0x30),
     )
 
@@ -365,17 +360,27 @@ class Stm32Timer(RegisterBlock):
         stands = bool(self.values[0x10] & self.of("DIER") & 1)
         self._processor.request(IRQ + self._number, self, stands)
 
-    def _change(self, offset: int, value: int, count: int | None = None) -> None:
-        """Put a value where it belongs, from now on."""
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written, after the updates up to now."""
         self._catch_up()
-        count = self.cnt(0) if count is None else count
-        self.values[offset] = value
-        counter = self._counter
-        counter.divider, counter.period = self.of("PSC") + 1, self.of("ARR") + 1
-        self._held, counter.on = count, self.of("CR1") & 1
-        counter.zero = self.machine.shared.clock - count * counter.divider
+        count = self.cnt(0)
+        super().write(offset, size, value)
+        place = offset & ~3
+        if place in (0x24, 0x2C):
+            self.values[place] &= self._mask
+        if place in (0x00, 0x24, 0x28, 0x2C):
+            # Also a PSC, and an ARR without ARPE, count at once; in a part a PSC waits for the
+            # next update (RM0008, 15.4.11).
+            self._restart(self.values[0x24] if place == 0x24 else count)
         self._ask()
         self._plan()
+
+    def _restart(self, count: int) -> None:
+        """Count from ``count`` on, as the registers are now."""
+        counter = self._counter
+        counter.divider, counter.period = (self.of("PSC") & 0xFFFF) + 1, self.of("ARR") + 1
+        self._held, counter.on = count, self.of("CR1") & 1
+        counter.zero = self.machine.shared.clock - count * counter.divider
 
     def _plan(self) -> None:
         self.machine.events.pop(self, None)
@@ -401,36 +406,13 @@ class Stm32Timer(RegisterBlock):
 
     def put_sr(self, _: int, value: int) -> None:
         """A 0 clears."""
-        self._catch_up()
         self.values[0x10] &= value
-        self._ask()
 
     def put_egr(self, _: int, value: int) -> None:
         """Begin again; UIF comes, unless URS is set."""
         if value & 1:
-            self._change(0x14, 0, 0)
+            self._restart(0)
             self.values[0x10] |= not self.of("CR1") & 4
-            self._ask()
-
-    def put_cr1(self, _: int, value: int) -> None:
-        """Start or stop."""
-        self._change(0x00, value)
-
-    def put_dier(self, _: int, value: int) -> None:
-        """Let the update interrupt."""
-        self._change(0x0C, value)
-
-    def put_cnt(self, _: int, value: int) -> None:
-        """Set the count."""
-        self._change(0x24, value, value & self._mask)
-
-    def put_psc(self, _: int, value: int) -> None:
-        """Divide the clock, from now on."""
-        self._change(0x28, value & 0xFFFF)
-
-    def put_arr(self, _: int, value: int) -> None:
-        """Set the last count."""
-        self._change(0x2C, value & self._mask)
 
 
 class Storage(RegisterBlock):
