@@ -131,6 +131,7 @@ class I2cMaster(RegisterBlock):
         yield from (((0, 1), (1, 1)) if self._state & BUSY else ())
         yield 1, 0
         yield 0, 0
+        # RM0008, 26.6.1: START and STOP end when they have been sent.
         self.values[0x00] &= ~START
         self._flags = (self._flags & RXNE) | SB
         self._state = MASTER | BUSY
@@ -241,11 +242,13 @@ class I2cMaster(RegisterBlock):
 
     def put_sr1(self, _: int, value: int) -> None:
         """A 0 clears the acknowledge failure."""
+        # RM0008, 26.6.6: of the flags here only AF is cleared by a write.
         self._flags &= ~AF | value
 
     def sr2(self, _: int) -> int:
         """Whether the bus is in use; reading it clears ADDR, which lets the bytes come."""
         state = self._state
+        # RM0008, 26.6.7: a read of SR2 behind one of SR1 clears ADDR; drivers read both.
         if self._flags & ADDR:
             self._flags &= ~ADDR
             self._flags |= TXE if state & SENDS else 0

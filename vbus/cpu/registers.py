@@ -75,6 +75,7 @@ class RegisterBlock(Peripheral):
             self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, False)
             return 0
         value = self.values[place]
+        # A method gives the whole register, of which bytes or halves may be read.
         if row.read:
             method: Callable[[int], Any] = getattr(self, row.read)
             value = method(place - row.offset)
@@ -89,6 +90,7 @@ class RegisterBlock(Peripheral):
             self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, True)
             return
         shift = 8 * (offset - place)
+        # A method takes a narrow access as one of the whole register, with 0 beside it.
         if row.write:
             method: Callable[[int, int], Any] = getattr(self, row.write)
             method(place - row.offset, value << shift)

@@ -51,6 +51,7 @@ class Clocks(RegisterBlock):
 
     def switched(self, _: int) -> int:
         """SWS is SW."""
+        # RM0008, 7.3.2: SW in bits 1:0 asks for a clock, SWS in bits 3:2 says which one is used.
         value = self.of("CFGR")
         return (value & ~0xC) | (value & 3) << 2
 
@@ -149,6 +150,7 @@ class Port(RegisterBlock):
 
     def put_bsrr(self, _: int, value: int) -> None:
         """Set by the low half, reset by the high one; setting wins."""
+        # RM0008, 9.2.5: of a bit that is to be set and reset, the set counts.
         self.bits.level = (self.bits.level & ~(value >> 16)) | (value & 0xFFFF)
 
     def put_brr(self, _: int, value: int) -> None:
@@ -172,6 +174,7 @@ class Port1(Port):
     """GPIO of an F1: four bits of CRL or CRH for each pin."""
 
     REGISTERS = (
+        # RM0008, 9.2.1: after a reset every pin is a floating input.
         IoRegister("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
         IoRegister("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
         *(IoRegister(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
@@ -225,7 +228,7 @@ class ExternalInterrupts(ExtiLines):
     VECTORS: ClassVar[dict[int, int]] = {
         **{6 + line: 1 << line for line in range(5)}, 23: 0x03E0, 40: 0xFC00
     }  # fmt: skip
-    """The lines that share an interrupt."""
+    """The lines that share an interrupt (RM0008, 10.1.2)."""
 
     REGISTERS = (
         *stored("IMR", "EMR", "RTSR", "FTSR"),
@@ -350,7 +353,7 @@ class Stm32Timer(RegisterBlock):
         counter.zero += past * round_
         self.values[0x10] |= 1
         self._ask()
-        # OPM: the timer stops at its update.
+        # RM0008, 15.4.1: with OPM the timer clears CEN at its update.
         if self.of("CR1") & 8:
             self.values[0x00] &= ~1
             self._held = counter.on = 0
@@ -412,6 +415,7 @@ class Stm32Timer(RegisterBlock):
         """Begin again; UIF comes, unless URS is set."""
         if value & 1:
             self._restart(0)
+            # RM0008, 15.4.1: with URS only a count that runs over sets UIF.
             self.values[0x10] |= not self.of("CR1") & 4
 
 
@@ -425,6 +429,7 @@ class Device(RegisterBlock):
     """What the factory wrote: the size of the flash, and a unique number."""
 
     REGISTERS = (
+        # RM0008, 30.1 and 30.2: at 1FFFF7E0h; RM0090, 39.1 and 39.2: from 1FFF7A10h on.
         IoRegister("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
         IoRegister("UID", 0x3E8, 1, "of an F1", count=3),
         IoRegister("UID", 0x210, 1, "of an F4", count=3),
@@ -518,6 +523,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     for name, base in family.named.items():
         machine.add(Unmodelled(machine, name, base))
     for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
+        # RM0008, 7.3.7: IOPAEN is bit 2, behind AFIOEN; an F4's GPIOAEN is bit 0.
         enable = ("AHB1ENR", number) if f4 else ("APB2ENR", number + 2)
         base = ports + 0x400 * number
         port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
@@ -543,6 +549,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     machine.add(SystemControl(machine, "SCS", 0xE000E000, processor), 0x1000)
     machine.add(Trace(machine, "DWT", 0xE0001000), 0x1000)
     machine.add(Storage(machine, "ITM", 0xE0000000), 0x1000)
+    # Peripherals, their bits, the FSMC's registers, the processor's own, and the system memory.
     machine.window(0x40000000, 0x80000)
     machine.window(0x42000000, 0x1000000)
     machine.window(0xA0000000, 0x1000)
