@@ -24,8 +24,8 @@ NEVER: Final = (1 << 64) - 1
 _PAGE: Final = 0x1000
 _NEAR: Final = 0x400
 """An access so near the stack pointer is one of the stack."""
-# Ports A to L, and one for interrupt inputs; 14 timers of an F4, SysTick and DWT count. Both are the
-# sizes of arrays of ``struct cpu`` in cpu_link.c.
+# Ports A to L, and one for interrupt inputs; 14 timers of an F4, SysTick and DWT count: the sizes
+# of both arrays in ``struct cpu`` of cpu_link.c.
 _PORTS: Final = 13
 _COUNTERS: Final = 24
 INTERRUPTS: Final = 12
