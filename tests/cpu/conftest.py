@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -52,3 +53,15 @@ def example(name: str, output: Path) -> Path:
 M68K = ["m68k-linux-gnu-gcc", "-m68000", "-Os", "-Wall", "-Wextra", "-Werror", "-ffreestanding",
         "-nostdlib", "-static", "-fno-pic", "-fno-stack-protector",
         "-Wl,--build-id=none"]  # fmt: skip
+
+
+def ended(processor: str, image: Path, board: Path) -> str:
+    """Run an image that has no end; return what is said when the limit ends it."""
+    done = subprocess.run(
+        [sys.executable, "-m", "vbus", "exec", "--board", str(board), "--limit", "10 ms", "--cpu",
+         processor, str(image)],
+        capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 128 + 9
+    assert "the program hangs: it was not done after 0.01 s of chip time" in done.stderr
+    return done.stderr

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cpu.conftest import EXAMPLES, build
+from tests.cpu.conftest import EXAMPLES, build, ended
 from tests.firmware import run_cpu
 from vbus.core.errors import ConfigError, ProgramError
 
@@ -143,6 +143,11 @@ def test_a_failure_is_said(name: str, tmp_path: Path, capfd: pytest.CaptureFixtu
     body, expected, sentence = FAILURES[name]
     code, _, err = run(tmp_path, capfd, program(tmp_path, body))
     assert (code, sentence in err) == (expected, True), err
+
+
+def test_an_endless_loop_is_ended_by_the_limit_and_its_place_said(tmp_path: Path) -> None:
+    image = program(tmp_path, "again: inc ax\n jmp again")
+    assert "the next instruction is at 0000110" in ended("8086", image, BOARD)
 
 
 @pytest.mark.parametrize(

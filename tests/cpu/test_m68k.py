@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cpu.conftest import EXAMPLES, M68K, PROGRAMS, build
+from tests.cpu.conftest import EXAMPLES, M68K, PROGRAMS, build, ended
 from tests.firmware import run_cpu
 from vbus.core.errors import ProgramError
 
@@ -98,6 +98,11 @@ handler: addq   #2, %d0
 
 
 FAILURES = {
+    "register": (
+        "move.b #1, 0xFE0015\n moveq #0, %d0",
+        0,
+        "DUART+14h (00FE0015h) is not modelled: it is written, to no effect",
+    ),
     "nobody": ("move.b 0xFF8800, %d0\n moveq #0, %d0", 0, "no chip of the card answers at FF8800h"),
     "nothing": ("move.b 0xA00000, %d0", 1, "the firmware reads 00A00000h, where nothing is"),
     "stack": (
@@ -131,3 +136,8 @@ def test_a_wrong_vector_table_is_said(tmp_path: Path, capfd: pytest.CaptureFixtu
 def test_an_image_of_another_processor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match="an image for a 68000; this processor is an ARM"):
         run_cpu("cortex-m3", str(image(tmp_path, "nop")), str(FOLDER / "board.toml"))
+
+
+def test_an_endless_loop_is_ended_by_the_limit_and_its_place_said(tmp_path: Path) -> None:
+    elf = image(tmp_path, "1: addq.l #1, %d0\n bra 1b")
+    assert "the next instruction is at 0000040" in ended("68000", elf, FOLDER / "board.toml")

@@ -122,6 +122,7 @@ class CortexM(Processor):
 
     def enter(self) -> None:
         """Begin the most urgent exception that waits, if its priority allows."""
+        # Of equal priorities the lowest number comes first (ARMv7-M, B1.5.4).
         number = min(self.pending & self.enabled, key=lambda n: (self._priority(n), n))
         if self._priority(number) < self._level():
             self._begin(number)
@@ -298,6 +299,7 @@ class SystemControl(RegisterBlock):
     def write(self, offset: int, size: int, value: int) -> None:
         """Take what is written; priorities count at once."""
         super().write(offset, size, value)
+        # STM32s have the upper four bits of a priority.
         if 0x400 <= offset < 0x4F0:
             for place in range(offset, offset + size):
                 byte = self.values[place & ~3] >> 8 * (place & 3) & 0xF0
@@ -325,6 +327,7 @@ class SystemControl(RegisterBlock):
 
     def put_rvr(self, _: int, value: int) -> None:
         """Count from here, beginning now."""
+        # ARMv7-M, B3.3.4: the reload value has 24 bits.
         self.values[0x14] = value & 0xFFFFFF
         self.put_cvr(0, 0)
 
@@ -424,6 +427,7 @@ class SystemControl(RegisterBlock):
 
     def put_vtor(self, _: int, value: int) -> None:
         """Move the vector table; address 0 shows the program memory."""
+        # ARMv7-M, B3.2.5: the table begins at a multiple of 128.
         self._processor.vectors = (value & ~0x7F) or self.machine.section.rom
 
     def put_aircr(self, _: int, value: int) -> None:

@@ -116,7 +116,7 @@ class Dma(RegisterBlock):
             if self._bit(channel, 1) & 1:
                 self.values[at + _COUNT] = self._whole[channel]
             elif self.LAG:
-                self.values[at] &= ~1  # RM0090, 10.3.16; an F1's stays on, with nothing left
+                self.values[at] &= ~1  # RM0090, 10.3.13; an F1's stays on, with nothing left
         elif left - 1 == self._whole[channel] // 2:
             self._came(channel, 1)
         return True

@@ -50,7 +50,7 @@ class I2cMaster(RegisterBlock):
         self._number: Final = IRQ + number
         """Of its event interrupt; the error interrupt has the next."""
         self._dma: Final = dma
-        dma.asks.append(self._ask)
+        dma.asks.append(self.settle)
         self._bits: Final = bits
         self._lend: Final = lend
         self._scl: Final = scl
@@ -131,6 +131,7 @@ class I2cMaster(RegisterBlock):
         yield from (((0, 1), (1, 1)) if self._state & BUSY else ())
         yield 1, 0
         yield 0, 0
+        # RM0008, 26.6.1: START and STOP end when they have been sent.
         self.values[0x00] &= ~START
         self._flags = (self._flags & RXNE) | SB
         self._state = MASTER | BUSY
@@ -175,7 +176,7 @@ class I2cMaster(RegisterBlock):
         if levels is None:
             self._moves = None
             self._go_on()
-            self._ask()
+            self.settle()
             return
         self._drive(*levels)
         clocks = self.of("CCR") & 0xFFF or 1
@@ -189,7 +190,7 @@ class I2cMaster(RegisterBlock):
 
     # -- requests -----------------------------------------------------------------------------
 
-    def _ask(self) -> None:
+    def settle(self) -> None:
         """Ask for transfers by DMA, and interrupt as long as a flag stands."""
         control = self.of("CR2")
         while control & DMAEN and self._flags & TXE and self._dma.serve(f"{self.name}_TX"):
@@ -202,17 +203,6 @@ class I2cMaster(RegisterBlock):
         self._processor.request(self._number, self, event)
         error = bool(control & ITERREN and self._flags & AF)
         self._processor.request(self._number + 1, self, error)
-
-    def read(self, offset: int, size: int) -> int:
-        """Return what is read; that may end what it asks for."""
-        value = super().read(offset, size)
-        self._ask()
-        return value
-
-    def write(self, offset: int, size: int, value: int) -> None:
-        """Take what is written."""
-        super().write(offset, size, value)
-        self._ask()
 
     # -- registers ----------------------------------------------------------------------------
 
@@ -252,11 +242,13 @@ class I2cMaster(RegisterBlock):
 
     def put_sr1(self, _: int, value: int) -> None:
         """A 0 clears the acknowledge failure."""
+        # RM0008, 26.6.6: of the flags here only AF is cleared by a write.
         self._flags &= ~AF | value
 
     def sr2(self, _: int) -> int:
         """Whether the bus is in use; reading it clears ADDR, which lets the bytes come."""
         state = self._state
+        # RM0008, 26.6.7: a read of SR2 behind one of SR1 clears ADDR; drivers read both.
         if self._flags & ADDR:
             self._flags &= ~ADDR
             self._flags |= TXE if state & SENDS else 0

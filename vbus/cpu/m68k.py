@@ -55,6 +55,7 @@ class M68000(Processor):
                 f" pointer {stack:08X}h, first instruction {start:08X}h; see the linker script, and"
                 " vectors, rom and ram of [cpu]",
             )
+        # A reset masks all levels but 7, in supervisor state.
         machine.set(m68k.UC_M68K_REG_SR, _SUPERVISOR | _MASK)
         machine.set(self.SP, stack)
         machine.set(self.PC, start)

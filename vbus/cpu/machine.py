@@ -19,11 +19,13 @@ from vbus.core import exit_codes
 from vbus.cpu.image import Image
 
 SLICE: Final = 100_000
-"""Instructions after which the emulator stops at the latest, to look for the end."""
+"""Instructions after which the emulator stops at the latest, to look for the end: some 5 ms."""
 NEVER: Final = (1 << 64) - 1
 _PAGE: Final = 0x1000
 _NEAR: Final = 0x400
 """An access so near the stack pointer is one of the stack."""
+# Ports A to L, and one for interrupt inputs; 14 timers of an F4, SysTick and DWT count: the sizes
+# of both arrays in ``struct cpu`` of cpu_link.c.
 _PORTS: Final = 13
 _COUNTERS: Final = 24
 INTERRUPTS: Final = 12
@@ -222,6 +224,7 @@ class CpuMachine:
         self.shared: Final = _NativeCpu.in_dll(native, "cpu")
         self.shared.step, self.shared.access = section.cycles, section.access
         self.shared.frequency = section.clock
+        # The same function that Python calls: C stops the emulator without a way through Python.
         self.shared.stop = ctypes.cast(uclib.uc_emu_stop, ctypes.c_void_p)
         self._callbacks: Final = (
             _READ(self.peripheral_read),
@@ -449,6 +452,7 @@ class CpuMachine:
         """Notice an access to nothing; the emulator stops."""
         from unicorn import unicorn_const as names
 
+        # Of several failures the first is the cause.
         if self.failure is None:
             verb = "writes"
             if access in (names.UC_MEM_READ_UNMAPPED, names.UC_MEM_READ_PROT):
@@ -613,6 +617,7 @@ class CpuMachine:
         if processor.waiting():
             processor.enter()
             shared.masked = processor.waiting()
+        # C stops the emulator before the first instruction at or behind this cycle.
         shared.due = min(due, shared.clock + SLICE * shared.step)
         wanted = shared.due
         self._traps.clear()
@@ -658,6 +663,7 @@ class CpuMachine:
                         f"the firmware waits for an interrupt that cannot come, at {self.at()}",
                     )
             due = min(when for when, _ in self.events.values())
+            # Whole instructions pass, so that the instant of the next one is as if none had waited.
             behind = max(0, due - shared.clock)
             shared.clock += -(-behind // shared.step) * shared.step
             self._fire()

@@ -75,9 +75,11 @@ class RegisterBlock(Peripheral):
             self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, False)
             return 0
         value = self.values[place]
+        # A method gives the whole register, of which bytes or halves may be read.
         if row.read:
             method: Callable[[int], Any] = getattr(self, row.read)
             value = method(place - row.offset)
+        self.settle()
         return (value >> 8 * (offset - place)) & ((1 << 8 * size) - 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
@@ -88,9 +90,14 @@ class RegisterBlock(Peripheral):
             self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, True)
             return
         shift = 8 * (offset - place)
+        # A method takes a narrow access as one of the whole register, with 0 beside it.
         if row.write:
             method: Callable[[int, int], Any] = getattr(self, row.write)
             method(place - row.offset, value << shift)
         else:
             mask = ((1 << 8 * size) - 1) << shift
             self.values[place] = (self.values[place] & ~mask) | (value << shift & mask)
+        self.settle()
+
+    def settle(self) -> None:
+        """Do what an access has led to: interrupt, or ask for a transfer."""

@@ -51,6 +51,7 @@ class Clocks(RegisterBlock):
 
     def switched(self, _: int) -> int:
         """SWS is SW."""
+        # RM0008, 7.3.2: SW in bits 1:0 asks for a clock, SWS in bits 3:2 says which one is used.
         value = self.of("CFGR")
         return (value & ~0xC) | (value & 3) << 2
 
@@ -149,6 +150,7 @@ class Port(RegisterBlock):
 
     def put_bsrr(self, _: int, value: int) -> None:
         """Set by the low half, reset by the high one; setting wins."""
+        # RM0008, 9.2.5: of a bit that is to be set and reset, the set counts.
         self.bits.level = (self.bits.level & ~(value >> 16)) | (value & 0xFFFF)
 
     def put_brr(self, _: int, value: int) -> None:
@@ -172,6 +174,7 @@ class Port1(Port):
     """GPIO of an F1: four bits of CRL or CRH for each pin."""
 
     REGISTERS = (
+        # RM0008, 9.2.1: after a reset every pin is a floating input.
         IoRegister("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
         IoRegister("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
         *(IoRegister(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
@@ -225,7 +228,7 @@ class ExternalInterrupts(ExtiLines):
     VECTORS: ClassVar[dict[int, int]] = {
         **{6 + line: 1 << line for line in range(5)}, 23: 0x03E0, 40: 0xFC00
     }  # fmt: skip
-    """The lines that share an interrupt."""
+    """The lines that share an interrupt (RM0008, 10.1.2)."""
 
     REGISTERS = (
         *stored("IMR", "EMR", "RTSR", "FTSR"),
@@ -296,18 +299,13 @@ class SerialPort(RegisterBlock):
         self._processor: Final = processor
         self._number: Final = IRQ + number
         self._dma: Final = dma
-        dma.asks.append(self._ask)
+        dma.asks.append(self.settle)
 
-    def _ask(self) -> None:
+    def settle(self) -> None:
         """Let DMA send (DMAT of CR3), and interrupt (TXEIE and TCIE of CR1)."""
         while self.of("CR3") & 0x80 and self._dma.serve(f"{self.name}_TX"):
             pass
         self._processor.request(self._number, self, bool(self.of("CR1") & 0xC0))
-
-    def write(self, offset: int, size: int, value: int) -> None:
-        """Take what is written."""
-        super().write(offset, size, value)
-        self._ask()
 
     def nothing(self, _: int, __: int) -> None:
         """Flags are cleared, which are never set."""
@@ -321,15 +319,15 @@ class Stm32Timer(RegisterBlock):
     """TIMx: counts up, at the clock divided by PSC + 1, and interrupts when it begins again."""
 
     REGISTERS = (
-        IoRegister("CR1", 0x00, 0, "CEN counts; OPM stops at the update", write="put_cr1"),
+        IoRegister("CR1", 0x00, 0, "CEN counts; OPM stops at the update"),
         *stored("CR2", "SMCR", first=0x04),
-        IoRegister("DIER", 0x0C, 0, "UIE: the update interrupts", write="put_dier"),
+        IoRegister("DIER", 0x0C, 0, "UIE: the update interrupts"),
         IoRegister("SR", 0x10, 0, "UIF: the update came", "sr", "put_sr"),
         IoRegister("EGR", 0x14, 0, "UG: begin again", write="put_egr"),
         *stored("CCMR1", "CCMR2", "CCER", first=0x18),
-        IoRegister("CNT", 0x24, 0, "the count", "cnt", "put_cnt"),
-        IoRegister("PSC", 0x28, 0, "divides the clock", write="put_psc"),
-        IoRegister("ARR", 0x2C, 0xFFFF, "the last count", write="put_arr"),
+        IoRegister("CNT", 0x24, 0, "the count", "cnt"),
+        IoRegister("PSC", 0x28, 0, "divides the clock"),
+        IoRegister("ARR", 0x2C, 0xFFFF, "the last count"),
         *stored("RCR", "CCR1", "CCR2", "CCR3", "CCR4", "BDTR", "DCR", "DMAR", "OR", first=0x30),
     )
 
@@ -355,7 +353,7 @@ class Stm32Timer(RegisterBlock):
         counter.zero += past * round_
         self.values[0x10] |= 1
         self._ask()
-        # OPM: the timer stops at its update.
+        # RM0008, 15.4.1: with OPM the timer clears CEN at its update.
         if self.of("CR1") & 8:
             self.values[0x00] &= ~1
             self._held = counter.on = 0
@@ -365,17 +363,27 @@ class Stm32Timer(RegisterBlock):
         stands = bool(self.values[0x10] & self.of("DIER") & 1)
         self._processor.request(IRQ + self._number, self, stands)
 
-    def _change(self, offset: int, value: int, count: int | None = None) -> None:
-        """Put a value where it belongs, from now on."""
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written, after the updates up to now."""
         self._catch_up()
-        count = self.cnt(0) if count is None else count
-        self.values[offset] = value
-        counter = self._counter
-        counter.divider, counter.period = self.of("PSC") + 1, self.of("ARR") + 1
-        self._held, counter.on = count, self.of("CR1") & 1
-        counter.zero = self.machine.shared.clock - count * counter.divider
+        count = self.cnt(0)
+        super().write(offset, size, value)
+        place = offset & ~3
+        if place in (0x24, 0x2C):
+            self.values[place] &= self._mask
+        if place in (0x00, 0x24, 0x28, 0x2C):
+            # Also a PSC, and an ARR without ARPE, count at once; in a part a PSC waits for the
+            # next update (RM0008, 15.4.11).
+            self._restart(self.values[0x24] if place == 0x24 else count)
         self._ask()
         self._plan()
+
+    def _restart(self, count: int) -> None:
+        """Count from ``count`` on, as the registers are now."""
+        counter = self._counter
+        counter.divider, counter.period = (self.of("PSC") & 0xFFFF) + 1, self.of("ARR") + 1
+        self._held, counter.on = count, self.of("CR1") & 1
+        counter.zero = self.machine.shared.clock - count * counter.divider
 
     def _plan(self) -> None:
         self.machine.events.pop(self, None)
@@ -401,36 +409,14 @@ class Stm32Timer(RegisterBlock):
 
     def put_sr(self, _: int, value: int) -> None:
         """A 0 clears."""
-        self._catch_up()
         self.values[0x10] &= value
-        self._ask()
 
     def put_egr(self, _: int, value: int) -> None:
         """Begin again; UIF comes, unless URS is set."""
         if value & 1:
-            self._change(0x14, 0, 0)
+            self._restart(0)
+            # RM0008, 15.4.1: with URS only a count that runs over sets UIF.
             self.values[0x10] |= not self.of("CR1") & 4
-            self._ask()
-
-    def put_cr1(self, _: int, value: int) -> None:
-        """Start or stop."""
-        self._change(0x00, value)
-
-    def put_dier(self, _: int, value: int) -> None:
-        """Let the update interrupt."""
-        self._change(0x0C, value)
-
-    def put_cnt(self, _: int, value: int) -> None:
-        """Set the count."""
-        self._change(0x24, value, value & self._mask)
-
-    def put_psc(self, _: int, value: int) -> None:
-        """Divide the clock, from now on."""
-        self._change(0x28, value & 0xFFFF)
-
-    def put_arr(self, _: int, value: int) -> None:
-        """Set the last count."""
-        self._change(0x2C, value & self._mask)
 
 
 class Storage(RegisterBlock):
@@ -443,6 +429,7 @@ class Device(RegisterBlock):
     """What the factory wrote: the size of the flash, and a unique number."""
 
     REGISTERS = (
+        # RM0008, 30.1 and 30.2: at 1FFFF7E0h; RM0090, 39.1 and 39.2: from 1FFF7A10h on.
         IoRegister("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
         IoRegister("UID", 0x3E8, 1, "of an F1", count=3),
         IoRegister("UID", 0x210, 1, "of an F4", count=3),
@@ -536,6 +523,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     for name, base in family.named.items():
         machine.add(Unmodelled(machine, name, base))
     for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
+        # RM0008, 7.3.7: IOPAEN is bit 2, behind AFIOEN; an F4's GPIOAEN is bit 0.
         enable = ("AHB1ENR", number) if f4 else ("APB2ENR", number + 2)
         base = ports + 0x400 * number
         port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
@@ -561,6 +549,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     machine.add(SystemControl(machine, "SCS", 0xE000E000, processor), 0x1000)
     machine.add(Trace(machine, "DWT", 0xE0001000), 0x1000)
     machine.add(Storage(machine, "ITM", 0xE0000000), 0x1000)
+    # Peripherals, their bits, the FSMC's registers, the processor's own, and the system memory.
     machine.window(0x40000000, 0x80000)
     machine.window(0x42000000, 0x1000000)
     machine.window(0xA0000000, 0x1000)

@@ -167,7 +167,7 @@ class FmuPlant(EncodedPlant):
             place = self._read()
             # The shaft begins in the middle of count 0, as that of any plant.
             counts = (place - self._origin) * float(self.settings["counts_per_unit"]) + 0.5
-            if not abs(counts - self._base) <= MOST_TURNED:
+            if not abs(counts - float(self._base)) <= MOST_TURNED:
                 raise ValueError(f"it has gone to {place:g}")
         except Exception as error:  # of FMPy: the unit returned an error
             self._failed = True
@@ -178,7 +178,7 @@ class FmuPlant(EncodedPlant):
             )  # fmt: skip
             return
         self._place = place
-        self._points[1] = counts - self._base
+        self._points[1] = counts - float(self._base)
         self._steps += 1
 
     # -- periods ------------------------------------------------------------------------------
@@ -195,12 +195,10 @@ class FmuPlant(EncodedPlant):
 
     def pulses(self, steps: i64) -> i64:
         """Run them with the place that the pulses so far have led to at the end of each."""
-        way, before = 1 if steps >= 0 else -1, self._pulsed
-        self._pulsed += steps
+        many, way, before = abs(int(steps)), 1 if steps >= 0 else -1, self._pulsed
+        self._pulsed += int(steps)
         # Pulse j of n comes at j/n of the period, as a stepper motor has it.
-        return self._run(
-            "pulses", lambda past: (before + way * (abs(steps) * past // self._period),)
-        )
+        return self._run("pulses", lambda past: (before + way * (many * past // self._period),))
 
     def phases(self, a: float, b: float, c: float) -> i64:
         """Run them with phase commands; without a third input ``c`` is not connected."""

@@ -139,6 +139,9 @@ class Travel:
         held = False
         reached = False
         sure = False
+        # The end of a span that has shown an event; which, if the shaft turned.
+        due: i64 = -1
+        stopped = hit = met = False
         most = least = 0.0
         events: i64 = 0
         tick: i64 = 0
@@ -163,13 +166,17 @@ class Travel:
             if standing:
                 after = current + (current - settled) * span.blocked
                 torque = constant * after - load
-                if not least <= torque <= most:
+                # What a tick adds may be lost by rounding, and with it an event that the whole span
+                # has shown: then it is at the last tick, or ticks without end would be tried.
+                if not least <= torque <= most or tick + size == due:
                     if level < LEVELS:
                         sure = True
+                        due = tick + size
                         size = size >> 1
                         level += 1
                         continue
                     sure = False
+                    due = -1
                     decided = False
                     events += 1
                 current = after
@@ -191,14 +198,19 @@ class Travel:
                 hits = there >= high if turning > 0.0 else there <= low
                 if way == turning:
                     reached = there >= border if way > 0.0 else there < border
+                if tick + size == due and not (stops or hits or reached):
+                    stops, hits, reached = stopped, hit, met
                 if stops or hits or reached:
                     if level < LEVELS:
+                        stopped, hit, met = stops, hits, reached
+                        due = tick + size
                         reached = False
                         sure = True
                         size = size >> 1
                         level += 1
                         continue
                     sure = False
+                    due = -1
                     if hits:
                         there = high if turning > 0.0 else low
                     if hits or stops:

@@ -89,6 +89,7 @@ class RecordedMove:
         driven = next((n for n, step in enumerate(steps) if step.command), len(steps))
         held = driven or STANDS  # an axis may also be held by its drive
         early = [step.counted for step in steps[:held] if step.counted is not None]
+        # At rest a count flickers by one; noise of 0.4 counts seldom makes it two.
         if any(abs(count - first) > 2 for count in early):
             raise VbusError(
                 f"{name}: the axis moves at the beginning, before its drive does anything: let the"
@@ -135,7 +136,7 @@ class _Tap(FaultyPlant):
 
     def resting(self) -> bool:
         """Have every period run."""
-        return False
+        return False  # a period at rest is one of the move, too
 
 
 def journal_move(board: Board, reader: JournalReader, name: str, axis: str) -> RecordedMove:
@@ -230,10 +231,11 @@ def _held(rows: list[tuple[float, float, int, float | None]], name: str) -> Iter
     """Give the periods between rows; times are made even, so that they share one length."""
     times = [row[0] for row in rows]
     gaps = sorted(later - when for when, later in pairwise(times))
-    usual = gaps[len(gaps) // 2]
+    usual = gaps[len(gaps) // 2]  # the median: rows that are missing do not move it
     if gaps[0] <= 0:
         raise CaptureError(f"{name}: time stands or runs backwards; sort its rows by time")
     spans = [max(round((later - when) / usual), 1) for when, later in pairwise(times)]
+    # Over the whole table the rounding of single times does not count.
     period = (times[-1] - times[0]) / sum(spans)
     place = 0
     for number, (row, after, span) in enumerate(zip(rows, rows[1:], spans, strict=False), 2):
