@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
@@ -474,7 +475,8 @@ class Bench:
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
         yield from (f"    {line}" for line in tested.board.hints(judged.failing))
-        yield from (f"missed: {line}" for line in tested.missed)
+        by_strobe = [missed_byte(chip, *rest) for chip, rest in tested.board.missed.items()]
+        yield from (f"missed: {line}" for line in dict.fromkeys([*tested.missed, *by_strobe]))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))
