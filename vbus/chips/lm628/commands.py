@@ -82,7 +82,6 @@ class AxisCommands:
             getattr(owner, row.hook)(*self._given(row, step, word))
         elif row.read:
             self._host.reply(getattr(holder, name), row.read)
-            self._axis.reads |= 1 << code
         else:
             setattr(holder, name, row.value)
         return True
