@@ -242,7 +242,8 @@ _NEAR: Final = 4
 
 
 FLAGS: Final = -1
-"""In place of a tolerance: the value is made of bits, in some of which specimens differ."""
+"""In place of a tolerance: the value is made of bits, or of their names, in which specimens differ:
+a reset leaves 84h or C4h (LM-RST-5)."""
 
 
 @cache
@@ -257,7 +258,8 @@ def _rows(
             continue
         for axis in row.of_axes(axes):
             at = f".{axis + 1}" if axes > 1 and "{}" in row.place else ""
-            near = _NEAR if row.lane in ("desired", "real") else FLAGS if row.fields else 0
+            bits = bool(row.fields) or row.text
+            near = _NEAR if row.lane in ("desired", "real") else FLAGS if bits else 0
             rows.append((f"{at} {row.name}", near))
             places.append(row.number(axis))
     return rows, reader(f"[{', '.join(places)}]")

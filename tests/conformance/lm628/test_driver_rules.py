@@ -237,6 +237,15 @@ def test_rsti_that_leaves_every_flag_that_is_set_is_noted(bench):
     )
 
 
+@pytest.mark.spec("LM-CMD-18", "LM-RST-5")
+def test_rsti_leaves_a_flag_that_is_stuck_and_no_host_can_clear_it(make):
+    bench = make(reset_status="C4")
+    bench.command("RSTI", 0x0000)
+    bench.command("RSTI", 0xFFFB)
+    assert bench.status() & 0x7E == 0x40
+    assert found(bench) == []
+
+
 @pytest.mark.spec("LM-CMD-18")
 @pytest.mark.parametrize("word", [0x0000, 0xFF81, 0x007A, 0xFFFB])
 def test_rsti_that_clears_is_right_and_so_is_one_before_anything_is_set(bench, word):

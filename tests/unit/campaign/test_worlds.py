@@ -6,7 +6,9 @@ from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.campaign.account import Account, SeenCycle, Witness
 from vbus.campaign.plan import PlannedWorld, WorldPlan, in_order, plan, shortened, specimens
+from vbus.campaign.verdict import NO_EFFECT, judge
 from vbus.campaign.world import DIMENSIONS, REFERENCE, World, begin, of_world, read_world
+from vbus.cli.hosted.campaign_runs import FunctionSubject
 from vbus.core.errors import ConfigError
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
@@ -173,3 +175,24 @@ def test_cycles_are_grouped_by_packet_place_and_what_came_before() -> None:
 
 def test_planned_worlds_are_values() -> None:
     assert PlannedWorld(REFERENCE, "") == PlannedWorld(World(), "")
+
+
+def test_names_of_bits_differ_by_themselves_between_specimens() -> None:
+    file, source = read_board_text(EITHER_SPECIMEN, "board.toml")
+    idle = FunctionSubject(file, source, lambda bus: None)
+    reference = idle.run(REFERENCE, None)
+    world = read_world("specimen:+0us:x.reset_status=C4")
+    run = idle.run(world, reference)
+    assert run.values["x names of the signals"] != reference.values["x names of the signals"]
+    assert judge(reference, run, world).verdict == NO_EFFECT
+
+
+EITHER_SPECIMEN = """
+[board]
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""
