@@ -133,6 +133,7 @@ class Bench:
             budget,
             chip_time=min(budget.chip_time, chip_time),
             cycles=min(budget.cycles, cycles),
+            # In a campaign a hang is judged by chip time: no verdict may depend on wall time.
             polling=float("inf"),
         )
 
@@ -358,6 +359,7 @@ class Bench:
         tested = self._main
         if tested is None or tested.witness is None:
             return None
+        # Motors come to rest in time that is not the host's.
         with tested.watch.excused():
             return tested.witness.account(stuck=tested.watch.stuck, slow=tested.watch.slow)
 
