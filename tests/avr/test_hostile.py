@@ -4,7 +4,9 @@ import shutil
 
 import pytest
 
-from tests.avr.conftest import EXAMPLES, Compile
+from tests.avr.conftest import EXAMPLES, Compile, compile_avr
+from tests.avr.test_firmware import EARLY, LOOK
+from tests.avr.test_wiring import BEHIND
 
 pytest_plugins = "pytester"
 
@@ -34,6 +36,26 @@ def test_firmware_that_knows_one_status_after_a_reset_is_found_out(
     result = pytester.runpytest_subprocess("-q")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(['under:   x.reset_status = "C4"'])
+
+
+@pytest.mark.parametrize("behind", [False, True], ids=["wired", "behind glue"])
+def test_a_byte_that_is_taken_before_its_strobe_is_in_the_report_of_a_failing_test(
+    pytester: pytest.Pytester, firmware: Compile, behind: bool
+) -> None:
+    folder = EXAMPLES / "lm629_avr_bitbang"
+    board = BEHIND if behind else (folder / "board.toml").read_text()
+    (pytester.path / "board.toml").write_text(board)
+    text = (folder / "lm629_bus.c").read_text()
+    source = pytester.path / "lm629_bus.c"
+    source.write_text(text.replace(LOOK, "").replace(*EARLY))
+    main = pytester.path / "main.c"
+    main.write_text(f'#include "firmware.h"\n{HASTY}\n')
+    driver = EXAMPLES / "lm629_c" / "lm629_driver.c"
+    compile_avr(pytester.path / "main.elf", main, source, driver)
+    pytester.makepyfile(SUITE.replace("@pytest.mark.vbus_matrix(hostile=10)\n", ""))
+    result = pytester.runpytest_subprocess("-q")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["missed: x: the host took ??h where the chip gave 84h at *"])
 
 
 def test_firmware_that_spins_is_ended_by_the_budget_of_its_test(

@@ -62,6 +62,7 @@ class Bench:
         self.capfd = capfd
         self.board = BOARD
         self.limit: int | None = None
+        self.summary = False
 
     def image(self, body: str, vectors: str = "0", flags: tuple[str, ...] = ()) -> Path:
         source = self.folder / "main.c"
@@ -79,7 +80,7 @@ class Bench:
         board = self.folder / "board.toml"
         board.write_text(self.board)
         transcript = str(self.folder / "bus.txt")
-        code = run_cpu(spec, str(image), str(board), transcript=transcript, summary=False)
+        code = run_cpu(spec, str(image), str(board), transcript=transcript, summary=self.summary)
         said = self.capfd.readouterr()
         return code, said.out, said.err
 
@@ -128,6 +129,21 @@ static void begin(void)
     R(GPIOA) = 0x44433333;
 }
 """
+
+
+@pytest.mark.parametrize("early", [True, False], ids=["early", "right"])
+def test_a_byte_that_is_taken_before_its_strobe_is_told(bench: Bench, early: bool) -> None:
+    look, strobe = "    byte = R(GPIOB + 8) >> 8;\n", "    R(GPIOA + 0x14) = 4;\n"
+    read = READ.replace(strobe + look, look + strobe) if early else READ
+    bench.summary = True
+    code, _, said = bench.run(
+        read + "int main(void) { int n; begin(); for (n = 0; n < 40000; n++) __asm__ volatile("
+        '"nop"); return status() != 0x84; }'
+    )
+    assert code == early
+    told = [line for line in said.splitlines() if "the host took" in line]
+    assert len(told) == early
+    assert all("x: the host took FFh where the chip gave 84h at 1666." in line for line in told)
 
 
 def test_main_s_result_is_the_exit_code(bench: Bench) -> None:

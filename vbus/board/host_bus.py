@@ -402,7 +402,9 @@ class HostBus(HostPort):
         """Return D0-D7 as they stand, and all output lines."""
         self.clock.arrive()
         outputs = self.pins.output_word()
-        return self._data_chip().bus_net.value, outputs
+        net = self._data_chip().bus_net
+        self.strobes.look(net)
+        return net.value, outputs
 
     def pin(self, number: int, level: int) -> None:
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""

@@ -6,11 +6,34 @@ from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch, watch_by
 from vbus.circuit.circuit import Circuit
 from vbus.circuit.glue_cycles import BusLines, CycleTeller, Ended
-from vbus.core.signals import Observer
+from vbus.core.signals import Net, Observer
 from vbus.core.state import Names
+from vbus.protocols.quantities import format_instant
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
+_NOT: Final = -1
+"""The host has not looked at D0-D7."""
+_WITHIN: Final = -2
+"""It has looked while a chip drove them: what stands there may change until the strobe ends."""
+
+
+def missed_byte(chip: str, count: int, saw: int, gave: int, when: int) -> str:
+    """Say that a host has looked for bytes of a chip outside the strobes that gave them.
+
+    Args:
+        chip: its name.
+        count: bytes.
+        saw: what the host saw in place of the first.
+        gave: what the chip gave.
+        when: its instant (ps).
+    """
+    times = f"; {count} bytes in all" if count > 1 else ""
+    return (
+        f"{chip}: the host took {saw:02X}h where the chip gave {gave:02X}h at"
+        f" {format_instant(when)}: it looked at D0-D7 before its read strobe was low, or after"
+        f" that (t_AC, t_DF); look while the strobe is low{times}"
+    )
 
 
 class StrobeWatch(CycleTeller):
@@ -28,7 +51,7 @@ class StrobeWatch(CycleTeller):
 
     STATE: ClassVar[Names] = ("watches: parts",)
     WIRING: ClassVar[Names] = ("_board", "_label", "_rows", "found")
-    DERIVED: ClassVar[Names] = ("_noted", "_cycles")
+    DERIVED: ClassVar[Names] = ("_noted", "_cycles", "_looked", "_looks")
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
         self.found: Observer | None = None
@@ -44,6 +67,16 @@ class StrobeWatch(CycleTeller):
                 self._rows.append(BusLines(chip, watch_by(chip.BUS)))
         self._cycles: int = 0
         self._noted: bool = False
+        self._looked: int = _NOT
+        """What the host has seen on D0-D7 since the last cycle, when it looked last."""
+        self._looks: bool = False
+        """The host looks at D0-D7: what chips give is compared with it."""
+
+    def look(self, net: Net) -> None:
+        """The host looks at D0-D7, which are on a net."""
+        self._looks = True
+        driven = any(pin.level >= 0 for pin in net.pins)
+        self._looked = _WITHIN if driven else net.value
 
     def goes_through_glue(self) -> None:
         """What comes to chips through glue from now on comes of this host."""
@@ -96,11 +129,16 @@ class StrobeWatch(CycleTeller):
         return [row.watch for row in self._rows]
 
     def wanted(self) -> bool:
-        """Tell whether anybody wants to know of cycles."""
-        return self.found is not None or bool(self._board.observers)
+        """Tell whether anything wants to know of cycles."""
+        return self.found is not None or self._looks or bool(self._board.observers)
 
     def tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         """Tell of a cycle: the journal, then the observers."""
+        # A look after the strobe before this one is told by this one's byte, if that differs.
+        if not write and self._looked not in (_NOT, _WITHIN, data):
+            first = self._board.missed.get(chip, (0, self._looked, data, when))
+            self._board.missed[chip] = (first[0] + 1, first[1], first[2], first[3])
+        self._looked = _NOT
         if self.found is not None:
             self.found.bus_cycle(when, self._label, chip, write, address, data)
         self._board.tell_cycle(when, self._label, chip, write, address, data)

@@ -127,6 +127,7 @@ class _Groups(PacketReader):
                 seen = self.rows[row]
                 group = f"{packet.name}{of} ({way}) after {before}"
                 self.rows[row] = SeenCycle(chip, seen.number, seen.write, seen.when, group)
+        # Polls stand between all packets, and would hide what came before.
         if packet.kind != STATUS:
             self._before[chip] = packet.name
 
@@ -198,10 +199,12 @@ class Witness(Observer):
             of_host: what is known of the host: ``code``, ``stuck``, ``slow``, ``output``,
                 ``errors``, ``turns``.
         """
+        # What follows is no doing of the host: its cycles and its end are noted before.
         board, cycles, now = self._board, self._cycles, self._board.now
         for found in board.left_over():
             self.violation(found)
         counts: list[int] = []
+        # Half a second at most: an axis that runs on by order never comes to rest.
         for _ in range(_LOOKS):
             before, counts = counts, [axis.count for axis in board.axes.values()]
             if before == counts:
@@ -209,6 +212,7 @@ class Witness(Observer):
             board.run_for(_SETTLE)
         values = _values(board)
         there = {name: int(axis.count) for name, axis in board.axes.items()}
+        # No multiple of a sample of 256 or 341.3 us: a value that repeats with the sample is found.
         board.run_for(_ON)
         later = _values(board)
         self._timer.cancel()
@@ -224,6 +228,7 @@ class Witness(Observer):
         board.unobserve(self)
         return Account(
             cycles=cycles, now=now, findings=sorted(self._findings), axes=axes,
+            # A value that goes on changing tells only when it was looked at.
             values={name: value for name, value in values.items() if later[name] == value},
             seen=self._groups.finish() if self._groups else [],
             edges=self._edges, **of_host,
@@ -242,7 +247,8 @@ _NEAR: Final = 4
 
 
 FLAGS: Final = -1
-"""In place of a tolerance: the value is made of bits, in some of which specimens differ."""
+"""In place of a tolerance: the value is made of bits, or of their names, in which specimens differ:
+a reset leaves 84h or C4h (LM-RST-5)."""
 
 
 @cache
@@ -253,11 +259,13 @@ def _rows(
     rows: list[tuple[str, float]] = []
     places = []
     for row in table.rows:
+        # What samples change is compared as motion, with a tolerance of its own.
         if row.moves or row.lane in _MEASURED or not row.place:
             continue
         for axis in row.of_axes(axes):
             at = f".{axis + 1}" if axes > 1 and "{}" in row.place else ""
-            near = _NEAR if row.lane in ("desired", "real") else FLAGS if row.fields else 0
+            bits = bool(row.fields) or row.text
+            near = _NEAR if row.lane in ("desired", "real") else FLAGS if bits else 0
             rows.append((f"{at} {row.name}", near))
             places.append(row.number(axis))
     return rows, reader(f"[{', '.join(places)}]")

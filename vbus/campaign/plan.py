@@ -116,6 +116,7 @@ def plan(
     for dimension in DIMENSIONS:
         if dimension in only:
             made.worlds += makers[dimension]()
+    # A budget cuts the list behind, so something of every dimension stands in front.
     made.worlds = in_order(made.worlds, seed)
     return made
 
@@ -135,6 +136,7 @@ def in_order(worlds: Iterable[PlannedWorld], seed: int) -> list[PlannedWorld]:
 
 def drawn(seed: int, what: object) -> int:
     """Return a number that the seed draws for something."""
+    # A hash, and no generator: what is drawn for a world does not depend on the worlds before it.
     return int.from_bytes(sha256(f"{seed} {what}".encode()).digest()[:8], "big")
 
 
@@ -151,11 +153,13 @@ def _cycles(made: WorldPlan, reference: Account, board: Board, seed: int) -> Ite
         groups[row.chip, row.group].append(row)
     for (chip, group), rows in groups.items():
         ways = [*(f"{FLIP}{bit}" for bit in range(8)), LOST, DOUBLED]
+        # Only a write makes a chip busy; only a read has an answer that can be late.
         ways += [BUSY] if chip in busy and rows[0].write else []
         ways += [] if rows[0].write else [LATE]
         if len(rows) > _EACH:
             for way in ways:
                 made.left[CYCLE, way.rstrip("01234567")] += len(rows) - _EACH
+            # Drawn over the whole run: the first 64 polls of a wait are all alike.
             rows = sorted(rows, key=lambda row: drawn(seed, row.number))[:_EACH]
         for row, way in product(rows, ways):
             yield PlannedWorld(World(CYCLE, f"{chip}.{row.number}", way), f"{chip} {group}")
@@ -166,6 +170,7 @@ def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
         made.refused[INTERRUPT] = "no output that a host looks at has moved in the reference run"
     instants = sorted(row.when for row in reference.seen)
     steps = [b - a for a, b in pairwise(instants) if b > a]
+    # A host cannot look between two of its cycles: the shortest step is one cycle of it.
     one = min(steps, default=US)
     count: dict[tuple[str, int], int] = defaultdict(int)
     for output, when, level in reference.edges:
@@ -175,6 +180,7 @@ def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
             made.left[INTERRUPT, LATE] += 1
             continue
         group = f"{output} {'rises' if level else 'falls'}"
+        # Before the first cycle no output can be early.
         if when > one:
             world = World(INTERRUPT, f"{output}@{when - one}", f"early{one}-{level}")
             yield PlannedWorld(world, group)
@@ -186,6 +192,7 @@ def _phases(made: WorldPlan, board: Board, phases: int) -> Iterator[PlannedWorld
     cycle = longest_cycle(board)
     if not cycle:
         made.refused[PHASE] = "no family says how long a cycle of these chips is"
+    # Phase 0 is the reference run.
     for number in range(1, phases if cycle else 0):
         ahead = format_instant(number * cycle // phases)
         yield PlannedWorld(World(PHASE, f"+{ahead}", "ahead"), "place in the sample")
@@ -219,6 +226,7 @@ def _specimens(made: WorldPlan, file: BoardFile, seed: int) -> Iterator[PlannedW
     if not extremes(file):
         made.refused[SPECIMEN] = "the board file fixes all in which silicon may differ"
         return
+    # Two draws may be the same specimen.
     for world in dict.fromkeys(specimens(file, seed)):
         yield PlannedWorld(world, world.how.partition("=")[0] or "seeds")
 
@@ -232,6 +240,7 @@ def _floating(board: Board) -> Iterator[PlannedWorld]:
 
 def _faults(made: WorldPlan, reference: Account, board: Board) -> Iterator[PlannedWorld]:
     """Each fault of the table once, on each target, in the middle of the host's cycles."""
+    # At the beginning most faults meet a reset, and at the end a host that has left.
     middle = reference.seen[len(reference.seen) // 2].when if reference.seen else 0
     for row in faults().values():
         targets = list(_targets(row, board))

@@ -274,6 +274,7 @@ def _matrix(campaign: Campaign, dimension: str, line: Line) -> str:
 def _cell(tried: list[Tried], line: Line) -> str:
     if not tried:
         return "<td>"
+    # A cell shows the worst of its worlds: one silent outcome is what its reader looks for.
     one = min(tried, key=lambda one: _WORST.index(one.result.verdict))
     verdict = one.result.verdict
     same = sum(other.result.verdict == verdict for other in tried)

@@ -49,6 +49,7 @@ def judge(reference: Account, run: Account, world: World = REFERENCE) -> Result:
     not, is listed apart.
     """
     new = sorted({*run.findings} - {*reference.findings})
+    # Wall time ended it, not the world: such a run has no verdict, or it would depend on the load.
     if run.slow:
         return Result(SLOW, run.stuck)
     if run.stuck:
@@ -56,6 +57,7 @@ def judge(reference: Account, run: Account, world: World = REFERENCE) -> Result:
     if run.code != reference.code:
         said = _last_line(run.errors) or _last_line(run.output)
         return Result(DETECTED, f"exit code {run.code}" + (f": {said}" if said else ""), new)
+    # A driver that logs positions to standard error says other numbers in each phase.
     if _fewer_numbers(run.errors) != _fewer_numbers(reference.errors) and run.errors:
         return Result(DETECTED, f"it says: {_last_line(run.errors)}", new)
     difference = next(_differences(reference, run, world.dimension != SPECIMEN), "")
@@ -104,6 +106,7 @@ def _other_motion(was: Axis, now: Axis) -> str:
             few = abs(len(was.moves) - len(now.moves))
             return f"makes {few} move{'s' * (few > 1)} {'less' if b is None else 'more'}"
         near = max(_NEAR, int(_SHARE * (a[3] - a[2])))
+        # Where an axis that runs on stands depends on when it was looked at.
         ends = _NEAR if not (was.runs and number == len(was.moves)) else None
         if ends is not None and abs(a[1] - b[1]) > ends:
             return f"ends move {number} at {b[1]}, not at {a[1]}"
@@ -133,6 +136,7 @@ def _alike(a: str, b: str) -> bool:
     """Tell whether two lines say the same, decimal numbers of 100 and more but for some counts."""
     if _DECIMAL.sub("#", a) != _DECIMAL.sub("#", b):
         return False
+    # Small numbers are codes, counts of tries or exit codes: one more is another one.
     pairs = zip(map(int, _DECIMAL.findall(a)), map(int, _DECIMAL.findall(b)), strict=True)
     return all(x == y or (min(x, y) >= 100 and abs(x - y) <= _NEAR) for x, y in pairs)
 

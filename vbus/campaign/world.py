@@ -256,6 +256,7 @@ def of_world(file: BoardFile, source: Source, world: World) -> tuple[BoardFile, 
         ConfigError: a chip has no section of its own in the file, the board is in real time, or the
             world is of a program's threads or link, which are no part of a board.
     """
+    # A world is judged by a run that repeats.
     if world != REFERENCE and file.board.time == "realtime":
         raise ConfigError(
             f"{file.path}: in real time no two runs are alike; the board must be lockstep or slaved"
@@ -274,6 +275,7 @@ def with_settings(text: str, world: World) -> str:
         ConfigError: a chip has no section of its own in the file.
     """
     lines = text.splitlines()
+    # In at the top of each section, so the last one goes in first.
     for chip, key, value in reversed(world.settings):
         line = f"{key} = {_toml(value)}"
         place = section_line(lines, rf"chips\.[\"']?{re.escape(chip)}[\"']?")

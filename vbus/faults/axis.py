@@ -75,6 +75,7 @@ class AxisFaults:
 
     def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
         """Let a fault act; return what it changes."""
+        # What was before this instant was without the fault.
         self.chip.advance()
         here = int(self.plant.count)
         text = self._describe(name, values)
@@ -146,6 +147,7 @@ class AxisFaults:
         wrapper = self._wrap()
         wrapper.take_hold()
         self.set_up(wrapper)
+        # Without the wrapper a sample costs what it does on a board without faults.
         if wrapper.plain:
             self.put(None)
 
@@ -161,6 +163,7 @@ class AxisFaults:
                 setattr(wrapper, attribute, int(values.get(key, HIGH)))
             if name == "jam" and isinstance(self.plant, Shaft):
                 self.plant.jam()
+            # Shares multiply, so that two slips lose more than either.
             elif name == "slip":
                 wrapper.share = int(wrapper.share * (1.0 - float(values["share"])))
             elif name == "motor_reversed":
@@ -188,6 +191,7 @@ class AxisFaults:
         assert isinstance(shaft, Shaft)
         if self._nominal is None:
             self._nominal = shaft.mechanics()
+        # Always from the nominal ones: faults may end in any order.
         numbers = self._nominal.copy()
         for name, values, here in self.acting.values():
             for attribute, key in ADDED.get(name, {}).items():
@@ -213,6 +217,7 @@ class AxisFaults:
                 which = str(values["switch"])
                 if values.get("state", "closed") == "closed":
                     switch = self.plant.switches.get(which)
+                    # Where no switch is wired, the family says which level means closed.
                     closed[which] = self.upsets.LIMIT_CLOSED if switch is None else switch.active
                 else:
                     opened.add(which)
@@ -259,6 +264,7 @@ class AxisFaults:
 
 def _stop(numbers: Mechanics, here: int, ahead: int) -> None:
     """Put an end stop ``ahead`` of the count at which its fault began."""
+    # A stop in front of another one is the one that is met.
     low, high = (numbers.low, numbers.high) if numbers.stopped else (-NOWHERE, NOWHERE)
     if ahead >= 0:
         high = min(high, here + ahead)

@@ -65,6 +65,7 @@ class BusFault(Observer):
             chip.bus_net.bend(self._late)
         elif self._name == "bus_pulled":
             text += f" shows {values['level']} where nothing drives it"
+            # Pulled up or down, and no keeper: a floating line shows the resistor.
             chip.bus_net.rest = 0xFF * int(values["level"])
         elif self._name == "contention":
             text = f"D0-D7 driven with {int(values['data']):02X}H"
@@ -131,6 +132,7 @@ class BusFault(Observer):
 
     def edge(self, when: int, net: str, level: int) -> None:
         """A strobe falls or rises."""
+        # The host takes what stood there before the strobe: the answer comes after its end.
         if self._name == "answer_late" and level == LOW and not self._inside:
             self._before = self._chip.bus_net.value
         if self._name in ("byte_flipped", "answer_late") and net != self._chip.bus_net.name:
@@ -139,6 +141,7 @@ class BusFault(Observer):
         elif self._name == "strobe_doubled" and level == LOW and not self._gap:
             if net in [strobe.name for strobe in self.strobes] and not self._inside:
                 self._inside = True
+                # The gap lies within the strobe, so the chip sees two of them.
                 begin = when + int(self._values["at"])
                 self._later(begin, self._open)
                 self._later(begin + int(self._values["gap"]), self._close)

@@ -161,6 +161,7 @@ class Faults(Observer):
             self._last + 1, fault, place, trigger, end, check_parameters(fault, parameters)
         )
         self._prepare(armed)
+        # A host may hold the promise of a byte that the fault is about to change.
         self._board.end_leases()
         self._last += 1
         self._armed[armed.number] = armed
@@ -247,6 +248,7 @@ class Faults(Observer):
             if place not in self._board.axes:
                 raise ValueError(f'when = "{when.text}": no plant is behind {place}')
         if when.kind == RATE:
+            # By number, name and target: one fault more changes the draws of no other one.
             seed = f"{self._board.seed} fault {armed.number} {armed.name} {armed.target}"
             armed.draws = int.from_bytes(hashlib.sha256(seed.encode()).digest()[:4], "big")
 
@@ -292,7 +294,10 @@ class Faults(Observer):
 
     def _draw(self, armed: Armed) -> None:
         """Set the next instant of a stream: uniform, with the mean that was asked for."""
+        # A congruential generator modulo 2^32 with the multiplier of Numerical Recipes: its whole
+        # state is one number, which a snapshot saves.
         armed.draws = (armed.draws * 1664525 + 1013904223) & 0xFFFFFFFF
+        # Never 0: a stream of faults at one instant would let no time pass.
         gap = 1 + (2 * armed.when.number * armed.draws >> 32)
         self._push(self._board.now + gap, _BEGIN, armed.number)
 
@@ -313,6 +318,7 @@ class Faults(Observer):
                     self._push(when, _END, armed.number)
             elif armed.when.kind == CYCLE:
                 armed.seen += 1
+                # A fault of cycles is there before its cycle: from the end of the one before.
                 early = armed.fault.of_cycles
                 if armed.seen == armed.when.number - early:
                     self._met(armed)
@@ -331,6 +337,7 @@ class Faults(Observer):
 
     def _push(self, when: int, kind: int, number: int) -> None:
         self._serial += 1
+        # By the serial number, what is due at one instant happens in the order in which it was set.
         heappush(self._queue, (max(when, self._board.now), self._serial, kind, number))
         self._timer.at(self._queue[0][0])
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.campaign.account import Account, Witness
@@ -132,6 +133,7 @@ class Bench:
             budget,
             chip_time=min(budget.chip_time, chip_time),
             cycles=min(budget.cycles, cycles),
+            # In a campaign a hang is judged by chip time: no verdict may depend on wall time.
             polling=float("inf"),
         )
 
@@ -357,6 +359,7 @@ class Bench:
         tested = self._main
         if tested is None or tested.witness is None:
             return None
+        # Motors come to rest in time that is not the host's.
         with tested.watch.excused():
             return tested.witness.account(stuck=tested.watch.stuck, slow=tested.watch.slow)
 
@@ -474,7 +477,8 @@ class Bench:
         yield f"violations: {len(judged.failing) or 'none'}"
         yield from (f"    {line}" for line in by_rule(judged.failing))
         yield from (f"    {line}" for line in tested.board.hints(judged.failing))
-        yield from (f"missed: {line}" for line in tested.missed)
+        by_strobe = [missed_byte(chip, *rest) for chip, rest in tested.board.missed.items()]
+        yield from (f"missed: {line}" for line in dict.fromkeys([*tested.missed, *by_strobe]))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
             yield from (f"    {line}" for line in by_rule(judged.after_fault))

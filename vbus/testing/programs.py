@@ -177,7 +177,7 @@ def run_program(
             try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
                 run.finish(run.over())
-                outcome.missed = missed_bytes(run.note, run.reached)
+                outcome.missed = missed_bytes(run.note, run.reached, run.board)
             finally:
                 run.call(lambda: run.ended(board_ends))
     if run.error is not None:

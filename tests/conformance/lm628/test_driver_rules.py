@@ -237,6 +237,15 @@ def test_rsti_that_leaves_every_flag_that_is_set_is_noted(bench):
     )
 
 
+@pytest.mark.spec("LM-CMD-18", "LM-RST-5")
+def test_rsti_leaves_a_flag_that_is_stuck_and_no_host_can_clear_it(make):
+    bench = make(reset_status="C4")
+    bench.command("RSTI", 0x0000)
+    bench.command("RSTI", 0xFFFB)
+    assert bench.status() & 0x7E == 0x40
+    assert found(bench) == []
+
+
 @pytest.mark.spec("LM-CMD-18")
 @pytest.mark.parametrize("word", [0x0000, 0xFF81, 0x007A, 0xFFFB])
 def test_rsti_that_clears_is_right_and_so_is_one_before_anything_is_set(bench, word):
@@ -336,17 +345,3 @@ def test_what_ends_when_busy_falls_has_ended_in_a_run_that_ends_before(bench):
     bench.write(1, 0)
     bench.write(1, 0)
     assert left(bench) == []
-
-
-@pytest.mark.spec("LM-CMD-9", "LM-CMD-11")
-def test_a_host_that_reads_the_desired_position_alone_is_noted(bench):
-    bench.command("RDDP")
-    assert left(bench) == [
-        ("desired-alone", "RDDP was read, which the motor does not change, and RDRP never")
-    ]
-    bench.command("RDRP")
-    assert left(bench) == []
-    bench.command("RESET")
-    bench.run(3 * MS)
-    bench.command("RDRP")
-    assert left(bench) == [], "a host that reads where the axis is alone is right"

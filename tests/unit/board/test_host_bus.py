@@ -651,3 +651,44 @@ def test_an_edge_that_a_lazy_chip_owes_was_before_events_are_asked_for() -> None
     port.events(0b11)
     assert port.take_events() == []
     assert port.sample()[1] == 0b11
+
+
+@pytest.mark.parametrize(
+    ("looks", "found"),
+    [("within", {}), ("before", {"x": (1, 0x00, 0x84)}), ("after", {"x": (1, 0x00, 0x84)}),
+     ("before within", {}), ("", {})],
+)  # fmt: skip
+def test_a_look_outside_the_strobe_that_gave_another_byte_is_noted(
+    looks: str, found: dict[str, tuple[int, int, int]]
+) -> None:
+    board = load_board_text(LOOKED_AT)
+    port = board.open_port("host")
+    mask = {name.split(".")[1]: 1 << n for n, name in enumerate(port.info().lines)}
+
+    def look(where: str) -> None:
+        if where in looks.split():
+            port.sample()
+
+    port.lines(mask["/PS"] | mask["/CS"], 0)
+    for _ in range(2):
+        look("before")
+        port.lines(mask["/RD"], 0)
+        port.delay(US)
+        look("within")
+        port.lines(mask["/RD"], mask["/RD"])
+        if "after" in looks:  # another byte stands there then
+            port.drive(0x00)
+            port.release()
+        look("after")
+    assert {chip: row[:3] for chip, row in board.missed.items()} == found
+
+
+LOOKED_AT = """
+[board]
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""

@@ -10,6 +10,7 @@ from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.campaign.account import Account, SeenCycle, Witness
 from vbus.campaign.plan import PlannedWorld, WorldPlan, in_order, plan, shortened, specimens
+from vbus.campaign.verdict import NO_EFFECT, judge
 from vbus.campaign.world import (
     DIMENSIONS,
     REFERENCE,
@@ -19,6 +20,7 @@ from vbus.campaign.world import (
     of_world,
     read_world,
 )
+from vbus.cli.hosted.campaign_runs import FunctionSubject
 from vbus.core.errors import ConfigError
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
@@ -245,3 +247,24 @@ def test_edges_of_outputs_are_those_of_the_reference_run() -> None:
     edges = witness.account().edges
     assert [(name, level) for name, _, level in edges][:1] == [("x.HI", 0)]
     assert all(when >= begun for _, when, _ in edges)
+
+
+def test_names_of_bits_differ_by_themselves_between_specimens() -> None:
+    file, source = read_board_text(EITHER_SPECIMEN, "board.toml")
+    idle = FunctionSubject(file, source, lambda bus: None)
+    reference = idle.run(REFERENCE, None)
+    world = read_world("specimen:+0us:x.reset_status=C4")
+    run = idle.run(world, reference)
+    assert run.values["x names of the signals"] != reference.values["x names of the signals"]
+    assert judge(reference, run, world).verdict == NO_EFFECT
+
+
+EITHER_SPECIMEN = """
+[board]
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""

@@ -84,7 +84,6 @@ class AxisCommands:
         elif row.read:
             # LM-CMD-24: all words that the host reads later are of this instant.
             self._host.reply(getattr(holder, name), row.read)
-            self._axis.reads |= 1 << code
         else:
             setattr(holder, name, row.value)
         return True
@@ -239,7 +238,7 @@ class AxisCommands:
             axis.interrupts_wanted = False
         if keep & ds.INTERRUPTS == ds.INTERRUPTS:
             self._report(ds.RESETS_NOTHING, f"RSTI {keep:04X}H: a 0 clears a flag, and none is 0")
-        elif before & keep == before != 0:
+        elif before == axis.flags != axis.kept_flags(0):
             self._report(
                 ds.LEAVES_FLAGS,
                 f"RSTI {keep:04X}H leaves all flags that are set: {flag_names(int(before))}",

@@ -14,6 +14,7 @@ from typing import Any, Final, TextIO
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.card.cards import outputs_of
+from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.cli import child_processes
@@ -49,26 +50,18 @@ MISSED: Final = "VBUS_MISSED"
 _MISSED_FILE: Final = "missed"
 
 
-def missed_bytes(note: Path, chips: Sequence[str]) -> list[str]:
-    """Return what a host with a pin map has read outside the strobes that gave it.
+def missed_bytes(note: Path, chips: Sequence[str], board: Board) -> list[str]:
+    """Return what a host that moves pins has read outside the strobes that gave it.
 
     Args:
         note: the file that :func:`link_of_program` was given; a host's list stands beside it.
         chips: names of the chips that the host reaches.
+        board: the board, which sees the strobes of chips behind glue.
     """
-    try:
-        rows = note.with_name(_MISSED_FILE).read_text().splitlines()
-    except FileNotFoundError:
-        return []
-    lines = []
-    for chip, count, saw, gave, when in (map(int, row.split()) for row in rows):
-        times = f"; {count} bytes in all" if count > 1 else ""
-        lines.append(
-            f"{chips[chip]}: the host took {saw:02X}h where the chip gave {gave:02X}h at"
-            f" {format_instant(when)}: it looked at D0-D7 before its read strobe was low, or after"
-            f" that (t_AC, t_DF); look while the strobe is low{times}"
-        )
-    return lines
+    path = note.with_name(_MISSED_FILE)
+    rows = path.read_text().splitlines() if path.exists() else []
+    listed = [(chips[chip], rest) for chip, *rest in (map(int, row.split()) for row in rows)]
+    return [missed_byte(chip, *rest) for chip, rest in (*listed, *board.missed.items())]
 
 
 class FirstViolations(Observer):
@@ -335,7 +328,9 @@ def run_beside(
         for found in board.left_over():
             findings.violation(found)
         findings.hints = board.hints(findings.first.values())
-        findings.hints += missed_bytes(note, host.chips or [chip.name for chip in board.chips])
+        findings.hints += missed_bytes(
+            note, host.chips or [chip.name for chip in board.chips], board
+        )
         outcome.look()
         if written is not None:
             written.end()

@@ -179,6 +179,7 @@ def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
 def _digest(text: str, program: tuple[str, ...]) -> str:
     """Return what tells whether results are of this board and this program."""
     whole = hashlib.sha256(text.encode())
+    # A word that names a file is a part of the program: its script, image or configuration.
     for word in program:
         whole.update(word.encode() + b"\0")
         if Path(word).is_file():
@@ -340,6 +341,7 @@ class CampaignRun:
 
         stopped = False
         try:
+            # Ctrl-C ends the workers, too: what has come until then is told and stored.
             run_all(self._subject, reference, left, self._jobs, until, take)
         except KeyboardInterrupt:
             stopped = True
@@ -371,6 +373,7 @@ class CampaignRun:
             sys.stderr.write(reference.errors)
             why = reference.stuck or f"it ends with exit code {reference.code}"
             raise VbusError(f"the reference run, with nothing broken, fails: {why}")
+        # With the bounds of a run in a world: bounds that end it would end every world.
         unlike = difference(reference, self._subject.run(REFERENCE, reference))
         if unlike:
             raise VbusError(

@@ -364,6 +364,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def _in_world(item: pytest.Item, world: "World") -> list[pytest.TestReport]:
     """Run a test in a world without reporting it; return the reports."""
     before = item.stash.get(WORLD, None)
+    # With no next item pytest would tear down fixtures of module and session after each world.
     parent = cast(pytest.Item, item.parent)  # whose fixtures stay from one run to the next
     item.stash[SEARCHING] = True
     item.stash[WORLD] = world
@@ -392,6 +393,7 @@ def _weak_on(item: pytest.Item, examples: int) -> "World":
             results[world] = any(report.failed for report in _in_world(item, world))
         return results[world]
 
+    # What fails with nothing otherwise is no weakness.
     if fails(REFERENCE) or RUN not in item.stash:  # or it was skipped, or has no board after all
         return REFERENCE
     file = item.stash[RUN][0]
@@ -421,10 +423,12 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     from vbus.core.wall_clock import monotonic
 
     tally = item.config.stash[TALLY]
+    # Tests share the time evenly: the first one must not take all of it.
     until = monotonic() + (seconds or 0) / max(len(item.session.items), 1)
     reference = _account(item, REFERENCE)
     why = "its board has nodes, or there is none" if reference is None else ""
     if reference is not None:
+        # A test that does not repeat would give other verdicts each time.
         again = _account(item, REFERENCE)
         if reference.code:
             why = "it fails with nothing broken"
@@ -472,6 +476,7 @@ def _project(config: pytest.Config) -> str:
         names = {str(getattr(module, "__file__", None) or "") for module in modules}
         whole = sha256()
         for path in sorted(map(Path, names)):
+            # A virtual environment below the root is of the machine, and no part of the driver.
             mine = path.is_relative_to(config.rootpath) and "site-packages" not in path.parts
             if mine and path.suffix == ".py":
                 whole.update(path.read_bytes())
@@ -497,6 +502,7 @@ def _account(item: pytest.Item, world: "World") -> "Account | None":
     for report in reports:
         if report.failed:
             account.code = 1
+            # Its last line says what failed; the others have paths and addresses in them.
             account.errors = report.longreprtext.strip().rpartition("\n")[2]
     return account
 
