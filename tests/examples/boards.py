@@ -1,7 +1,6 @@
 """A board served by ``vbus run`` in a process of its own, as a user of an example starts it."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -9,20 +8,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import pytest
-
+from tests.left_out import require
 from vbus.core.exit_codes import INTERRUPTED
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
-
-
-def require(program: str) -> str:
-    """Return the program's path; skip the test without it, unless everything is required."""
-    found = shutil.which(program)
-    if found is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
-        pytest.skip(f"needs {program}")
-    assert found is not None, f"{program} is required"
-    return found
 
 
 def vbus(*arguments: str) -> list[str]:

@@ -3,13 +3,13 @@
 import io
 import os
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.left_out import require
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import STATUS, Packet
@@ -42,12 +42,7 @@ CHANNELS = {
 
 @pytest.fixture
 def sigrok() -> str:
-    path = shutil.which("sigrok-cli")
-    if path is None:
-        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
-            pytest.fail("sigrok-cli is not installed, and VBUS_REQUIRE_ALL is 1")
-        pytest.skip("sigrok-cli is not installed (apt-get install sigrok-cli)")
-    return path
+    return require("sigrok-cli")
 
 
 def lm628(port: HostBus) -> None:
