@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.left_out import require
+from tests.unit.views.captures import mc1241a
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import STATUS, Packet
@@ -75,28 +76,6 @@ def lm628(port: HostBus) -> None:
     command(0x00)
     port.delay(3 * MS)
     ready()
-
-
-def mc1241a(port: HostBus) -> None:
-    def command(code: int, reads: int, *words: int) -> None:
-        port.write(1, code)
-        port.delay(80 * US)
-        for word in words:
-            port.write(0, word >> 8)
-            port.write(0, word & 0xFF)
-            port.delay(80 * US)
-        for _ in range(reads + 1):  # the checksum too
-            port.read(0)
-            port.read(0)
-            port.delay(80 * US)
-
-    command(0x01, 1)
-    command(0x11, 0, 6, 0xD1EC)
-    command(0x4B, 2)
-    command(0x80, 0)
-    command(0x49, 0)
-    command(0x1A, 0)
-    command(0x6C, 1)
 
 
 def mcp1200(port: HostBus) -> None:
