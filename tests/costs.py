@@ -1,9 +1,9 @@
 """What a run has cost, by folder: shown at its end, so that a test that grows dear is noticed.
 
 Seconds of processors are those of the tests and fixtures, and of the processes that they have
-waited for; only these compare from run to run. Seconds that pass grow with what else
-the machine does, and where they are far more than those of processors a test waits. All are added
-up over all workers.
+waited for; only these compare from run to run. Seconds that pass grow with what else the machine
+does; where they are far more than those of processors, tests wait. All are added up over all
+workers.
 """
 
 import os

@@ -6,11 +6,20 @@ be lacking, and a skip fails the run.
 """
 
 import os
+import shutil
 from typing import Any
 
 import pytest
 
 from vbus.compiled import core
+
+
+def require(program: str) -> str:
+    """Return the path of a program; skip the test without it."""
+    found = shutil.which(program)
+    if found is None:
+        pytest.skip(f"needs {program}")
+    return found
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -2,13 +2,14 @@
 
 import itertools
 import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+
+from tests.left_out import require
 
 _numbers = itertools.count()
 
@@ -112,10 +113,7 @@ def computers(around: int) -> Iterator[Computers]:
     Skips the test, with the reason, where namespaces are not allowed. Stop the processes inside
     before leaving: a namespace with a process in it lives on without its name.
     """
-    if shutil.which("ip") is None:
-        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
-            pytest.fail("ip (iproute2) is not installed, and VBUS_REQUIRE_ALL is 1")
-        pytest.skip("ip (iproute2) is not installed")
+    require("ip")
     made = Computers(around)
     try:
         made.make()

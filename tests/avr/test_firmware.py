@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
+from tests.avr.conftest import EXAMPLES, Compile, compile_avr
 from tests.e2e.command import start
 from tests.firmware import run_avr
 from tests.shims.conftest import compile_for
@@ -715,25 +715,3 @@ def test_a_byte_that_is_taken_before_its_strobe_is_told_with_what_the_chip_gave(
     for line in told:
         assert re.search(r"x: the host took ..h where the chip gave ..h at \d", line)
         assert "look while the strobe is low" in line
-
-
-def test_the_arduino_example_gives_what_it_says(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    core = Path(os.environ.get("ARDUINO_AVR", "/usr/share/arduino/hardware/arduino/avr"))
-    assert core.exists() or not REQUIRED, "arduino-core-avr is required"
-    if not core.exists():
-        pytest.skip("needs arduino-core-avr")
-    folder = EXAMPLES / "lm629_arduino"
-    elf, bus = tmp_path / "two.elf", tmp_path / "bus.txt"
-    subprocess.run(["sh", folder / "build.sh", elf], check=True)
-
-    code = run_avr(
-        f"{UNO},until=done,cycles=160000000", str(elf), str(folder / "board.toml"),
-        transcript=str(bus),
-    )  # fmt: skip
-
-    assert code == 0
-    said = capfd.readouterr().out.replace("\r", "")
-    assert said == (folder / "expected.txt").read_text()
-    assert bus.read_text().count("x+y w 0 01") == 3

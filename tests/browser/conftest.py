@@ -1,36 +1,23 @@
 """A real browser that opens the page of the scope; nothing it asks for comes from a network."""
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
 from tests.browser.recordings import PAGE, Recording
+from tests.left_out import require
 from tests.waiting import until
 
-ALL = os.environ.get("VBUS_REQUIRE_ALL") == "1"
 ADDRESS = "http://scope.test/"
 Open = Callable[..., Any]
 
 
-def needs(what: str) -> None:
-    """Skip the test, unless everything is required."""
-    assert not ALL, f"{what} is required"
-    pytest.skip(f"needs {what}")
-
-
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        needs("playwright")
-    path = shutil.which("chromium")
-    if path is None:
-        needs("chromium")
-    with sync_playwright() as playwright:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    path = require("chromium")
+    with sync_api.sync_playwright() as playwright:
         # What is drawn by software anyway costs less without the process that stands in for a GPU.
         arguments = ["--no-sandbox", "--disable-gpu"]
         browser = playwright.chromium.launch(executable_path=path, args=arguments)
@@ -61,12 +48,11 @@ def keeps_out(page: Any, *rules: str, part: str | None = None) -> list[tuple[str
         rules: those that are asked about; all without any.
         part: what of the page is looked at; all of it without one.
     """
-    try:
-        from axe_playwright_python.sync_playwright import Axe
-    except ImportError:
-        needs("axe-playwright-python")
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="needs axe-playwright-python"
+    )
     if not page.evaluate("'axe' in window"):
-        page.evaluate(Axe().axe_script)
+        page.evaluate(axe.Axe().axe_script)
     options = {"resultTypes": ["violations"], **({"runOnly": rules} if rules else {})}
     found = page.evaluate(
         "([part, options]) => axe.run(part ?? document, options).then(({ violations }) =>"

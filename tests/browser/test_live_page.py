@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import ADDRESS, Open, needs, until_drawn
+from tests.browser.conftest import ADDRESS, Open, until_drawn
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
@@ -44,7 +44,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         try:
             module("live/get.py").get(got)
         except SystemExit as why:
-            needs(f"what docs/live/get.py gets: {why}")
+            pytest.skip(f"needs what docs/live/get.py gets: {why}")
     conf.live_files(got, folder / "_static" / "live")
     blocks = "".join(
         f'<div class="highlight-{kind} notranslate"><pre>{escape(block(kind))}</pre></div>'

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import needs
 from tests.browser.recordings import PAGE
 
 TYPESCRIPT = "typescript@5.9"
@@ -22,11 +21,11 @@ def compiler(folder: Path) -> str:
         return found
     npm = shutil.which("npm")
     if npm is None:
-        needs("tsc or npm")
+        pytest.skip("needs tsc or npm")
     command = [npm, "install", "--silent", "--no-audit", "--no-fund", "--prefer-offline"]
     done = subprocess.run([*command, "--prefix", folder, TYPESCRIPT], capture_output=True)
     if done.returncode:
-        needs("typescript from npm")
+        pytest.skip("needs typescript from npm")
     return str(folder / "node_modules" / ".bin" / "tsc")
 
 

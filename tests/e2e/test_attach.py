@@ -16,7 +16,6 @@ from tests.e2e.command import start, vbus
 from tests.e2e.serving import served
 from tests.e2e.test_leases import Outcome, in_process, outcome, servo
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board
-from tests.unit.native.conftest import compile_c
 from tests.waiting import until
 from vbus.client import connect
 from vbus.core.errors import NameInUseError, TransportError
@@ -25,7 +24,6 @@ from vbus.protocols.requests import REQUESTS
 from vbus.serve.registry import ask, socket_path
 from vbus.serve.server import LinkSpec, Server
 
-HERE = Path(__file__).parent
 FAR = {"tcp": LinkSpec("tcp:127.0.0.1:0"), "unix": LinkSpec("unix:$VBUS_RUNTIME/far.sock")}
 PTY = "pty:$VBUS_RUNTIME/near"
 UNIX = "unix:$VBUS_RUNTIME/near.sock"
@@ -76,13 +74,6 @@ def test_a_board_elsewhere_is_a_link_here(kind: str, link: str, runtime: Path) -
 def test_a_terminals_name_is_locked_for_the_board_it_leads_to(runtime: Path) -> None:
     with served(toy_board(), FAR["tcp"]) as server, attached(link_of(server), PTY):
         assert lock_state(runtime / "near") == (True, f"{os.getpid()}\nbench")
-
-
-@pytest.fixture(scope="module")
-def polling_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    program = tmp_path_factory.mktemp("polling") / "polling_host"
-    compile_c(["gcc", "-std=c99"], HERE / "polling_host.c", program)
-    return program
 
 
 @pytest.mark.parametrize("options", [(), ("leases", "posting")])

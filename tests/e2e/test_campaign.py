@@ -1,7 +1,6 @@
 """``vbus campaign``: a program in many worlds, in each of which one thing is broken."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ from textwrap import indent
 import pytest
 
 from tests.e2e.command import vbus
+from tests.left_out import require
 
 BOARD = """\
 [board]
@@ -172,9 +172,7 @@ def test_a_driver_that_looks_detects_what_a_driver_that_does_not_look_passes_ove
 
 
 def test_a_program_whose_threads_are_right_in_one_order_alone_is_found(board: Path) -> None:
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("needs gcc")
+    compiler = require("gcc")
     board.write_text(BOARD + CARD)
     source, race = board.with_name("race.c"), board.with_name("race")
     source.write_text(RACE)

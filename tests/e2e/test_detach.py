@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import select
-import shutil
 import signal
 import socket
 import subprocess
@@ -16,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.command import start, vbus
+from tests.left_out import require
 from tests.ports import free_endpoint
 from tests.waiting import until
 from vbus import connect
@@ -337,8 +337,7 @@ int main(int count, char **arguments)
 @pytest.fixture(scope="module")
 def host_in_c(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A host in C that says when it begins to wait, and what came of it."""
-    if shutil.which("cc") is None:
-        pytest.skip("needs a C compiler")
+    require("cc")
     folder = tmp_path_factory.mktemp("host")
     (folder / "host.c").write_text(HOST_IN_C)
     flags = vbus("cflags").stdout.split()

@@ -26,6 +26,8 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
 
     expected = (page.parent / "expected.txt").read_text()
     assert expected in typist.printed or "diff" in page.read_text()
+    if page.parent.name == "lm629_arduino":  # on an AVR, and compiled for the PC
+        assert typist.left_out or typist.printed.count(expected) == 2
     if page.parent.name == "firmware_project":
         whole, broken, *reported = re.split(r"(?<=ed in )\d.*s\b", typist.printed)
         assert whole.endswith("\n9 passed in ")

@@ -5,12 +5,12 @@ import os
 import resource
 import signal
 import socket
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.command import running, start, vbus
+from tests.waiting import until
 from vbus import connect
 from vbus.client.lm628 import Lm628
 from vbus.record.format import Entry, JournalReader
@@ -45,6 +45,12 @@ def drive(folder: Path) -> None:
         axis.move(400, acc=40, vel=2 << 16)
 
 
+def operations(journal: Path) -> set[str]:
+    """Return what the entries say that a file has so far."""
+    with journal.open("rb") as file:
+        return {entry.op for entry in JournalReader(file)}
+
+
 def served(folder: Path, time_policy: str, end: int, *options: str) -> Path:
     """Serve a board to a host, end it with a signal, and return the board file."""
     file = folder / "board.toml"
@@ -55,7 +61,10 @@ def served(folder: Path, time_policy: str, end: int, *options: str) -> Path:
         pass
     drive(folder)
     if end == signal.SIGKILL:
-        time.sleep(0.5)  # an entry waits for company at most a fifth of a second
+        # An entry waits for company at most a fifth of a second: the last is the host's departure.
+        until(
+            lambda: "close" in operations(Path(options[-1])), "the end of the host in the journal"
+        )
     os.kill(process.pid, end)
     process.communicate(timeout=60)
     return file

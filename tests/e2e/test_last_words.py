@@ -4,7 +4,6 @@ import fcntl
 import hashlib
 import io
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -21,6 +20,7 @@ import serial
 from tests.e2e.command import vbus
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw
+from tests.left_out import require
 from tests.waiting import until
 from vbus import connect
 from vbus.board.build import load_board_text
@@ -257,9 +257,7 @@ int main(int argc, char **argv)
 @pytest.mark.parametrize("leaves", [[], ["without a close"]])
 def test_under_exec_ten_runs_have_one_journal(tmp_path: Path, leaves: list[str]) -> None:
     """The summary is taken after what the program has sent last, too."""
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        pytest.skip("needs gcc")
+    gcc = require("gcc")
     data = ",".join(str(int(byte)) for request in requests() for byte in request)
     source, program, board = (tmp_path / name for name in ("p.c", "p", "board.toml"))
     source.write_text(PROGRAM % data)

@@ -7,14 +7,11 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.unit.board.test_leases import Leasing, reset_and_move
-from tests.unit.native.conftest import compile_c
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.client.bus import Bus, connect
 from vbus.core.kernel import US
 from vbus.serve.server import LinkSpec
-
-HERE = Path(__file__).parent
 
 Outcome = tuple[list[int], int, int, str, str]
 """Poll counts, chip time, read cycles, trace hash, state hash."""
@@ -35,13 +32,6 @@ resistance = "2 ohm"
 torque_constant = "0.05 N*m/A"
 inertia = "1e-5 kg*m^2"
 """
-
-
-@pytest.fixture(scope="module")
-def polling_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    program = tmp_path_factory.mktemp("polling") / "polling_host"
-    compile_c(["gcc", "-std=c99"], HERE / "polling_host.c", program)
-    return program
 
 
 def outcome(board: Board, polls: list[int]) -> Outcome:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.command import running, start
+from tests.left_out import require
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "down_counter"
@@ -127,11 +128,7 @@ def test_a_capture_of_its_bus_is_compared_with_the_model(
 
 
 def test_sigrok_decodes_its_bus(place: Path, played: dict[str, object]) -> None:
-    sigrok = shutil.which("sigrok-cli")
-    if sigrok is None:
-        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
-            pytest.fail("sigrok-cli is not installed, and VBUS_REQUIRE_ALL is 1")
-        pytest.skip("sigrok-cli is not installed (apt-get install sigrok-cli)")
+    sigrok = require("sigrok-cli")
     wiring = ["cs=x_CS", "a0=x_A0", "rd=x_RD", "wr=x_WR", *(f"d{n}=x_D{n}" for n in range(8))]
     made = place / "site" / "dc8" / "generated" / "sigrok"
     done = subprocess.run(

@@ -2,7 +2,6 @@
 
 import os
 import select
-import shutil
 import subprocess
 import termios
 import tty
@@ -13,6 +12,7 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board
 from tests.e2e.test_pty_clients import wait_until_served
+from tests.left_out import require
 from vbus.serve.server import LinkSpec
 
 PAIRS = 100
@@ -135,9 +135,7 @@ int main(int argc, char **argv)
 
 @pytest.mark.parametrize("half", [[], ["half"]])
 def test_the_same_of_a_program_in_c(runtime: Path, tmp_path: Path, half: list[str]) -> None:
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        pytest.skip("needs gcc")
+    gcc = require("gcc")
     (tmp_path / "host.c").write_text(HOST)
     subprocess.run([gcc, "-O2", "-o", tmp_path / "host", tmp_path / "host.c"], check=True)
     with served(toy_board(), PTY):

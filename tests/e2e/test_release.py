@@ -14,8 +14,6 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from cyclonedx.schema import SchemaVersion
-from cyclonedx.validation.json import JsonStrictValidator
 
 from tests.schemas import mistakes
 
@@ -146,6 +144,10 @@ def test_workflows_have_no_finding_of_medium_or_high_severity() -> None:
 
 
 def test_a_release_lists_its_files_and_what_it_needs(release: ModuleType, tmp_path: Path) -> None:
+    # Here: its import takes more than a second of a processor, and each worker collects each file.
+    from cyclonedx.schema import SchemaVersion
+    from cyclonedx.validation.json import JsonStrictValidator
+
     (tmp_path / "vbus-1.2.3.tar.gz").write_bytes(b"sources")
     (tmp_path / "vbus-1.2.3-py3-none-any.whl").write_bytes(b"wheel")
     needs = release.needed()

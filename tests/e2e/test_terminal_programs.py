@@ -3,7 +3,6 @@
 import fcntl
 import os
 import select
-import shutil
 import signal
 import struct
 import subprocess
@@ -17,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.serving import served
+from tests.left_out import require
 from tests.waiting import PATIENCE, Starved
 from vbus.board.build import load_board_text
 from vbus.serve.server import LinkSpec
@@ -111,8 +111,7 @@ def hand(tmp_path: Path) -> Iterator[Path]:
 def test_a_person_types_and_corrects_under(name: str, hand: Path, tmp_path: Path) -> None:
     start, leave, confirm = PROGRAMS[name]
     command = start.format(hand).split()
-    if shutil.which(command[0]) is None:
-        pytest.skip(f"needs {name}")
+    require(command[0])
     (tmp_path / "screen").mkdir(mode=0o700)
     (tmp_path / ".minirc.dfl").write_text("pu rtscts No\n")
     person = Person(command, tmp_path)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.boards import EXAMPLES, expected, require, vbus
+from tests.examples.boards import EXAMPLES, expected, vbus
+from tests.left_out import require
 
 SOURCES = {
     "lm629_portio": ["main.c", "lm629_card.c"],

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.boards import EXAMPLES, require
+from tests.examples.boards import EXAMPLES
+from tests.left_out import require
 from tests.schemas import mistakes
 from vbus.board.config import read_board_file
 

@@ -1,4 +1,4 @@
-"""The hostile chip's example, as its README says: the planted weakness is found, and is gone."""
+"""The hostile chip's example: behind the planted weakness, which its page finds, stands another."""
 
 import subprocess
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.boards import EXAMPLES, compile_c, expected
+from tests.examples.boards import EXAMPLES, compile_c
 
 FOLDER = EXAMPLES / "hostile_lm629"
 
@@ -14,12 +14,6 @@ FOLDER = EXAMPLES / "hostile_lm629"
 def hunt(driver: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(FOLDER / "hunt.py"), str(driver)]
     return subprocess.run(command, capture_output=True, text=True)
-
-
-@pytest.mark.slow
-def test_the_reset_loop_that_knows_84h_only_is_found(tmp_path: Path) -> None:
-    found = hunt(compile_c(tmp_path / "driver", "hostile_lm629/driver.c"))
-    assert (found.returncode, found.stdout) == (1, expected("hostile_lm629"))
 
 
 @pytest.mark.slow

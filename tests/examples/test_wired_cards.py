@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.boards import EXAMPLES, expected, require, vbus
+from tests.examples.boards import EXAMPLES, expected, vbus
 from tests.examples.test_exec import compiled
+from tests.left_out import require
 
 TWO_AXES = EXAMPLES / "lm629_two_axes"
 SELECTS = """

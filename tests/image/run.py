@@ -483,14 +483,14 @@ def try_all() -> None:
 
 
 def main() -> int:
-    """Build and try; with ``--compiled`` the core is compiled, with ``--built`` no image is."""
+    """Build and try; ``--build`` and ``--try`` do one of them; ``--compiled`` compiles the core."""
     if "--inside" in sys.argv:
         try_all()
         return 0
     try:
         check_tools()
         begin = time.monotonic()
-        if "--built" not in sys.argv:
+        if "--try" not in sys.argv:
             shutil.rmtree(WORK / "store", ignore_errors=True)
             WORK.mkdir(parents=True, exist_ok=True)
             make_base()
@@ -500,6 +500,8 @@ def main() -> int:
     except CannotHereError as error:
         print(f"the image is left out: {error}", file=sys.stderr)
         return CANNOT
+    if "--build" in sys.argv:
+        return 0
     alone = ("unshare", "--net", "--mount", "--propagation", "private")
     return subprocess.run([*alone, sys.executable, __file__, "--inside"]).returncode
 

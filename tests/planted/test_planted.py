@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.exec.conftest import require
+from tests.left_out import require
 from tests.planted.suite import DRIVERS, HERE, Outcome, run_c, run_python, unusual
 
 MISTAKES: Final[dict[str, list[dict[str, str]]]] = tomllib.loads(

@@ -2,7 +2,6 @@
 
 import io
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,21 +14,13 @@ from typing import Final
 import pytest
 
 from tests.e2e.serving import served
+from tests.left_out import require
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.cli.transcript import Transcript
 from vbus.serve.serving import links_of
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
-
-
-def require(program: str) -> str:
-    """Return the program's path; skip the test without it, unless everything is required."""
-    found = shutil.which(program)
-    if found is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
-        pytest.skip(f"needs {program}")
-    assert found is not None, f"{program} is required"
-    return found
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.shims.conftest import EXAMPLES, Run, compile_for, flags, require
+from tests.left_out import require
+from tests.shims.conftest import EXAMPLES, Run, compile_for, flags
 from tests.shims.test_shims import AVR, CONTROL, DATA, pins
 
 Driver = Callable[..., Path]

@@ -3,13 +3,14 @@
 import io
 import os
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.left_out import require
+from tests.unit.views.captures import mc1241a
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.chips.packets import STATUS, Packet
@@ -42,12 +43,7 @@ CHANNELS = {
 
 @pytest.fixture
 def sigrok() -> str:
-    path = shutil.which("sigrok-cli")
-    if path is None:
-        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
-            pytest.fail("sigrok-cli is not installed, and VBUS_REQUIRE_ALL is 1")
-        pytest.skip("sigrok-cli is not installed (apt-get install sigrok-cli)")
-    return path
+    return require("sigrok-cli")
 
 
 def lm628(port: HostBus) -> None:
@@ -80,28 +76,6 @@ def lm628(port: HostBus) -> None:
     command(0x00)
     port.delay(3 * MS)
     ready()
-
-
-def mc1241a(port: HostBus) -> None:
-    def command(code: int, reads: int, *words: int) -> None:
-        port.write(1, code)
-        port.delay(80 * US)
-        for word in words:
-            port.write(0, word >> 8)
-            port.write(0, word & 0xFF)
-            port.delay(80 * US)
-        for _ in range(reads + 1):  # the checksum too
-            port.read(0)
-            port.read(0)
-            port.delay(80 * US)
-
-    command(0x01, 1)
-    command(0x11, 0, 6, 0xD1EC)
-    command(0x4B, 2)
-    command(0x80, 0)
-    command(0x49, 0)
-    command(0x1A, 0)
-    command(0x6C, 1)
 
 
 def mcp1200(port: HostBus) -> None:

@@ -12,9 +12,8 @@ from vbus.transports.sockets import SocketLink
 from vbus.transports.states import SESSION, TERMINAL
 
 RARE = (553, 159, 93, 359, 565)
-"""Seeds that take every transition between them today. They come first: the last transition was
-found in run 566, after half a minute. Where a change has made other runs of them, the others
-follow."""
+"""Seeds that take every transition between them today; they come first. In order the last one is
+taken in run 566, after half a minute. If they run otherwise after a change, the others follow."""
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 
 from vbus.boardfile.schema import schema
@@ -34,6 +33,9 @@ model = "dc_motor"
 @pytest.fixture(scope="module")
 def checker() -> Any:
     made = json.loads(json.dumps(schema()))
+    # Here: its import takes more than a second of a processor, and each worker collects each file.
+    import jsonschema
+
     kind = jsonschema.validators.validator_for(made)
     kind.check_schema(made)
     return kind(made)

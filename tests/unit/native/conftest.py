@@ -1,26 +1,16 @@
 """The C client, compiled with every warning an error."""
 
-import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.left_out import require
 from tests.unit.client.served import Served
 from vbus.native import include_dir
 
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"]
-
-
-def require(program: str) -> str:
-    """Return the program's path; skip the test without it, unless everything is required."""
-    found = shutil.which(program)
-    if found is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
-        pytest.skip(f"needs {program}")
-    assert found is not None, f"{program} is required"
-    return found
 
 
 CLIENT = Path(include_dir(), "vbus.c")

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from tests.examples.boards import require
+from tests.left_out import require
 from vbus import native
 
 PROGRAM = """

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.native.conftest import WARNINGS, require
+from tests.left_out import require
+from tests.unit.native.conftest import WARNINGS
 from vbus.native import include_dir
 
 HERE = Path(__file__).parent

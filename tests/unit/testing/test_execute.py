@@ -1,9 +1,8 @@
 """Host programs on a test's board: vbus_exec, seen from the suites that use it."""
 
-import os
-import shutil
-
 import pytest
+
+from tests.left_out import require
 
 pytest_plugins = "pytester"
 
@@ -37,8 +36,7 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
 
 
 def test_a_c_program_is_compiled_and_runs_on_the_board_of_the_test(suite: pytest.Pytester) -> None:
-    if shutil.which("cc") is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
-        pytest.skip("needs cc")
+    require("cc")
     suite.path.joinpath("host.c").write_text(HOST)
     suite.path.joinpath("wrong.c").write_text("int main(void) { return nothing; }\n")
     suite.makepyfile(
