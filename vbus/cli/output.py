@@ -35,6 +35,7 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
 
     @wraps(verb)
     def with_records(metrics: str | None, **given: Any) -> int:
+        # Only what was given: the others stay as the board file has them.
         record = {key: given.pop(key) for key in _KEYS}
         record = {key: value for key, value in record.items() if value is not None}
         return verb(record=record, metrics=metrics or "", **given)
@@ -52,6 +53,8 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
         rate = float(value)
     except ValueError:
         rate = 0.0
+    # At less than a thousandth an hour of wall time is 3.6 s of chip time: that is a mistake of
+    # units.
     if not 0.001 <= rate < float("inf"):
         raise click.BadParameter(f'"{value}" is no rate; write a number from 0.001 up, or "max"')
     return rate
@@ -97,6 +100,7 @@ def seconds(ps: int) -> str:
 
 def json_line(line: str) -> str:
     """Return what a line says as one line of JSON."""
+    # A line without data is still an object, so that each line of the output has the same form.
     return json.dumps(line.value if isinstance(line, Line) else {"text": line})
 
 
@@ -118,6 +122,7 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
     Raises:
         VbusError: it cannot be opened; of this kind.
     """
+    # Only the opening is guarded: errors within the block are those of its reader.
     with read_errors(path, kind):
         file = path.open("rb")
     with file:
@@ -132,6 +137,7 @@ def bar(
 
     Gives what moves it to ``place()`` of ``size``.
     """
+    # A bar in a log would be a line for each step, and the import of rich is slow.
     if quiet or not sys.stderr.isatty():
         yield lambda: None
         return

@@ -12,6 +12,7 @@ from vbus.core.signals import Rule
 from vbus.core.values.settings import suggestion
 from vbus.views.clauses import ac_limits, all_clauses, carriers, headed
 
+# As the manuals' own columns: a terminal of the usual width breaks no line again.
 WIDTH: Final = 80
 
 _CLAUSE: Final = re.compile(r"[A-Z]+-[A-Z]+-\d+", re.IGNORECASE)
@@ -70,6 +71,7 @@ def _rules(name: str) -> list[Rule]:
     """Return the rule of this name; if there is none, those that have it after their family's."""
     rules = all_rules()
     return (
+        # Exactly as it is written first: "t5" and "T5" are rows of two tables.
         [rule for rule in rules if rule.name == name]
         or [rule for rule in rules if _symbol(rule) == name]
         or [rule for rule in rules if _symbol(rule).lower() == name.lower()]
@@ -116,6 +118,7 @@ def _wrapped(text: str, indent: str) -> Iterator[str]:
     for number, paragraph in enumerate(text.split("\n\n")):
         if number:
             yield ""
+        # Cells of a table stand below each other: filled anew they would not.
         if paragraph.startswith("|"):
             yield from (indent + line for line in paragraph.splitlines())
             continue

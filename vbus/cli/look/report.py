@@ -62,12 +62,14 @@ def _motion(journal: Path, cycles: int) -> "Iterator[str]":
     from vbus.cli.outcome import MOST_PLAYED, axes_played
     from vbus.core.errors import VbusError
 
+    # Violations are in the journal; where the axes went is only known after playing it again.
     if cycles > MOST_PLAYED:
         yield f"axes: not played again, after more than {MOST_PLAYED} bus cycles"
         return
     try:
         with opened(journal) as reader:
             axes, board = axes_played(reader, str(journal))
+    # The report itself is complete: a board that cannot be built again only costs these lines.
     except VbusError as error:
         yield f"axes: not known: {error}"
         return

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     Server = ScopeServer | FoxgloveServer
     Take = Callable[[bytes], None]
 
+# A page that is loaded anew is gone for less.
 LOOK_SECONDS: Final = 0.5
 """How often a scope that outlives its board looks whether a page is open."""
 
@@ -86,6 +87,7 @@ def command(
     journals = [Path(name) for name in sources if Path(name).is_file()]
     journal = bool(journals)
     others = [name for name in sources if not Path(name).is_file()]
+    # One time axis: a run that is over has none in common with a board that goes on.
     if journal and others:
         raise click.UsageError(
             f"{journals[0]} is a journal and {others[0]} is none; show runs that are over, or"
@@ -175,6 +177,7 @@ def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
     frames: list[bytes] = []
     for number, part in enumerate(parts):
         frames += [merged.take(number, frame) for frame in part.frames]
+    # In the order of their ends, so that time goes on in those that ran longer.
     frames += [merged.end(number) for number in merged.by_end()]
     return merged.description, [frame for frame in frames if frame]
 
@@ -228,6 +231,7 @@ def _page_of_boards(
 
     def begun(description: dict[str, Any]) -> Stream:
         stream = Stream(description)
+        # Clauses first: labels of packets name them.
         stream.add(clause_frame(chip["family"] for one in hellos for chip in one["chips"]))
         return stream
 

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_server import ScopeServer
     from vbus.views.scope.stream import Stream
 
+# Python has to start and import aiohttp first, on a machine that may be busy.
 JOIN_SECONDS: Final = 30.0
 """How long a scope may take to join a board of the process that has started it."""
+# A browser that starts from a cold disk; then the run goes on, recorded for a later page.
 PAGE_SECONDS: Final = 60.0
 """How long a board waits for the page it was to begin with."""
+# Long enough to look at a run that ended while its page was closed, short of staying for ever.
 STAY_SECONDS: Final = 600.0
 """How long a scope that a run has started stays when the run has ended and no page is open."""
 
@@ -197,6 +200,7 @@ def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
     import ssl
 
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    # Older versions are refused by every browser of today.
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
         context.load_cert_chain(certificate, key)
@@ -270,6 +274,7 @@ async def _begun(said: asyncio.StreamReader, open_page: bool) -> None:
 
 def _open(link: str) -> bool:
     """Open a link in a browser that has a window; return whether there is one."""
+    # Without a display webbrowser falls back to programs in the terminal.
     if not any(name in os.environ for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
         return False  # those of a terminal would take it away from the board
     try:

@@ -99,6 +99,7 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
             node = board_of(reader.header, str(path)).beyond
         if not isinstance(node, Node):
             raise VbusError(f"{path}: it is of a board without nodes; record it alone")
+        # Two journals of one node are two runs, or one named twice.
         if node.rank in nodes:
             raise VbusError(f"{path}: it is of node {node.name}, as {nodes[node.rank][1]} is")
         nodes[node.rank] = node.name, path
@@ -134,6 +135,7 @@ def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
             wave.start()
             outcome = Replay(board, reader, reader.header.families).run()
             wave.stop()
+            # Said after the replay: the file's own end has the reason.
             if wave.error:
                 raise VbusError(f"{_shown(section.file)}: {wave.error}")
         code = replay_code(path, outcome, reader.damage)
@@ -152,6 +154,7 @@ def _of_board(name: str, section: Any) -> int:
             for data in feed.messages():
                 file.write(data.decode("ascii"))
                 file.flush()
+                # A trigger that never came leaves a file without a byte.
                 written += len(data)
     return _code(bool(written), section)
 

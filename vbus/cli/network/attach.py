@@ -58,6 +58,8 @@ def command(
         board = _looked_at(url, protocol)
     if not links:
         # Behind zenoh: stands the board's name.
+        # With --detach a board over Zenoh is not asked before the fork, but its name stands in the
+        # link.
         named = board.name if board else rest.partition("?")[0].partition("/")[0]
         if not named:
             raise click.UsageError(
@@ -104,6 +106,7 @@ def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: flo
     from vbus.serve.attach.attachment import Attachment
     from vbus.serve.loop import run_until_signal, tell_ready
 
+    # After a fork: its sockets belong to the process that stays.
     attachment = Attachment(wanted, board, complain)
 
     def ready() -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from vbus.serve.nodes.processes import Meeting, Process
 
 _ROUTER: Final = "router"
+# -P: a file called vbus.py in the working folder is not imported in place of vbus.
 _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
 _SECONDS: Final = click.FloatRange(0, 86_400)
 
@@ -77,6 +78,7 @@ def up(
     file, _ = read_board_file(machine)
     processes = processes_of(file)
     refuse_detached(scope is not None, detach)
+    # A fixed port would be taken by the first process, and the others would fail.
     if metrics and len(processes) > 1 and not metrics.endswith(":0"):
         raise click.UsageError(
             f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'
@@ -163,6 +165,7 @@ class _MachineRun:
                 code = error.code if error.code >= 0 else exit_codes.FAILURE
         for sentence in children.killed:
             complain(sentence)
+        # A process that had to be killed has left its files unfinished.
         if children.killed:
             code = code or exit_codes.FAILURE
         if trace is not None and done and not code:

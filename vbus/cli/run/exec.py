@@ -33,6 +33,7 @@ def link_of(name: str, firmware: bool = False) -> str:
         raise TransportError(not_there(name, "runs on this machine"))
     if "error" in found:
         raise TransportError(f"{name}: {found['error']}")
+    # Text links are for people: a program would have to parse prompts.
     every = found.get("links", [])  # a router has none
     links = [link for link in every if link["protocol"] == "byte" and _kind(link) in _ORDER]
     if not links:
@@ -42,6 +43,7 @@ def link_of(name: str, firmware: bool = False) -> str:
             f" PTY); it has: {there or 'none'}; add a [[hosts]] entry to its board file"
         )
     links.sort(key=lambda link: _ORDER.index(_kind(link)))
+    # A link that describes a card or pin map lets the library do without the board file.
     for link in links:
         if _kind(link) != "pty" and _described(str(link["url"]), firmware):
             return str(link["url"])
@@ -224,6 +226,7 @@ def _join(link: str, program: list[str]) -> int:
     from vbus.cli.hosted.program import run_at_link
     from vbus.client import connect
 
+    # Asked once before the program begins: a link that is wrong is named, and no program runs.
     with connect(link) as bus:
         info = bus.info
     with TemporaryDirectory(prefix="vbus-") as folder:

@@ -71,6 +71,7 @@ def command(
         wanted = Priority.of(priority, cpu)
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--priority") from None
+    # Before anything else: a mistake in the file is the likeliest, and costs no fork.
     file, source = read_board_file(board)
     refuse_detached(page.asked, detach)
     if page.control and file.nodes:
@@ -94,6 +95,7 @@ def command(
         given = {key: value for key, value in of_nodes.items() if value}
         given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
+        # One page shows all nodes of a computer: only the process of the first of them starts it.
         here = page.asked or is_first(file, of_nodes["nodes"])
 
         async def show_machine() -> None:
@@ -152,6 +154,7 @@ def _run_nodes(
     if outcome.over:
         now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"
+        # The hash is that of the whole machine; a process with some of its nodes has a part.
         if len(outcome.nodes) == len(file.nodes):
             end += f"; trace hash {trace_hash(outcome.nodes)}"
         click.echo(end)

@@ -15,8 +15,10 @@ from vbus.core import exit_codes
 from vbus.core.errors import TransportError
 from vbus.serve import registry
 
+# A person who follows a log does not see a tenth of a second.
 LOG_PAUSE: Final = 0.1
 """Seconds between two looks at a log that is followed."""
+# Scripts wait for a start often: a fiftieth of a second does not add up.
 WAIT_PAUSE: Final = 0.02
 """Seconds between two looks whether a board is ready."""
 _STEP: Final = 0.1
@@ -123,6 +125,7 @@ def stop(names: tuple[str, ...], timeout: float) -> int:
     Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, also of
     what "vbus attach" has brought here, or that of a board with nodes: all of them.
     """
+    # All are found before any is ended: a wrong name stops none of them.
     boards = [(board["board"], board["pid"]) for board in registry.running() if "pid" in board]
     processes: dict[str, set[int]] = {}
     for name in names:
