@@ -184,8 +184,8 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
 
 # -- machines of nodes: all nodes at the end of one round -----------------------------------------
 
-# A machine that waits for hosts is caught two rounds ahead; one that runs freely makes thousands a
-# second.
+# A machine that waits for hosts is caught two rounds ahead; one that runs freely passes many more
+# while its nodes are asked.
 AHEAD: Final = (2, 50, 1_000, 20_000)
 """How many rounds after the present one the snapshot is to be taken: more, if that was too soon."""
 
