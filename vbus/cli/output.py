@@ -12,6 +12,8 @@ import click
 
 from vbus.core.errors import VbusError, read_errors
 
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
 _RECORDS: Final = (
@@ -45,6 +47,11 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
     return with_records
 
 
+detach_option = click.option(
+    "--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow."
+)
+
+
 def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
     """Return the rate as a number."""
     if value is None or value == "max":
@@ -61,7 +68,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 
 
 rate_option = click.option(
-    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
+    "--rate", callback=_rate, metavar="RATE", help='Chip seconds per second of wall time, or "max".'
 )
 from_option = click.option(
     "--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save)."
@@ -76,6 +83,19 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         return value if value is None else parse_duration(value)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
+
+
+def time_option(*names: str, text: str, default: str | None = None) -> Decorator:
+    """Return an option that takes an instant or a span of chip time, in ps to the verb."""
+    return click.option(*names, callback=duration, default=default, metavar="TIME", help=text)
+
+
+def seconds_option(
+    *names: str, text: str, default: float | None = None, least: float = 0.0
+) -> Decorator:
+    """Return an option that takes seconds of wall time, up to a day."""
+    kind = click.FloatRange(least, 86_400)
+    return click.option(*names, type=kind, default=default, metavar="SECONDS", help=text)
 
 
 class Line(str):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import duration, no_progress
+from vbus.cli.output import no_progress, time_option
 from vbus.core.errors import PluginError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
@@ -96,8 +96,8 @@ Panel = list["Lane"]
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="This axis; else all.")
 @click.option("--lane", "lanes", multiple=True, metavar="NAME",
               help=f"This lane of an axis; else {', '.join(LANES)}.")  # fmt: skip
-@click.option("--from", "begin", callback=duration, metavar="TIME", help="Begin at this instant.")
-@click.option("--to", "end", callback=duration, metavar="TIME", help="End at this instant.")
+@time_option("--from", "begin", text="Begin at this instant.")
+@time_option("--to", "end", text="End at this instant.")
 @click.option("--units", type=click.Choice(["counts", "rev", "SI"]), default="counts",
               show_default=True, help="As on the scope's page.")  # fmt: skip
 @no_progress

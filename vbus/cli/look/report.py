@@ -21,9 +21,10 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 
 @click.command("report")
 @click.argument("journal", type=click.Path(path_type=Path))
-@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True,
+              help="What is printed.")  # fmt: skip
 @click.option("--json", "style", flag_value="json", help="The same as --format json.")
-@click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
+@click.option("--compatibility", metavar="PART", help="Note where PART (hctl-1100) differs.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
     "--fail-on", type=click.Choice(_FAIL_ON), default="error", show_default=True,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import SCOPE_ADDRESS, PagePlace, said_as, start_scope
-from vbus.cli.output import duration, no_progress
+from vbus.cli.output import no_progress, seconds_option, time_option
 from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError
@@ -38,17 +38,17 @@ LOOK_SECONDS: Final = 0.5
 @click.option(
     "--control", is_flag=True, help="Let pages pause and step the board, break it, use its bus."
 )
-@click.option(
-    "--at", callback=duration, metavar="TIME",
-    help="With --control, of a journal: the instant from which on it goes on as a board.",
-)  # fmt: skip
+@time_option("--at", text="With --control, of a journal: it goes on as a board from here.")
 @click.option("--strobes", is_flag=True, help="Of a journal: the lines of the host buses too.")
 @click.option(
-    "--listen", default=SCOPE_ADDRESS, metavar="HOST:PORT", help="Where; port 0: a free one."
+    "--listen",
+    default=SCOPE_ADDRESS,
+    metavar="HOST:PORT",
+    help="Where the page is served; port 0: a free one.",
 )
 @click.option("--remote", is_flag=True, help="Let other computers in; needs a certificate.")
-@click.option("--certificate", type=click.Path(path_type=Path), help="For TLS (PEM).")
-@click.option("--key", type=click.Path(path_type=Path), help="Its key (PEM).")
+@click.option("--certificate", type=click.Path(path_type=Path), help="Certificate for TLS (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), help="Key of the certificate (PEM).")
 @click.option(
     "--foxglove", is_flag=False, flag_value="127.0.0.1:8765", metavar="[HOST:PORT]",
     help="Serve a running board for Foxglove, not the page.",
@@ -64,10 +64,7 @@ LOOK_SECONDS: Final = 0.5
     "--sparse", is_flag=True,
     help="While no page is open, take down few samples of a board in real time: four a second.",
 )  # fmt: skip
-@click.option(
-    "--stay", type=click.FloatRange(0), metavar="SECONDS",
-    help="End so long after the board, once no page is open.",
-)  # fmt: skip
+@seconds_option("--stay", text="End so long after the board if no page is open.")
 @no_progress
 def command(
     sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,

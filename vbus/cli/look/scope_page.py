@@ -55,11 +55,11 @@ def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
 
     with_page = click.option(
         "--scope-control", is_flag=True,
-        help="And let who has the link pause and step it, break it, and use its bus and pins.",
+        help="The same, and pages may pause and step the board, break it, use bus and pins.",
     )(with_page)  # fmt: skip
     with_page = click.option(
         "--open", "open_page", is_flag=True,
-        help="And open it in a browser here; begin when it is there.",
+        help="The same, opened in a browser here; the board begins when the page is there.",
     )(with_page)  # fmt: skip
     return scope_option(with_page)
 

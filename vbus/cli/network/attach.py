@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vbus.cli.output import complain, show
+from vbus.cli.output import complain, detach_option, seconds_option, show
 from vbus.core import exit_codes
 
 if TYPE_CHECKING:
@@ -20,20 +20,11 @@ if TYPE_CHECKING:
 @click.option(
     "--unix", "sockets", multiple=True, metavar="NAME", help="A Unix socket here; repeatable."
 )
-@click.option(
-    "--protocol", default="byte", metavar="NAME",
-    help="What the links here speak; byte if not given.",
-)  # fmt: skip
-@click.option(
-    "--patience", type=click.FloatRange(0, 86_400), metavar="SECONDS",
-    help="How long the board may be gone before this ends; for ever if not given.",
-)  # fmt: skip
-@click.option(
-    "--every", type=click.FloatRange(0.1, 86_400), metavar="SECONDS",
-    help="Print the round trips so often.",
-)  # fmt: skip
+@click.option("--protocol", default="byte", metavar="NAME", help="What the links speak; else byte.")
+@seconds_option("--patience", text="How long the board may be gone; else for ever.")
+@seconds_option("--every", least=0.1, text="Print the round trips at this interval.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON when ready and at the end.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 def command(
     url: str, ptys: tuple[str, ...], sockets: tuple[str, ...], protocol: str,
     patience: float | None, every: float | None, as_json: bool, detach: bool,

@@ -14,9 +14,11 @@ import click
 from vbus.cli.look.scope_page import refuse_detached, scope_option
 from vbus.cli.output import (
     complain,
+    detach_option,
     from_option,
     rate_option,
     record_options,
+    seconds_option,
     show,
 )
 from vbus.core import exit_codes
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
 _ROUTER: Final = "router"
 # -P: a file called vbus.py in the working folder is not imported in place of vbus.
 _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
-_SECONDS: Final = click.FloatRange(0, 86_400)
 
 
 @click.command("up")
@@ -41,20 +42,17 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @record_options
 @from_option
 @scope_option
-@click.option(
-    "--patience", type=_SECONDS, default=0, metavar="SECONDS",
-    help="How long the others wait for a node whose link is cut; else it is an error at once.",
+@seconds_option(
+    "--patience", default=0,
+    text="How long the others wait for a node whose link is cut; else it is an error at once.",
 )  # fmt: skip
 @click.option(
     "--router", metavar="ENDPOINT",
     help="Start a router there, in place of what the file says; port 0 is a free one.",
 )  # fmt: skip
-@click.option(
-    "--timeout", type=_SECONDS, default=10.0, metavar="SECONDS",
-    help="How long a process may take to end before it is killed; 10 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=10.0, text="How long a process may take to end; else 10 s.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 def up(
     machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
     timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,

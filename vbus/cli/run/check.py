@@ -22,7 +22,7 @@ from vbus.views.findings.suppress import suppressions_of
 @click.command("check")
 @click.argument("boards", metavar="[BOARD]...", nargs=-1)
 @click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
-@click.option("--map", "mapped", is_flag=True, help="Show who answers at which card address.")
+@click.option("--map", "mapped", is_flag=True, help="Show what answers at each address of a card.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def check(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.

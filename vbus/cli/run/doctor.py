@@ -42,7 +42,7 @@ def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @click.command("doctor")
 @click.option(
     "--latency", callback=_duration, metavar="DURATION",
-    help='Measure for so long, such as "10s", how late this machine wakes a server.',
+    help='Measure how late this machine wakes a server, for this time, such as "10s".',
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(as_json: bool, latency: float) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import PageRequest, scope_options
-from vbus.cli.output import duration, record_options
+from vbus.cli.output import record_options, time_option
 from vbus.core.errors import TransportError
 
 if TYPE_CHECKING:
@@ -90,17 +90,13 @@ _WITHOUT: Final = {
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
 @record_options
 @scope_options
-@click.option(
-    "--limit",
-    metavar="TIME",
-    callback=duration,
-    help="End a program that hangs: after so much chip time, or when it polls or waits in vain.",
+@time_option(
+    "--limit", text="End a program that hangs: after so much, or when it polls or waits in vain."
 )
 @click.option(
-    "--summary/--no-summary",
-    default=True,
-    help="Tell the rules that were broken at the end (of a board of its own).",
-)
+    "--summary/--no-summary", default=True,
+    help="List at the end the rules that were broken (with --board).",
+)  # fmt: skip
 @click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
 def command(
     board: str | None, link: str | None, join: str | None, avr: str | None, cpu: str | None,

@@ -8,9 +8,11 @@ import click
 from vbus.cli.look.scope_page import PageRequest, refuse_detached, scope_options
 from vbus.cli.output import (
     complain,
+    detach_option,
     from_option,
     rate_option,
     record_options,
+    seconds_option,
     show,
 )
 from vbus.cli.status_lines import READY, ready_lines, skew_line
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 @rate_option
 @record_options
 @click.option(
-    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+    "--durable", type=click.Choice(["process", "machine"]), help="What the journal must survive."
 )
 @scope_options
 @from_option
@@ -41,14 +43,14 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
-@click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
-@click.option(
-    "--patience", type=click.FloatRange(0, 86_400), default=0, metavar="SECONDS",
-    help="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
+@click.option("--snapshot", metavar="FILE", help="Nodes: write this node's state, to rejoin.")
+@seconds_option(
+    "--patience", default=0,
+    text="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
 )  # fmt: skip
 @click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")

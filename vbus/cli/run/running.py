@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli.output import complain, show
+from vbus.cli.output import complain, seconds_option, show
 from vbus.cli.status_lines import listed_lines
 from vbus.core import exit_codes
 from vbus.core.errors import TransportError
@@ -72,10 +72,7 @@ def _elsewhere(
 
 @click.command("wait")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@click.option(
-    "--timeout", type=click.FloatRange(0, 86_400), default=10.0, metavar="SECONDS",
-    help="How long to wait for all of them; 10 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=10.0, text="How long to wait for all of them; else 10 s.")
 def wait(names: tuple[str, ...], timeout: float) -> int:
     """Wait until boards are ready: every link of each is open.
 
@@ -115,10 +112,7 @@ def logs(board: str, follow: bool) -> None:
 
 @click.command("stop")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@click.option(
-    "--timeout", type=click.FloatRange(0, 3600), default=15.0, metavar="SECONDS",
-    help="How long a board may take; 15 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=15.0, text="How long a board may take; else 15 s.")
 def stop(names: tuple[str, ...], timeout: float) -> int:
     """End running boards, and wait until they have ended.
 
