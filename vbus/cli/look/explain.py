@@ -72,9 +72,9 @@ def _print(lines: Iterable[str]) -> None:
 
 def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[str]:
     """Return the lines that explain ``what``, or say what it could be."""
-    from vbus.cli.look.explain_clauses import described, explained, unknown_clause
+    from vbus.cli.look.explain_clauses import explained, unknown_clause
 
-    lines = described(what) if as_json else explained(what)
+    lines = explained(what, as_json)
     if not lines:
         _refuse_unknown_rule(what)
         decoder = _decoder(what)

@@ -19,41 +19,40 @@ _CLAUSE: Final = re.compile(r"[A-Z]+-[A-Z]+-\d+", re.IGNORECASE)
 _ITEM: Final = re.compile(r"\d+\. |\* ")
 
 
-def explained(what: str) -> list[str]:
+def explained(what: str, as_data: bool = False) -> list[str]:
     """Return the lines that explain a clause or a rule; none if ``what`` is neither.
 
     Args:
         what: id of a clause, or name of a rule; without its family the rule of every chip that
             has one of that name, such as the rows ``T5`` of two AC tables.
+        as_data: give one line for each, with its data (:class:`~vbus.cli.output.Line`).
     """
     if _CLAUSE.fullmatch(what):
         for package, clause in all_clauses():
             if clause.name == what.upper():
-                return list(_clause(package, clause))
+                return [_clause_data(package, clause)] if as_data else [*_clause(package, clause)]
+    rules = _rules(what)
+    if as_data:
+        return [*map(_rule_data, rules)] or carriers(what)
     lines: list[str] = []
-    for rule in _rules(what):
+    for rule in rules:
         lines += ["", *_rule(rule)] if lines else _rule(rule)
     return lines or carriers(what)
 
 
-def described(what: str) -> list[str]:
-    """Return a line for each clause or rule that :func:`explained` tells of, with its data."""
-    if _CLAUSE.fullmatch(what):
-        for package, clause in all_clauses():
-            if clause.name == what.upper():
-                return [Line(
-                    clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
-                    section=clause.section, evidence=clause.evidence, text=clause.text,
-                    named_by=carriers(clause.name),
-                    tests=list(proofs_of(package).get(clause.name, ())),
-                )]  # fmt: skip
-    return [
-        Line(
-            rule.name, rule=rule.name, severity=rule.severity, clause=rule.clause,
-            title=rule.title, limits=[str(limit) for limit in ac_limits(rule.name)],
-        )
-        for rule in _rules(what)
-    ] or carriers(what)  # fmt: skip
+def _clause_data(package: str, clause: Clause) -> Line:
+    return Line(
+        clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
+        section=clause.section, evidence=clause.evidence, text=clause.text,
+        named_by=carriers(clause.name), tests=list(proofs_of(package).get(clause.name, ())),
+    )  # fmt: skip
+
+
+def _rule_data(rule: Rule) -> Line:
+    return Line(
+        rule.name, rule=rule.name, severity=rule.severity, clause=rule.clause, title=rule.title,
+        limits=[str(limit) for limit in ac_limits(rule.name)],
+    )  # fmt: skip
 
 
 def unknown_clause(what: str) -> str:

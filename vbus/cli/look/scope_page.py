@@ -113,9 +113,32 @@ class PageRequest(NamedTuple):
         return shown
 
     async def show(self, board: str, section: "ScopeSection") -> None:
-        """Show a board of this process, if it is wanted; see :func:`show_board`."""
-        if section.listen:
-            await show_board(board, section, self.control, self.open_page)
+        """Show a board of this process, if it is wanted, and return when its scope has joined.
+
+        What the board does next is on the page; with ``open_page`` the page itself has come.
+
+        Args:
+            board: its name, or that of the machine whose nodes are here.
+            section: where the page is to be, as :meth:`of` gave it.
+
+        Raises:
+            TransportError: the scope has not begun, and has said why.
+            VbusError: it has not come.
+        """
+        if not section.listen:
+            return
+        process = start_scope(board, section, self.control, subprocess.PIPE)
+        said = asyncio.StreamReader()
+        pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(said), process.stdout
+        )
+        try:
+            await _begun(said, self.open_page)
+        except BaseException:
+            process.terminate()
+            raise
+        finally:
+            pipe.close()
 
 
 def said_as(what: str, more: str = "") -> Callable[[str], None]:
@@ -207,37 +230,6 @@ def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
     except (OSError, ssl.SSLError) as error:
         raise VbusError(f"{certificate}: no certificate with this key: {error}") from None
     return context
-
-
-async def show_board(
-    board: str, scope: "ScopeSection", control: bool = False, open_page: bool = False
-) -> None:
-    """Start a scope for a board of this process, and return when it has said where.
-
-    It has joined by then: what the board does next is on the page.
-
-    Args:
-        board: its name, or that of the machine whose nodes are here.
-        scope: where the page is to be.
-        control: whether pages may do something to it.
-        open_page: open the page in a browser, if there is one, and wait until it is there.
-
-    Raises:
-        TransportError: it has not begun, and has said why.
-        VbusError: it has not come.
-    """
-    process = start_scope(board, scope, control, subprocess.PIPE)
-    said = asyncio.StreamReader()
-    pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(said), process.stdout
-    )
-    try:
-        await _begun(said, open_page)
-    except BaseException:
-        process.terminate()
-        raise
-    finally:
-        pipe.close()
 
 
 async def _begun(said: asyncio.StreamReader, open_page: bool) -> None:

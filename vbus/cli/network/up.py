@@ -90,11 +90,12 @@ def up(
         go_on_in_background(file.board.name)
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
-        run = _MachineRun(
-            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder)
-        )
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
-        code = run.carry_out(given, scope, made, timeout)
+        run = _MachineRun(
+            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder), given,
+            scope, made,
+        )  # fmt: skip
+        code = run.carry_out(timeout)
     if len(processes) > 1:
         waves = recorded(file, {"wave": record["wave"]} if "wave" in record else {}, "")
         if join_waves(waves, complain):
@@ -113,6 +114,9 @@ class _MachineRun:
         meeting: where they meet.
         json: whether JSON is printed when it is ready.
         folder: for traces of the processes.
+        given: options that all processes take.
+        scope: where its page is to be; None for none.
+        trace: file that takes the traces of all.
     """
 
     file: "BoardFile"
@@ -121,27 +125,19 @@ class _MachineRun:
     meeting: "Meeting"
     json: bool
     folder: Path
+    given: list[str]
+    scope: str | None
+    trace: OutputFile | None
     _told: list[dict[str, Any]] = field(default_factory=list)
 
-    def carry_out(
-        self, given: list[str], scope: str | None, trace: OutputFile | None, timeout: float
-    ) -> int:
-        """Run it; return the exit code.
-
-        Args:
-            given: options that all processes take.
-            scope: where its page is to be; None for none.
-            trace: file that takes the traces of all.
-            timeout: seconds that each may take to end.
-        """
+    def carry_out(self, timeout: float) -> int:
+        """Run it; return the exit code. Each process may take ``timeout`` seconds to end."""
         from vbus.cli.processes import ProcessDiedError, Processes
         from vbus.cli.status_lines import READY
         from vbus.serve.loop import tell_ready
 
-        ends = "--scenario" in given
-        given = ["--json", *given]
-        for endpoint in self.meeting.connect:
-            given += ["--connect", endpoint]
+        # A scenario has an end: then processes that are ready end by themselves.
+        ends = "--scenario" in self.given
         names = [_label(process) for process in self.processes]
         width = max(map(len, [*names, _ROUTER] if self.meeting.router else names))
         code = exit_codes.OK
@@ -152,7 +148,7 @@ class _MachineRun:
 
         with Processes(click.echo, timeout, width) as children:
             try:
-                if self._begin(children, given, scope, trace is not None, may_end):
+                if self._begin(children, may_end):
                     about = {"board": self.file.board.name, "meets": self.meeting.said}
                     show(self.json, {**about, "nodes": self._told}, [READY])
                     tell_ready()
@@ -166,18 +162,11 @@ class _MachineRun:
         # A process that had to be killed has left its files unfinished.
         if children.killed:
             code = code or exit_codes.FAILURE
-        if trace is not None and done and not code:
-            self._merge(trace)
+        if self.trace is not None and done and not code:
+            self._merge(self.trace)
         return code
 
-    def _begin(
-        self,
-        children: "Processes",
-        given: list[str],
-        scope: str | None,
-        trace: bool,
-        may_end: Callable[["Child"], bool],
-    ) -> bool:
+    def _begin(self, children: "Processes", may_end: Callable[["Child"], bool]) -> bool:
         """Start the processes; return whether all are ready before the user asks for the end."""
         from vbus.cli.run.run import is_first
 
@@ -191,12 +180,14 @@ class _MachineRun:
             if not children.until(lambda: router.ready):
                 return False
         for process in self.processes:
-            command = [*_VBUS, "run", self.path, *given]
-            if scope is not None and is_first(self.file, process.nodes):
-                command += ["--scope", scope]
+            command = [*_VBUS, "run", self.path, "--json", *self.given]
+            for endpoint in self.meeting.connect:
+                command += ["--connect", endpoint]
+            if self.scope is not None and is_first(self.file, process.nodes):
+                command += ["--scope", self.scope]
             for node in process.nodes:
                 command += ["--node", node]
-            if trace:
+            if self.trace is not None:
                 command += ["--trace", str(self._trace(process))]
             several = "nodes" if len(process.nodes) > 1 else "node"
             what = f"{several} {' and '.join(process.nodes)}"
