@@ -83,7 +83,7 @@ def _build(folder: Path) -> None:
         made = folder / f"{bits}.{os.getpid()}"
         words = [compiler, f"-m{bits}", *_FLAGS, *sources, "-ldl", "-lpthread"]
         wrong = compiled(words, made)
-        # Most machines lack what 32-bit programs need: they are told when such a program is run.
+        # Most machines lack what 32-bit programs need: the message comes when one is run.
         if wrong and bits == 64:
             raise VbusError(f"the library that attaches programs cannot be built ({wrong})")
         for place in places if not wrong else ():
