@@ -36,15 +36,19 @@ def _blocking(sources: list[str], origin: str, path: Path, own: str = "-") -> st
     imports, rest = [], []
     for source in sources:
         body = ast.parse(source).body
+        # Under TYPE_CHECKING stand names that a stub needs like all others.
         for_types = [one for node in body if isinstance(node, ast.If) for one in node.body]
         for node in [*for_types, *body]:
+            # The tree, not the text: comments and layout are made anew by ruff.
             text = ast.unparse(_BlockingStub().visit(node))
             if isinstance(node, ast.ImportFrom):
                 if (node.module or "").removeprefix(own) not in _ROLES:
                     imports.append(text)
+            # Functions of a module are written by hand on the blocking side.
             elif _is_public(node) and not isinstance(node, ast.FunctionDef):
                 rest.append(text)
     text = "\n".join([_about(path), *imports, *rest])
+    # Each asyncio module has a blocking one of the same name above it.
     text = text.replace("vbus.client.aio.", "vbus.client.")
     stub = path.with_suffix(".pyi").relative_to(ROOT)
     head = f"# Made from {origin} by contrib.generate; change that.\n"
@@ -68,6 +72,8 @@ class _BlockingStub(ast.NodeTransformer):
     """Makes a blocking stub of an asyncio source."""
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
+        # Attributes get their types in __init__, which a stub does not show: they are declared
+        # instead.
         fields = [
             ast.AnnAssign(ast.Name(step.target.attr), step.annotation, None, 1)
             for made in node.body
@@ -90,11 +96,13 @@ class _BlockingStub(ast.NodeTransformer):
         return node
 
     def visit_AsyncFunctionDef(self, node: ast.AsyncFunctionDef) -> ast.FunctionDef:
+        # __aenter__ and __aexit__ are __enter__ and __exit__ of a blocking class.
         name = node.name.replace("__a", "__") if node.name.endswith("__") else node.name
         plain = ast.FunctionDef(name, node.args, node.body, node.decorator_list, node.returns)
         return self.visit_FunctionDef(ast.copy_location(plain, node))
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         about = node.body[:1] if ast.get_docstring(node) else []
+        # Editors show docstrings of stubs.
         node.body = about or [ast.Expr(ast.Constant(...))]
         return node

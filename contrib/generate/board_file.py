@@ -18,6 +18,7 @@ from vbus.faults.table import faults as known_faults
 from vbus.glue.card_buses import BUSES, DATA
 from vbus.glue.table import PARTS
 
+# In the order in which one writes a file: what every board needs stands first.
 _PAGES: Final = (
     "board", "chips", "plants", "nets", "hosts", "violations", "buses", "glue", "cards", "pinmaps",
     "cpu", "nodes", "zenoh", "record", "waves", "scope", "metrics", "faults",
@@ -36,6 +37,7 @@ def _tables(field: Below) -> Iterator[tuple[str, list[str]]]:
 def targets() -> list[tuple[str, Callable[[], str]]]:
     """Return every page and what makes it; the overview takes titles from the pages."""
     pages = [(f"docs/board-file/{name}.md", partial(_page, name)) for name in _PAGES]
+    # The overview first: it reads titles and first sentences, which are written by hand.
     return [("docs/board-file.md", _overview), *pages]
 
 
@@ -58,6 +60,7 @@ def _sections() -> list[str]:
     for name in _PAGES:
         page = (ROOT / "docs" / "board-file" / f"{name}.md").read_text()
         title, _, text = page.removeprefix("# ").partition("\n")
+        # A first sentence ends at a full stop before a blank or a paragraph's end.
         sentence, _, _ = text.strip().partition(".\n\n")[0].replace("\n", " ").partition(". ")
         lines += [f"### [{title}](board-file/{name}.md)", "", f"{sentence}.", ""]
     return lines[:-1]
@@ -104,6 +107,7 @@ def _part(title: str, sentence: str, options: Iterable[Option]) -> list[str]:
 
 def _parts() -> list[str]:
     lines: list[str] = []
+    # Several part numbers share a class: each class has one heading.
     for chip in dict.fromkeys(plugins.chip_class(name) for name in plugins.names(plugins.CHIPS)):
         axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"{chip.AXES} axes")
         circuits = ", ".join(f"`{circuit}`" for circuit in decodes(chip))
@@ -152,12 +156,14 @@ def _rows(family: list[Fault]) -> list[str]:
         ),
     )  # fmt: skip
     for fault in family:
+        # A table of a fault without parameters would be a heading over nothing.
         if fault.parameters:
             rows += ["", f"`{fault.name}`:", "", *option_table(fault.parameters)]
     return rows
 
 
 def _for(fault: Fault) -> str:
+    # Links first: their faults act on bytes or messages, whatever chip is behind them.
     if fault.target == LINK:
         if fault.name == OF_BYTES:
             return "links of bytes"

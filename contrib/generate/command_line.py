@@ -41,6 +41,7 @@ def command_line() -> str:
 def _command(command: click.Command, path: str) -> Iterator[str]:
     """Give the lines of a command, and of those below it."""
     context = click.Context(command, info_name=path)
+    # The head of the page says what "vbus --help" does.
     if command is not cli:
         usage = " ".join([path, *command.collect_usage_pieces(context)])
         yield from (f"{'#' * len(path.split())} {path[len('vbus ') :]}", "")
@@ -56,6 +57,7 @@ def _command(command: click.Command, path: str) -> Iterator[str]:
 def _paragraphs(text: str) -> Iterator[str]:
     """Give the help text; blocks that click does not wrap stay as they are."""
     for paragraph in text.split("\n\n"):
+        # click's mark for "do not wrap": examples and tables.
         if paragraph.startswith("\b\n"):
             yield from ("```text", paragraph.removeprefix("\b\n"), "```", "")
         elif paragraph:
@@ -66,6 +68,7 @@ def _options(command: click.Command, context: click.Context) -> Iterator[str]:
     records = (
         parameter.get_help_record(context) or ("", "")
         for parameter in command.get_params(context)
+        # Every command has it: the head of the page says so once.
         if "--help" not in parameter.opts
     )
     rows = [(f"`{names}`", _escaped(text)) for names, text in records if text]
@@ -75,4 +78,5 @@ def _options(command: click.Command, context: click.Context) -> Iterator[str]:
 
 def _escaped(text: str) -> str:
     """Return text in which nothing is a mark of Markdown by accident."""
+    # Names such as until_ready, and <file>, would become emphasis and tags.
     return re.sub(r"([*_<>])", r"\\\1", text)

@@ -22,6 +22,7 @@ def byte_protocol() -> str:
         (
             row.name,
             " ".join([_code(row), *_fields(row.layout)]),
+            # Requests without a reply are most of a driver's traffic.
             f"`'{row.reply}'`" if row.reply else "none",
             row.title,
         )
@@ -65,6 +66,7 @@ def constants(module: ModuleType) -> Iterator[tuple[str, str]]:
     """Yield the text constants of a module, each with the docstring behind it."""
     for line, doc in pairwise(ast.parse(inspect.getsource(module)).body):
         if isinstance(line, ast.AnnAssign) and isinstance(doc, ast.Expr):
+            # From the module, not the tree: a constant may be computed.
             value = getattr(module, ast.unparse(line.target))
             if isinstance(value, str):
                 yield value, " ".join(ast.literal_eval(doc.value).split())
@@ -74,6 +76,7 @@ def _drawn(machine: States) -> Iterator[str]:
     """Yield the lines of a state diagram; the first row is of the first state."""
     yield f"    state {machine.name} {{"
     yield f"        [*] --> {machine.rows[0][0]}"
+    # Mermaid has no end of its own name: [*] is both.
     for state, event, to in machine.rows:
         yield f"        {state} --> {'[*]' if to == CLOSED else to}: {event}"
     yield "    }"
@@ -84,6 +87,7 @@ def add_a_chip() -> str:
     page = (ROOT / "docs" / "add-a-chip.md").read_text()
     example = ROOT / "docs" / "examples" / "down_counter"
     for name in re.findall(r"<!-- begin ([\w./]+): ", page):
+        # The example's files are run by a test; the page shows them as they are.
         language = {".py": "python", ".toml": "toml"}[Path(name).suffix]
         text = (example / name).read_text().rstrip("\n")
         page = fill(page, name, [f"```{language}", text, "```"])
@@ -95,6 +99,7 @@ def landing() -> str:
     first, *sections = re.split(r"^## ", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
     # Words and picture; the drawing between them and the first section is for terminals.
     texts = {"what": first.partition("\n")[2].partition("```")[0]}
+    # Later sections of the README have pages of their own here.
     for name, section in zip(("commands", "driver"), sections, strict=False):
         texts[name] = section.partition("\n")[2]
     return filled(

@@ -23,6 +23,8 @@ def ledger(family: Family) -> str:
     touched = 0
     for clause in clauses.values():
         tests = proofs.get(clause.name, [])
+        # Of the short list that CI tries each time: its results are at hand, those of a full run
+        # are not.
         killed = sum(1 for mutant in _mutants("gate") if _killers(mutant) & set(tests))
         touched += killed > 0
         shown = f"open: {clause.reason}" if not clause.tested else "<br>".join(map(_test, tests))
@@ -47,11 +49,11 @@ def ledger(family: Family) -> str:
             "",
             "Of the small wrong changes of the source (mutants) that every run of CI tries,"
             f" {touched} clauses have one that their tests find: the column *mutants*. A full"
-            " run tries thousands; those that nobody can observe stand at the end.",
+            " run tries thousands; those that no test can observe stand at the end.",
             "",
             *table(("clause", "title", "kind", "silicon", "tests", "mutants"), rows),
             "",
-            "## Mutants that nobody can observe",
+            "## Mutants that no test can observe",
             "",
             *_survivors(family),
             "",

@@ -37,12 +37,14 @@ def _list(package: str) -> str:
 @cache
 def _proofs() -> dict[str, list[str]]:
     """Return the tests of every clause that a test names."""
+    # Tests import each other as tests.*, wherever this is run from.
     if str(ROOT) not in sys.path:
         sys.path.insert(0, str(ROOT))
     found: dict[str, list[str]] = {}
     for path in sorted((ROOT / "tests").rglob("test_*.py")):
         for name, test in _of_file(path):
             tests = found.setdefault(name, [])
+            # A test may carry a clause on itself and on its class.
             if test not in tests:
                 tests.append(test)
     return found

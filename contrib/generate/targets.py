@@ -33,6 +33,7 @@ def c_interface() -> str:
     opening = first[: first.index("*/")].removeprefix("/* ")
     lines = [_HEAD, *_opening(opening)]
     for title, body in zip(rest[::2], rest[1::2], strict=True):
+        # The closing brace of extern "C" is no part of a section.
         body = body.partition("#ifdef __cplusplus")[0].strip()
         lines += [f"## {title[:1].upper()}{title[1:]}", "", "```c", body, "```", ""]
     return "\n".join(lines).rstrip("\n") + "\n"

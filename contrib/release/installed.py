@@ -22,7 +22,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 LEFT_OUT = (".git", ".venv*", "build", "dist", "__pycache__", ".*_cache", "*.egg-info")
-NOBODY = 65534
+# The user "nobody" of Linux: may write to no folder of others.
+UNPRIVILEGED = 65534
 
 
 class NotHere(Exception):
@@ -35,6 +36,7 @@ class Failed(Exception):
 
 def run(*command: str | Path, cwd: Path | None = None, user: int | None = None, **more: str) -> str:
     """Run a command away from the source tree; return what it prints."""
+    # PYTHONPATH or a VBUS_PURE of the caller would decide what is tried.
     environment = {n: text for n, text in os.environ.items() if n[:5] not in ("VBUS_", "PYTHO")}
     done = subprocess.run(
         list(map(str, command)), cwd=cwd or "/", env={**environment, **more}, user=user, group=user,
@@ -50,6 +52,7 @@ def run(*command: str | Path, cwd: Path | None = None, user: int | None = None, 
 
 def python(version: str) -> str:
     """Return a Python of a version that runs here."""
+    # First that of the system: it is what people have.
     places = [shutil.which(f"python{version}")]
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     places += [str(p) for p in sorted(pyenv.glob(f"{version}.*/bin/python{version}"), reverse=True)]
@@ -106,7 +109,7 @@ class Ways:
             venv = self.folder / f"build-{version}"
             run(python(version), "-m", "venv", venv)
             run(venv / "bin" / "pip", "install", "-q", "build")
-            script = self.sources / "release" / "release.py"
+            script = self.sources / "contrib" / "release" / "release.py"
             run(venv / "bin" / "python", script, "wheel", self.wheels, cwd=self.wheels)
             found = list(self.wheels.glob(f"vbus-*-{tag}-*.whl"))
         if not found:
@@ -157,13 +160,13 @@ class Ways:
         here = f"{sys.version_info[0]}.{sys.version_info[1]}"
         if os.getuid():
             return place, None, sys.executable, here
-        os.chown(place, NOBODY, NOBODY)
+        os.chown(place, UNPRIVILEGED, UNPRIVILEGED)
         system = [(f"/usr/bin/python{version}", version) for version in PYTHONS]
         for program, version in ((sys.executable, here), *system):
             with contextlib.suppress(OSError):  # it is not there, or in a folder of root's
                 command = [program, "-c", "import venv, ensurepip"]
-                if not subprocess.run(command, user=NOBODY, capture_output=True).returncode:
-                    return place, NOBODY, program, version
+                if not subprocess.run(command, user=UNPRIVILEGED, capture_output=True).returncode:
+                    return place, UNPRIVILEGED, program, version
         raise NotHere(f"a user without root may run neither {sys.executable} nor one in /usr/bin")
 
     def umlauts(self) -> str:

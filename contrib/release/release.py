@@ -66,6 +66,7 @@ def check(tag: str) -> str:
     """Return the version of a tag that may be released."""
     version = version_of(tag)
     date, text = notes(version, (ROOT / "CHANGELOG.md").read_text())
+    # Until then it says "not released", which must not be published.
     if not re.fullmatch(r"\d{4}-\d{2}-\d{2}", date):
         raise Wrong(f"CHANGELOG.md: {version} is ({date}); write its date, such as (2027-01-31)")
     if not text:
@@ -90,6 +91,7 @@ def tracked() -> set[str]:
 def compare(archive: Path) -> None:
     """Compare a source distribution with what git tracks."""
     with tarfile.open(archive) as file:
+        # Below the folder of name and version that every archive begins with.
         names = {name.partition("/")[2] for name in file.getnames()} - MADE
     there = tracked()
     told = [f"lacks {name}" for name in sorted(there - names)]
@@ -119,6 +121,7 @@ def installed(folder: Path) -> Iterator[Path]:
             raise Wrong(f"{folder} has no wheel")
         run(str(programs / "python"), "-m", "pip", "install", "--quiet",
             "--find-links", str(folder.resolve()),
+            # Of several wheels pip chooses the one for this Python.
             wheels[0] if len(wheels) == 1 else "vbus")  # fmt: skip
         yield programs
 

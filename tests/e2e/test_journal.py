@@ -124,8 +124,10 @@ def test_a_journal_that_cannot_be_written_stops_the_start(tmp_path: Path) -> Non
     file.write_text(BOARD.format(time="lockstep", folder=tmp_path / "missing"))
     done = vbus("run", file)
     assert done.returncode == 1
-    assert done.stderr == f"vbus: {tmp_path}/missing/file.vbj: cannot be written: No such file or" \
-        " directory\n"  # fmt: skip
+    assert done.stderr == (
+        f"vbus: {tmp_path}/missing/file.vbj: cannot be written: No such file or directory; there is"
+        f" no folder {tmp_path}/missing: make it first\n"
+    )
 
 
 def test_what_is_no_journal_is_refused(tmp_path: Path) -> None:

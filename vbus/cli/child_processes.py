@@ -14,9 +14,11 @@ import click
 
 from vbus.cli.proc import children, name_of, offspring, what_hangs
 
+# Longer than a program's clean-up takes, shorter than a person waits after Ctrl-C.
 PATIENCE: Final = 0.7
 """Seconds a program has, after SIGTERM or SIGINT, to end by itself."""
 
+# Short beside PATIENCE: what has ended is not waited for much longer than it took.
 _LOOK: Final = 0.02
 """Seconds between looks whether what was left behind has ended."""
 
@@ -32,6 +34,7 @@ class ChildProcesses:
     """
 
     def __init__(self) -> None:
+        # Children that this process had before are none of the program's: they are left alone.
         self._others = set(children(os.getpid()))
         self._parent = os.getpid()
         _ask(_SUBREAPER, 1)
@@ -81,6 +84,7 @@ class ChildProcesses:
         for pid in self.there():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGTERM)
+        # Orphans are no children of the loop's own: no handler of asyncio is called for their end.
         while self.there() and loop.time() < until:
             await asyncio.sleep(_LOOK)
             self.reap()

@@ -68,6 +68,7 @@ _FOLDERS: Final = {name: title.lower() for title, group in _GROUPS.items() for n
 _COMMANDS: Final = sorted(_FOLDERS)
 _USAGE: Final = "vbus COMMAND [ARGS]..., vbus COMMAND --help, vbus --version"
 
+# Other errors without a file name are mistakes of this program, and show their traceback.
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What a full or broken disk behind standard output says."""
 
@@ -95,6 +96,7 @@ class _Lazy(click.Group):
         name = _MODULES.get(cmd_name, cmd_name)
         module = importlib.import_module(f"vbus.cli.{_FOLDERS[cmd_name]}.{name}")
         command: click.Command = getattr(module, cmd_name if cmd_name in _MODULES else "command")
+        # Completion types cost imports that no ordinary call needs.
         if _COMPLETING in os.environ:
             from vbus.cli.completing import prepared
 
@@ -141,7 +143,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str] | None) -> int:
     try:
+        # Not standalone: a verb returns its exit code, and errors of vbus have codes of their own.
         result: Any = cli.main(arguments, prog_name="vbus", standalone_mode=False)
+        # A full disk behind standard output is found here, not by the interpreter at its exit.
         sys.stdout.flush()
     except click.ClickException as error:
         error.show()

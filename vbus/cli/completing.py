@@ -60,6 +60,7 @@ class Files(click.ParamType):  # type: ignore[type-arg]
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Return the files that begin so."""
+        # The shell shows whole paths: what stands before the last slash is kept as it was typed.
         folder, slash, begun = incomplete.rpartition("/")
         here = Path(folder or ("/" if slash else "."))
         names = sorted(path.name for path in here.glob(f"*{self._suffix}"))
@@ -86,6 +87,7 @@ _TYPES: Final[dict[str, NameChoice | Files | click.Path]] = {
 
 def prepared(command: click.Command, path: str) -> click.Command:
     """Return a command, with those below it, whose parameters know what they complete to."""
+    # The command itself stays as it is: tests and the page of the command line read it.
     command = copy(command)
     if isinstance(command, click.Group):
         below = command.commands.items()

@@ -20,6 +20,7 @@ from vbus.record.format import NOT_YET, Entry, Header, JournalReader, Jump
 from vbus.record.rows import PORTS, WRITE
 from vbus.record.view import Sessions, show, violation_of
 
+# Some megabytes of lines: an open packet holds back lines of a whole homing run, not more.
 _WAITING: Final = 5000
 
 
@@ -156,6 +157,7 @@ class _Lines(PacketReader):
                 self.drain()
             return
         text = self._statuses.get((chip, write, value))
+        # A driver that polls reads one status byte thousands of times: its text is made once.
         if text is not None:
             self._put(when, text, times, when + (times - 1) * span)
             return
@@ -163,6 +165,7 @@ class _Lines(PacketReader):
         for turn in range(times):
             before = line
             line = self._cycle(chip, Cycle(when, write, value >> 8, value & 0xFF))
+            # The first of a stretch may end what came before it, so the second decides.
             if turn == 1 and line and line == before:  # so does each of the rest
                 self._put(when + span, line, times - 2, when + (times - 2) * span)
                 return
@@ -179,6 +182,7 @@ class _Lines(PacketReader):
         self.drain()
         if len(packets) > 1 or len(packet.cycles) > 1:
             return ""
+        # Of other packets the text may depend on what stands before them.
         if packet.kind == STATUS and isinstance(self.stream.decoders[chip], CommandPackets):
             self._statuses[chip, cycle.write, cycle.address << 8 | cycle.data] = text
         return text if self._first is None else ""
@@ -216,12 +220,16 @@ class _Lines(PacketReader):
         """Tell the lines before which none can come any more."""
         waiting = self._waiting
         self._first = first = self.stream.unfinished()
+        # A line is safe once no open packet began before it; at the bound it is shown out of order
+        # rather than never.
         while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
             when, _, text, times, last = heappop(waiting)
             self._fold(when, text, times, last)
 
     def _fold(self, when: int, text: str, times: int, last: int) -> None:
         held = self._held
+        # A card's access and its chip's cycle come in turns: both are counted, each in its own
+        # line.
         if len(held) == 2 and times == 1:
             first, second = held
             turn = second if first.times > second.times else first
@@ -275,6 +283,7 @@ def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
         ended.clear()
         if entry.number >= last:
             return
+    # Nothing was shown: an answer of no lines would look like an empty entry.
     if count <= first:
         raise VbusError(f"the journal has no entry {first}; its last one is {count - 1}")
 

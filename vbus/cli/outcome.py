@@ -13,10 +13,13 @@ from vbus.record.replay import Replay
 _DRIVES: Final = ("drive", "command")
 _SIZES: Final = ("error", "velocity", "profile")
 """Lanes whose greatest size is reported."""
+# Three overshoots to either side: a well damped move to and back has two or three reversals.
 _REVERSALS: Final = 6
 """Turns to and fro after which an axis is said to oscillate."""
+# As in views/runs/motion.py: an encoder at rest shows up to one count to either side.
 _NOISE: Final = 2
 """Counts that are no turn."""
+# 10 ms: a profile that passes through 0 with a motor command of 0 takes a sample or two.
 _IDLE: Final = 10
 """Looks in a row at a profile that runs and a motor command of 0."""
 
@@ -71,12 +74,15 @@ class _AxisPath:
         if self.rising is None:
             if abs(position - self.turn) > _NOISE:
                 self.rising, self.turn = position > self.turn, position
+        # The turning point moves along while the axis goes on in its direction.
         elif (position > self.turn) == self.rising:
             self.turn = position
         elif abs(position - self.turn) > _NOISE:
             self.rising, self.turn = not self.rising, position
             self.reversals += 1
+        # A profile runs if the desired position has changed since the last look.
         runs = None not in (desired, self.desired) and desired != self.desired
+        # Twice in a row: a filter that takes effect in the sample after STT is no mistake.
         if runs and undriven and self.undriven:
             self.in_vain = undriven
         self.undriven = undriven
@@ -89,6 +95,7 @@ class _AxisPath:
         parts = [f"ended at {self.last:g} counts"]
         if error := self.largest.get("error"):
             parts.append(f"was {error:g} counts off at most")
+        # The same words for no motion in either way: a range from 0 to 0 says less.
         if self.least == self.most:
             parts.append("did not move")
         else:
@@ -142,6 +149,7 @@ class AxisOutcomes(Observer):
                 for row, axis in chip.VALUES.lanes(chip.axis_count)
             }
             for axis in range(chip.axis_count):
+                # An axis whose chip has no lane of its real position has no course.
                 if ("real", axis) not in drawn:
                     continue
                 key = drawn["real", axis]

@@ -12,6 +12,8 @@ import click
 
 from vbus.core.errors import VbusError, read_errors
 
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
 _RECORDS: Final = (
@@ -35,6 +37,7 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
 
     @wraps(verb)
     def with_records(metrics: str | None, **given: Any) -> int:
+        # Only what was given: the others stay as the board file has them.
         record = {key: given.pop(key) for key in _KEYS}
         record = {key: value for key, value in record.items() if value is not None}
         return verb(record=record, metrics=metrics or "", **given)
@@ -42,6 +45,11 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
     for name, metavar, text in reversed(_RECORDS):
         with_records = click.option(name, metavar=metavar, help=text)(with_records)
     return with_records
+
+
+detach_option = click.option(
+    "--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow."
+)
 
 
 def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
@@ -52,13 +60,15 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
         rate = float(value)
     except ValueError:
         rate = 0.0
+    # At less than a thousandth an hour of wall time is 3.6 s of chip time: that is a mistake of
+    # units.
     if not 0.001 <= rate < float("inf"):
         raise click.BadParameter(f'"{value}" is no rate; write a number from 0.001 up, or "max"')
     return rate
 
 
 rate_option = click.option(
-    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
+    "--rate", callback=_rate, metavar="RATE", help='Chip seconds per second of wall time, or "max".'
 )
 from_option = click.option(
     "--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save)."
@@ -73,6 +83,19 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         return value if value is None else parse_duration(value)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
+
+
+def time_option(*names: str, text: str, default: str | None = None) -> Decorator:
+    """Return an option that takes an instant or a span of chip time, in ps to the verb."""
+    return click.option(*names, callback=duration, default=default, metavar="TIME", help=text)
+
+
+def seconds_option(
+    *names: str, text: str, default: float | None = None, least: float = 0.0
+) -> Decorator:
+    """Return an option that takes seconds of wall time, up to a day."""
+    kind = click.FloatRange(least, 86_400)
+    return click.option(*names, type=kind, default=default, metavar="SECONDS", help=text)
 
 
 class Line(str):
@@ -97,6 +120,7 @@ def seconds(ps: int) -> str:
 
 def json_line(line: str) -> str:
     """Return what a line says as one line of JSON."""
+    # A line without data is still an object, so that each line of the output has the same form.
     return json.dumps(line.value if isinstance(line, Line) else {"text": line})
 
 
@@ -118,6 +142,7 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
     Raises:
         VbusError: it cannot be opened; of this kind.
     """
+    # Only the opening is guarded: errors within the block are those of its reader.
     with read_errors(path, kind):
         file = path.open("rb")
     with file:
@@ -132,6 +157,7 @@ def bar(
 
     Gives what moves it to ``place()`` of ``size``.
     """
+    # A bar in a log would be a line for each step, and the import of rich is slow.
     if quiet or not sys.stderr.isatty():
         yield lambda: None
         return

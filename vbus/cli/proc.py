@@ -76,6 +76,7 @@ def offspring(roots: Iterable[int]) -> list[int]:
     """Return the processes that run of these and of those that come from them, youngest last."""
     found = list(roots)
     for one in found:
+        # The list grows while it is gone through: children of children come by themselves.
         found += children(one)
     return [pid for pid in found if state(pid) not in _GONE]
 
@@ -141,12 +142,14 @@ def _call(pid: int, text: str) -> SystemCall | None:
 
 def does(pid: int, task: int) -> str:
     """Return what a thread does, for people: where it waits, and who called."""
+    # Letters are those of proc_pid_stat(5); S and D are the two that sleep.
     letter = state(pid, task)
     text = _STATES.get(letter, f"is in state {letter}")
     if letter not in ("S", "D"):
         return text
     kernel = _syscall(pid, task)
     call = _call(pid, kernel)
+    # 16 KiB of stack reach from the C library's wait to the program's own function.
     stack = b"" if call is None else memory(pid, call.stack, 1 << 14)
     if _syscall(pid, task) != kernel or kernel.startswith("running"):
         return RUNS  # it has been woken meanwhile: its stack is not of one instant

@@ -17,6 +17,7 @@ from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
 from vbus.core.errors import VbusError
 
+# A traceback's last frames and its message, on one screen with the rest.
 LAST_LINES: Final = 10
 """How many lines of a process that has died are repeated."""
 LONGEST_LINE: Final = 65_536
@@ -105,6 +106,7 @@ class Processes:
         for end in (woken, wake):
             self._stack.enter_context(end)
             end.setblocking(False)
+        # A signal becomes a byte for select(): no handler runs in the midst of what this does.
         before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
         self._stack.callback(signal.set_wakeup_fd, before)
         for number in _ASKING:
@@ -147,6 +149,7 @@ class Processes:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            # Lines are put together here: a buffer would hold back what a process says last.
             bufsize=0,
             process_group=0,
             preexec_fn=end_with_parent(),
@@ -179,6 +182,7 @@ class Processes:
             ProcessDiedError: a process has ended; names it.
         """
         while True:
+            # An end with an error counts even where the process was allowed to end.
             died = [child for child in self._step() if _code(child) or not may_end(child)]
             if self.asked:
                 return False
@@ -195,6 +199,7 @@ class Processes:
         """
         for child in reversed(self.children):
             if not child.ended:
+                # In reverse order of their start: nodes go before the router at which they meet.
                 for number in (signal.SIGTERM, signal.SIGCONT):
                     # One that was stopped (Ctrl-Z) would not hear of it.
                     os.kill(child.pid, number)
@@ -248,6 +253,7 @@ class Processes:
         *lines, child.rest = (child.rest + data).split(b"\n")
         for line in lines:
             self._line(child, line)
+        # Before it is ready its one long line is JSON, which is taken whole.
         if len(child.rest) > LONGEST_LINE and child.ready:
             self._finish_line(child)
         return True

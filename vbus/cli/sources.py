@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from vbus.record.format import JournalReader
     from vbus.record.replay import Outcome
 
+# A page sends an order for each click: more unread ones mean that the board hangs.
 MOST_WAITING: Final = 1024
 """Requests that may wait for a board that does not read; more are refused."""
+# Processes of one "vbus up" are started together; a busy machine spreads their beginnings.
 NODES_SECONDS: Final = 2.0
 """How long nodes of a machine may take to begin after the first of them."""
 
@@ -202,6 +204,7 @@ class Together:
 
     def __iter__(self) -> Iterator[list[Any]]:
         for part, feed in enumerate(self._feeds):
+            # Counted here, not in the threads: a node may end before the next one begins.
             self._running += 1
             Thread(target=self._read, args=(part, feed), daemon=True).start()
         heard: set[int] = set()

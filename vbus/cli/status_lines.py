@@ -50,6 +50,7 @@ def listed_lines(status: dict[str, Any]) -> list[str]:
         f" {_seconds(status['time_ps'])}, lag {_seconds(status['lag_ps'])} (worst"
         f" {_seconds(status['worst_lag_ps'])}), {status['counters']['violations']} violations"
     ]
+    # A board that always kept up has no line for it.
     if status.get("worst_overload"):
         lines.append(f"  {_overload(status['overload'], status['worst_overload'])}")
     if status.get("time_left_ps", DAY) < DAY:

@@ -80,6 +80,7 @@ def rounded(value: float) -> str:
     """Return a number with as many digits as people read: two decimals, or four that tell."""
     if isinstance(value, int):
         return str(value)
+    # Currents and speeds near 0 would be 0.00 with two decimals.
     text = f"{value:.4f}" if abs(value) < 1 else f"{value:.2f}"
     if not float(text):
         return f"{value:.1e}" if value else "0"
@@ -87,6 +88,7 @@ def rounded(value: float) -> str:
 
 
 def _word(key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decoder | None) -> Word:
+    # Words are bytes or 16 bits wide in every family; their highest bit says which.
     digits = 2 if max(row.number for row in rows) < 8 else 4
     text = f"{value:0{digits}X}H"
     if decoder is not None and name in decoder.WORDS:

@@ -36,6 +36,7 @@ class Transcript(Observer):
     ) -> None:
         """Note a cycle."""
         line = f"{chip} {'w' if write else 'r'} {address:X} {data:02X}"
+        # Polls are most cycles of a driver: a counted line keeps the file readable.
         if line == self._line:
             self._count += 1
             return
@@ -64,6 +65,7 @@ class Transcript(Observer):
         self._guarded(partial(self._file.write, f"{time}{line}\n"))
 
     def _guarded(self, write: Callable[[], object]) -> None:
+        # After the first error nothing more is tried: the board goes on without its transcript.
         if not self.error:
             try:
                 write()

@@ -88,6 +88,8 @@ class StretchReplayer(Observer):
             port = self._ports.get(session)
             number: i64 = stretch[0]
             when: i64 = stretch[1]
+            # The slow way says what is wrong: an unknown session, a missing entry, an instant that
+            # is over.
             if port is None or number != self.played or when < kernel.now:
                 return stretch
             span: i64 = stretch[2]
@@ -99,6 +101,7 @@ class StretchReplayer(Observer):
                 self._past.append((chips, write, value >> 8, value & 0xFF, when + span, span, same))
             self.cycles += same
             self.played = number + same
+            # The cycle that came out otherwise has been made, too.
             if same < times:
                 self.played += 1
                 return stretch
@@ -124,6 +127,7 @@ class StretchReplayer(Observer):
         if when > kernel.now:
             board.pass_until(when)
         board.limit = END
+        # As if all came out alike; what differs is noted where the loop stops.
         self.reply, self.error = None if write else byte, 0
         same: i64 = 0
         try:

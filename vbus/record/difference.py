@@ -84,6 +84,8 @@ class Findings(Observer):
 
     def compare(self) -> Divergence | None:
         """Match pairs; return the first that differ."""
+        # Chips come before ordered cycles: a violation is the cause, a cycle that differs its
+        # effect.
         for chip in sorted(self._recorded, key=ORDERED.__eq__):
             recorded, found = self._recorded[chip], self._found.get(chip)
             while found and recorded:
@@ -105,6 +107,7 @@ class Findings(Observer):
             for chip in sorted(queues, key=ORDERED.__eq__)
             for number, found in queues[chip]
         ]  # fmt: skip
+        # The first cause is what helps; all that follows from it is noise.
         return min(left, key=attrgetter("entry"), default=None)
 
 

@@ -35,6 +35,7 @@ from vbus.record.shapes import checked
 
 FORMAT: Final = 1
 MAGIC: Final = b"vbus journal 1\n"
+# Far above any block of 4,096 entries that a recorder makes.
 LARGEST: Final = 1 << 26
 """Bytes beyond which a block's length, packed or unpacked, is taken for damage."""
 
@@ -58,6 +59,7 @@ NOT_YET: Final = 1 << 16
 """Stands for a refusal where a call at a node could not be made before time had run on."""
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
 JUMP: Final = CODE["jump"]
+# Three numbers of at most nine bytes each, packed, with their head.
 JUMP_BYTES: Final = 256
 """A jump's block is no longer, packed: longer ones need not be unpacked to find it."""
 
@@ -213,6 +215,7 @@ class JournalReader:
         head = self._file.read(8)
         if not head:
             return None
+        # The length is checked before it is believed: damage must not ask for gigabytes.
         size = int.from_bytes(head[:4], "big")
         body = self._file.read(size) if len(head) == 8 and size <= LARGEST else b""
         if len(head) < 8 or len(body) < size:
@@ -259,6 +262,7 @@ class JournalReader:
         self.jumps = tuple(self._find_jumps())
         number = last = 0
         for turn, jump in enumerate(self.jumps):
+            # A later jump may go back beyond this one, and undo what this one kept.
             kept = min(later.kept for later in self.jumps[turn:])
             yield from self._stretches(number, last, kept, jump.begin)
             self._file.seek(jump.end)
@@ -317,6 +321,7 @@ class JournalReader:
         while len(head := self._file.read(8)) == 8:
             size = int.from_bytes(head[:4], "big")
             begin, place = place, place + 8 + size
+            # Other blocks are stepped over unread: a journal of gigabytes is searched in a moment.
             body = self._file.read(size) if size <= JUMP_BYTES else b""
             if zlib.crc32(body) == int.from_bytes(head[4:], "big"):
                 jump = self._jump(body, begin, place)
@@ -356,6 +361,7 @@ class JournalReader:
 def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
     port, code = divmod(key, PORTS)
     op = OPERATIONS[code]
+    # Cycles as the words have them; a read that was refused has the long form below.
     if code == READ and isinstance(value, int):
         return Entry(number, when, after, port, op, (value >> 8,), value & 0xFF)
     if code == WRITE and isinstance(value, int):

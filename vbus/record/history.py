@@ -37,6 +37,7 @@ class History:
         self.position: int = 0
         self._make: Callable[[], Board] = make
         self._every: int = max(1, every)
+        # With one, thinning out would drop it at once.
         self._keep: int = max(2, keep)
         self._player: Player = Player(make())
         self._snapshots: dict[int, tuple[Snapshot, list[int]]] = {}
@@ -75,6 +76,7 @@ class History:
         if place <= self.position:
             self._go_back(place)
         self.to(place)
+        # The next call runs time itself: the board must not stand beyond where that began.
         if place < len(self.entries):
             when = min(when, self.entries[place].when)
         if when > self.board.now:

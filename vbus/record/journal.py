@@ -24,6 +24,7 @@ def end_of(board: Board) -> tuple[str, str, int]:
         and how often nets have had observers. State hashes can be compared where that is 0,
         the others always.
     """
+    # Sorted: the order of the rows may change without a change of the chip.
     telemetry = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
     return (
         board.state_hash(),
@@ -126,6 +127,8 @@ class Journal(Observer):
         self._note("jump", [kept, now, left])
         self._write(rows_block(self.entries, *self.rows.take()))
         self.entries = kept
+        # Their hosts have gone with the time that was undone; the journal closes what it still has
+        # open.
         for number in ended:
             self.rows.other(number * PORTS + CODE["close"], [[], None, 0, -1], now, now)
 
@@ -148,6 +151,7 @@ class Journal(Observer):
             sync: waits until the disk has it too.
         """
         self.flush()
+        # The answer waits for the disk only where the board file asks for it (durable).
         if sync is not None and not self.error:
             try:
                 sync()

@@ -17,6 +17,7 @@ from vbus.record.view import violation_of
 
 FINDINGS = frozenset(("violation", "cycle", "end", "fault", "made"))
 """Entries that tell what happened and are no calls."""
+# Short enough that a server which plays goes on answering between two steps.
 STRETCH: Final = 10 * MS
 """Chip time that passes in one step."""
 
@@ -37,6 +38,8 @@ class Player:
         self.ports: dict[int, HostBus] = {}
         """Sessions by their number in the journal; also of those that have ended."""
         if board.broken:
+            # Links of the recorded run are not here; their faults are in the journal as what they
+            # did.
             board.faults.links = _NoLinks()
 
     def run_to(self, entry: Entry) -> None:
@@ -186,6 +189,7 @@ class RewoundRun(Player, Observer):
 
     def findings(self) -> list[Finding]:
         """Return what has been found and is not among the entries that are kept."""
+        # Counted, not a set: the same finding may come several times at one instant.
         recorded = Counter(finding for number, finding in self._recorded if number < self.kept)
         rest = []
         for finding in self._found:

@@ -119,6 +119,8 @@ class SessionRows(Observer):
             args: what is asked.
             call: the method that makes it; of edges it gives none, nothing is written.
         """
+        # The end of a session lets its lines go by calls of its own; a replay's end makes them
+        # again.
         if self._closed:  # what a session lets go of when it ends is part of its end
             return call(port, *args)
         when = self._kernel.now
@@ -168,6 +170,7 @@ class RecordedBus(HostBus):
     ) -> None:
         super().__init__(board, hosts, label, chips, cycle_ps, card)
         self._notes: SessionRows = SessionRows(board, rows, number, label, chips, cycle_ps)
+        # A poll answered from memory would be missing from the journal.
         self.polls.every_cycle = True
         self.strobes.found = self._notes
         self._rows: JournalRows = rows
@@ -245,6 +248,7 @@ class RecordedBus(HostBus):
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
         when = self._kernel.now
+        # Beyond 62 bits the number is no machine word of a compiled core.
         if duration > LARGEST:
             return self._notes.call(self, "delay", [duration], HostBus.delay)
         try:

@@ -16,8 +16,10 @@ from vbus.record.journal import end_of
 from vbus.record.player import Player
 from vbus.record.view import Sessions
 
+# The longest packet, LTRJ of an LM628, has 15 bytes; polls stand between them.
 LOOKAHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
+# As many stretches as a block has entries: a packet with its polls is far shorter.
 LOOKBACK: Final = 4096
 """Stretches of equal bus cycles before a difference that are decoded, to find where its packet
 begins."""
@@ -130,6 +132,7 @@ class Replay(Player):
     def _next(self) -> Stretch | None:
         """Return the next stretch of anything but cycles that come out as they were recorded."""
         making = self._making
+        # One entry at a time, until nothing is left that a stretch could run past.
         if self._ended or self._strobed or making.found or self._findings.expecting:
             # Something is left to be compared before any cycle.
             making.same = -1
@@ -234,6 +237,7 @@ class Replay(Player):
             self._decode_past()
             entry = was or call
             both = [was.args if was is not None else None, now]
+            # The chips are named only where they differ: else the call above names them.
             elsewhere = was is not None and now is not None and was.args[0] != now[0]
             sides = [
                 self._side(

@@ -18,6 +18,7 @@ PORTS: Final = 32
 READ: Final = 0
 WRITE: Final = 1
 """Operations that are bus cycles."""
+# Blocks of some 10 KB: zlib finds repeats in 32 KB, and a crash loses little.
 FULL: Final = 4096
 """So many entries are written together, if nothing asks for them earlier."""
 AGAIN: Final = 0x8000
@@ -147,8 +148,10 @@ class JournalRows:
             after: instant of its end (ps).
         """
         follows = when == self._end and after - when == self._span and session == self._session
+        # The commonest case first: a driver that polls.
         if follows and word == self._word:
             self._again += 1
+        # Addresses from 64 on do not fit into 15 bits, and take the long form.
         elif follows and word >> 15 == 0:
             if self._again != 0:
                 self._put_again()
@@ -287,6 +290,7 @@ class JournalRows:
         self._others = []
         self.pending = 0
         self._waiting = 0
+        # Numbers of calls count from the beginning of their block.
         self._calls = {}
         self._latest = None
         # A block stands for itself: its first cycle is written in full.

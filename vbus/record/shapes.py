@@ -12,9 +12,12 @@ _Byte = Annotated[int, Meta(ge=0, le=0xFF)]
 _Address = Annotated[int, Meta(ge=0, le=0xFFFF)]
 _Mask = Annotated[int, Meta(ge=0, le=0xFFFF_FFFF)]
 _Instant = Annotated[int, Meta(ge=0, le=END)]
+# -1 stands for a call that was finished.
 _Limit = Annotated[int, Meta(ge=-1, le=END)]
 _Number = Annotated[int, Meta(ge=0, le=1 << 32)]
+# -1 is a wire that nothing drives.
 _Level = Annotated[int, Meta(ge=-1, le=0xFF)]
+# Read, write, or a pin.
 _Kind = Annotated[int, Meta(ge=0, le=2)]
 _Value = int | float | str | bool
 _Nothing: Final = type(None)

@@ -38,6 +38,7 @@ class Sessions:
         if entry.op == "open":
             label, chips, _ = entry.args
             self.by_port[entry.port] = session = RecordedSession(label, list(chips))
+            # The protocol's own beginning: the first chip is selected.
             session.select(1)
         elif entry.op == "select" and not entry.error and entry.port in self.by_port:
             self.by_port[entry.port].select(entry.args[0])
@@ -93,6 +94,7 @@ def play(header: Header, entries: Iterable[Entry], *readers: PacketReader) -> in
     count = last = 0
     for entry in shown(entries, stream):
         count += 1
+        # Entries come in order of their calls; a long one may end after the next has.
         last = max(last, entry.after)
     stream.settled(last)
     return count

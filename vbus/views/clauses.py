@@ -33,6 +33,7 @@ def ac_limits(rule: str) -> list[str]:
     limits = []
     for owner, supply, table in ac_tables():
         for row in table:
+            # Once for each supply: the MCP-1200 has a column for 5 V and one for 3.3 V.
             if owner == family and row.symbol == symbol:
                 least = [f"{row.min_ps / 1000:g} ns"] if row.min_ps else []
                 least += [f"{row.min_clk:g} clk"] if row.min_clk else []
@@ -82,6 +83,7 @@ def all_carriers() -> dict[str, list[str]]:
 
 def _citing() -> Iterator[tuple[str, str]]:
     for rule in all_rules():
+        # Rules first: they say what a host sees of a clause.
         for line in headed(rule):
             yield rule.clause, line
     for family in plugins.families():
@@ -107,6 +109,7 @@ def clause_frame(families: Iterable[str]) -> bytes:
     citing = all_carriers()
     for name in dict.fromkeys(families):
         chip = plugins.family(name).load("chip", Chip)
+        # The list of clauses stands beside the module of the chip.
         package = chip.__module__.rpartition(".")[0] if chip is not None else ""
         for clause in clauses_of(package).values() if package else ():
             rows.append(

@@ -19,6 +19,7 @@ from vbus.cli.generate.targets import family_targets
 )
 def main(check: bool, family: str | None, sigrok: str | None) -> None:
     """Make the files that follow from the tables of installed chips."""
+    # Nothing is made by accident: the files of the source tree have a command of their own.
     if family is None and sigrok is None:
         raise click.UsageError(
             "name a chip family with --family, or a folder with --sigrok; files of the source tree"

@@ -28,6 +28,7 @@ def page(family: Family) -> str:
     lines = [f"# {_title(family)}", "", _MADE.format("the tables of the chip", "the tables"), ""]
     lines += [family.about, ""] if family.about else []
     own = own_families()
+    # Only families of this source tree have a picture, and pages beside theirs.
     if family in own:
         lines += [f"![Between host and motor]({PICTURES}/{family.name}.svg)", ""]
     lines += ["The tables below are those from which `vbus` makes the chip and its clients."]
@@ -47,12 +48,14 @@ def page(family: Family) -> str:
     axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"up to {chip.AXES} axes")
     parts = ", ".join(f"`{part}`" for part in chip.PARTS)
     lines += ["## Parts", "", f"{parts}: family `{family.name}`, {axes}.", ""]
+    # Sections without rows are left out: a family has commands or registers, rarely both.
     for head, rows in (
         ("Bus addresses", table(("address", "how", "read", "write"), family.addresses)),
         ("Commands", family.commands and _commands(family.commands)),
         ("Registers", family.registers and _registers(family.registers)),
     ):
         lines += [f"## {head}", "", *rows, ""] if rows else []
+    # Words of commands first, then the fields of registers, as the manuals have them.
     bits = [(title, getattr(datasheet, name)) for title, name in family.bits]
     bits += [(f"{row.title} {row.low:02X}H", row.fields) for row in family.registers if row.fields]
     lines += ["## Bits", ""] if bits else []
@@ -83,6 +86,7 @@ def _commands(commands: Iterable[Command]) -> list[str]:
     if scoped:
         head.insert(3, "acts on")
     cells = []
+    # By code, as one looks a byte up that was seen on the bus.
     for row in sorted(rows, key=lambda row: row.code):
         cell = [f"`{row.name}`", f"{row.code:02X}H", _data(row), row.title, row.clause]
         if scoped:
@@ -94,6 +98,7 @@ def _commands(commands: Iterable[Command]) -> list[str]:
 def _data(row: Command) -> str:
     if row.read:
         return f"{2 * row.read} read"
+    # Words follow only where the control word asks for them (LTRJ, LFIL).
     if row.up_to > row.write:
         return f"{2 * row.write} to {2 * row.up_to} written"
     return f"{2 * row.write} written" if row.write else "none"
@@ -142,6 +147,7 @@ def _pins(pins: Iterable[PinRow]) -> list[str]:
 
 def _limits(family: Family) -> list[str]:
     tables = family.ac_tables
+    # All tables of a family have the same rows; they differ in their limits by supply or grade.
     first = next(iter(tables.values()))
     heads = [f"limit, {name}" if name else "limit" for name in tables]
     cells = []
@@ -178,6 +184,7 @@ def _limit(row: AcLimit) -> str:
     least = []
     if row.min_clk:
         least.append(f"{row.min_clk:g} clk")
+    # A row that has no other limit says "at least 0 ns", rather than nothing.
     if row.min_ps or not (row.min_clk or row.max_ps):
         least.append(_time(row.min_ps))
     text = "at least " + " + ".join(least) if least else ""
@@ -191,6 +198,7 @@ def _time(ps: int) -> str:
 
 
 def _rules(rules: Iterable[Rule], tables: Mapping[str, AcTable]) -> list[str]:
+    # Rules of AC rows stand in their own table, with their limits.
     ac = {rule.name for table in tables.values() for rule in table.rules.values()}
     return table(
         ("rule", "severity", "what is required", "clause"),
@@ -223,6 +231,7 @@ def _beside(family: Family) -> str:
 
 
 def _notes(text: str) -> Iterator[str]:
+    # Continuation lines are joined first, so that a title broken in two is found whole.
     for line in re.sub(r"\n +", " ", text).splitlines():
         match = re.match(r"(\d+)\. (?:\*\*(.+?)\*\*|([^.]+)\.)", line)
         if match is not None:
@@ -288,6 +297,7 @@ def _linked(text: str) -> str:
         name = match[0]
         return f"[{name}]({pages[name]}-clauses.md#{name.lower()})" if name in pages else name
 
+    # Ids of families that are not installed stay plain text.
     ids = re.compile(r"\b[A-Z]+-[A-Z]+-\d+\b")
     return "\n".join(
         line if line.startswith("#") else ids.sub(link, line) for line in text.split("\n")

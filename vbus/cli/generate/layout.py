@@ -45,6 +45,7 @@ def formatted(text: str, name: str) -> str:
     ruff = [sys.executable, "-m", "ruff"]
     plain = ["--quiet", "--isolated", f"--config=line-length={WIDTH}", "--config=src=['.']"]
     rules = "I,F401,UP037" if name.endswith(".pyi") else "I"
+    # Imports first: their order changes how lines are laid out after them.
     for command in (
         [*ruff, "check", *plain, "--select", rules, "--fix-only", "--stdin-filename", name, "-"],
         [*ruff, "format", *plain, "--stdin-filename", name, "-"],
@@ -63,6 +64,7 @@ def docstring(summary: str, paragraphs: Iterable[str] = (), indent: int = 8) -> 
     """
     space = " " * indent
     rest = [paragraph for paragraph in paragraphs if paragraph]
+    # The layout of ruff's pydocstyle rules: one line, or quotes on lines of their own.
     if not rest:
         return [f'{space}"""{summary}"""']
     lines = [f'{space}"""{summary}']
@@ -100,6 +102,7 @@ def _value(option: Option) -> str:
     text = allowed(option).removeprefix("write ")
     if option.kind == "choice":
         return " or ".join(f"`{quoted(choice)}`" for choice in option.choices)
+    # The message's list of units is for people who made a mistake; a table has the limits alone.
     if option.kind in units.DIMENSIONS:
         title = units.DIMENSIONS[option.kind].title
         _, _, limits = text.partition("), ")
@@ -136,6 +139,7 @@ def write(targets: list[Target]) -> list[str]:
     written = []
     for path, make in targets:
         text = make()
+        # A file that is as it should be keeps its time stamp: builds look at that.
         if not _is(ROOT / path, text):
             (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
             (ROOT / path).write_text(text)

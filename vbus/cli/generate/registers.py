@@ -85,6 +85,7 @@ def registers(family: Family) -> str:
     names = [row.name.lower() for row in rows]
     places = [(address, row) for row in rows for address in row.addresses]
     places.sort(key=lambda place: place[0])
+    # Addresses without a register read 0, up to the power of two that the bus reaches.
     image = ["0"] * (1 << places[-1][0].bit_length())
     for address, row in places:
         image[address] = _number(row, address)
@@ -97,6 +98,8 @@ def registers(family: Family) -> str:
         own=_IN_CLASS.join(
             f"self.{row.name.lower()} = other.{row.name.lower()}"
             for row in rows
+            # What the host alone writes is not copied back: it would undo a write made in the
+            # sample.
             if row.cleared or row.counts != SAMPLED
         ),
         byte=_IN_CLASS.join(_halves(places, _byte)),
@@ -155,6 +158,7 @@ def _halves(
     if len(places) == 1:
         address, row = places[0]
         return [f"if address == {address:#04x}:", f"    {statement(row, address)}"]
+    # Seven comparisons for 128 addresses, where a chain of tests would take 64 on average.
     middle = len(places) // 2
     return [
         f"if address < {places[middle][0]:#04x}:",

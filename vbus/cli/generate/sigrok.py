@@ -130,10 +130,12 @@ def _source(module: str) -> tuple[str, str]:
 def _copy(module: str) -> str:
     """Return a module's source with its imports made relative."""
     path, text = _source(module)
+    # sigrok loads a decoder from its own folder: an absolute import would need vbus in its Python.
     text = re.sub(r"from [\w.]+ import datasheet as ds", "from . import tables as ds", text)
     text = text.replace(
         "from vbus.core.signals import HIGH, LOW, Z\n", "\nHIGH, LOW, Z = 1, 0, -1\n"
     )
+    # Copies import each other by their names there.
     for home, name in _COPIES.items():
         text = text.replace(f"from {home} import", f"from .{name} import")
     return _HEAD.format(path) + text
@@ -152,6 +154,7 @@ def _decoder(family: Family, packets: type[Decoder]) -> str:
 def _tables(family: Family, packets: type[Decoder]) -> str:
     """Return the rows of the datasheet that the decoder uses."""
     source = _decoder(family, packets)
+    # Only tables that the decoder reads: the rest of a datasheet module imports half of vbus.
     used = sorted(set(re.findall(r"\bds\.([A-Z][A-Z0-9_]*)", source)))
     path, rows = _source("vbus.chips.tables")
     rows = rows.replace("from vbus.core.signals import HIGH\n", "HIGH = 1\n")
@@ -174,6 +177,7 @@ def _literal(value: Any) -> str:
         size = f"    {value.size},\n" if isinstance(value, RegisterMap) else ""
         rows = "".join(f"    {row!r},\n" for row in value)
         return f"{type(value).__name__}(\n{size}{rows})"
+    # Sorted: the repr of a set differs from run to run.
     if isinstance(value, frozenset):
         return f"frozenset({sorted(value)!r})"
     return repr(value)

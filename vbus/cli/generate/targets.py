@@ -31,6 +31,7 @@ def calls(family: Family) -> str:
 def calls_class(family: Family) -> type | None:
     """Return what ``calls_of`` has made of a family's tables for its client; None: nothing."""
     host = family.object("host")
+    # The class with the calls stands among the bases of the client, under a name of this form.
     made = [cls for cls in host.__mro__ if cls.__name__.endswith("Calls")] if host else []
     return made[0] if made else None
 
@@ -57,6 +58,7 @@ def client_targets(family: Family) -> list[Target]:
     found: list[Target] = []
     if calls_class(family) is not None:
         found.append((f"{place}/calls.pyi", partial(calls, family)))
+    # A row that does not say when it counts gives no number: such a chip keeps plain bytes.
     counted = any(row.counts for row in family.registers)
     if counted or family.bits:
         found.append((f"{made}/__init__.py", lambda: _GENERATED))

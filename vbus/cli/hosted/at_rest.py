@@ -17,6 +17,8 @@ from vbus.core.kernel import SECOND
 from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import POLLING, HostWatch
 
+# A look reads files of /proc for each thread: ten a second cost little of a processor.
+# cent.
 LOOK: Final = 0.1
 """Seconds between looks at a program that does nothing on the bus."""
 IN_VAIN: Final = (
@@ -154,11 +156,13 @@ class AtRest:
         """Return how a process is found if nothing can end its waits but these processes."""
         text = read(f"{self._note}.{pid}")
         known = _known_waits(text)
+        # The note's first line ends in whether the library has taken over timers.
         ours = text.partition("\n")[0].endswith(" 1")
         """Whether the library has the timers of the process in hand."""
         switches = []
         for task in tasks(pid):
             facts = status(pid, task)
+            # One that runs, or is about to be woken, is not at rest.
             if state(pid, task) != "S" or _pending(facts):
                 return None
             if not ours and _timed(pid, facts):
@@ -260,6 +264,7 @@ def _in_vain(pid: int, task: int, pids: list[int]) -> bool:
     if call.name in _ENDS:
         return _pipe(pid, first, _ENDS[call.name], pids)
     if call.name in ("poll", "ppoll"):
+        # poll(2): a negative number of milliseconds; ppoll(2): no time given.
         for_ever = third & 0x80000000 if call.name == "poll" else not third
         return bool(for_ever) and _polls(pid, call, pids)
     return False
@@ -277,6 +282,7 @@ def _shared(pid: int, address: int) -> bool:
 def _polls(pid: int, call: SystemCall, pids: list[int]) -> bool:
     """Tell whether a poll waits for these processes alone."""
     count = call.arguments[1]
+    # A list that long is more memory than a look should read.
     if count > 1024:
         return False
     rows = memory(pid, call.arguments[0], 8 * count)

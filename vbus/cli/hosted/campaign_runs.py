@@ -33,10 +33,13 @@ from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
 from vbus.serve.in_process import connect_in_process
 
+# A fault that makes a driver repeat a move takes twice as long; a hang takes for ever.
 _LONGER: Final = 4
 """A run may take so many times what the reference run takes, and :data:`_PATIENCE` more."""
 _PATIENCE: Final = SECOND
+# Some retries of a short program, whose reference run has few cycles to multiply.
 _CYCLES: Final = 20_000
+# Enough that no process waits for work; few enough that Ctrl-C ends soon.
 _AHEAD: Final = 4
 """Runs for each process that are asked for before their turn."""
 
@@ -167,6 +170,7 @@ def function_of(text: str) -> Callable[[Bus], object]:
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
         raise VbusError(f"{text}: there is no file {path or text}; write FILE.py:FUNCTION")
+    # As Python does for a script: modules beside it are found.
     sys.path.insert(0, str(Path(path).resolve().parent))
     found = runpy.run_path(path, run_name="campaign").get(name)
     if not callable(found):

@@ -66,6 +66,7 @@ def built(name: str, source: Path, options: list[str], hint: str) -> Path:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         raise VbusError(f"{name} must be built first, and there is no C compiler; install gcc")
+    # A name of its own until it is whole: another process may compile the same.
     made = program.with_suffix(f".{os.getpid()}")
     sources = [str(file) for file in files if file.suffix == ".c"]
     if wrong := compiled([compiler, "-O2", f"-I{native}", *sources, *options], made):

@@ -83,6 +83,7 @@ def _build(folder: Path) -> None:
         made = folder / f"{bits}.{os.getpid()}"
         words = [compiler, f"-m{bits}", *_FLAGS, *sources, "-ldl", "-lpthread"]
         wrong = compiled(words, made)
+        # Most machines lack what 32-bit programs need: the message comes when one is run.
         if wrong and bits == 64:
             raise VbusError(f"the library that attaches programs cannot be built ({wrong})")
         for place in places if not wrong else ():
@@ -110,6 +111,7 @@ def environment(
     settings = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
     settings += f"order={order};" if order else ""
     settings += f"note={note or ''};card={_sorted(info.card)}"
+    # In front of what the user loads: accesses must be trapped whatever else wraps the calls.
     loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
     variables = {"VBUS_LINK": where, "VBUS_EXEC": settings, "LD_PRELOAD": ":".join(loaded)}
     if "memory=1" in info.program and "GLIBC_TUNABLES" not in os.environ:

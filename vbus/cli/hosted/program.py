@@ -360,6 +360,7 @@ def not_started(program: str, error: OSError) -> ProgramError:
     """Return what to say about a program that cannot be started, and what to do."""
     path = Path(program)
     if isinstance(error, FileNotFoundError):
+        # execve says "no such file" of the interpreter's, too.
         if path.exists() and "/" in program:  # its interpreter is not there
             return ProgramError(
                 f"{program}: what its first line names, or its loader, is not on this machine", True

@@ -83,6 +83,7 @@ def _refusal(program: str, path: str, image: bytes, has_32_bits: bool) -> str | 
             f"{program} is set-user-ID or set-group-ID, so the system loads no library into it;"
             f" {_REMEDY}; run a copy without that bit"
         )
+    # The notes of a linker stand within the first pages of a file.
     if _GO in image[:8192]:
         return (
             f"{program} is written in Go, which calls the system and handles signals without the C"
@@ -97,6 +98,7 @@ def _refusal(program: str, path: str, image: bytes, has_32_bits: bool) -> str | 
         )
     if machine == _X86_64 and image[4] == 1:
         return f"{program} is of the x32 kind, for which there is no library; {_REMEDY}"
+    # The loader's name is in the interpreter segment, near the beginning.
     if b"/ld-musl-" in image[:8192]:
         return f"{program} uses musl in place of glibc, for which the library is made; {_REMEDY}"
     if machine == _I386 and not has_32_bits:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from vbus.core.elf import LOADED, Elf
 
+# 256 MB: a browser with its symbols; larger files would take seconds of a report.
 _LARGEST: Final = 1 << 28
 """Bytes of a program that is read for its symbols."""
 
@@ -79,6 +80,7 @@ def _mappings(pid: int) -> list[tuple[int, int, int, str]]:
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/maps").read_text(errors="replace").splitlines():
             fields = line.split(maxsplit=5)
+            # A return address lies in code: data and stacks are passed over.
             if len(fields) == 6 and "x" in fields[1] and fields[5].startswith("/"):
                 begin, _, end = fields[0].partition("-")
                 found.append((int(begin, 16), int(end, 16), int(fields[2], 16), fields[5]))

@@ -18,6 +18,7 @@ _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
 _LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
 _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
+# Each call of echo flushes the stream, which costs more than making the line.
 _TOGETHER: Final = 1000
 """Lines that are printed together where no person waits for the first."""
 _VALUES: Final = ("status", "signals", "mode")
@@ -60,6 +61,7 @@ def _print(lines: Iterable[str]) -> None:
     try:
         for line in lines:
             waiting.append(line)
+            # A person sees the first line at once; a pipe takes many at a time.
             if len(waiting) >= most:
                 click.echo("\n".join(waiting))
                 waiting.clear()
@@ -70,9 +72,9 @@ def _print(lines: Iterable[str]) -> None:
 
 def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[str]:
     """Return the lines that explain ``what``, or say what it could be."""
-    from vbus.cli.look.explain_clauses import described, explained, unknown_clause
+    from vbus.cli.look.explain_clauses import explained, unknown_clause
 
-    lines = described(what) if as_json else explained(what)
+    lines = explained(what, as_json)
     if not lines:
         _refuse_unknown_rule(what)
         decoder = _decoder(what)
@@ -86,6 +88,7 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
         )
     if lines:
         return lines
+    # Last of all: a journal may have any name, also one that looks like a rule.
     match = _ENTRY.fullmatch(what)
     if match is not None and Path(match[1]).is_dir():
         raise click.UsageError(f"{match[1]} is a directory; name a journal in it{_in(match[1])}")
@@ -160,6 +163,7 @@ def _decoder(name: str) -> Decoder | None:
 
 def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
     text = " ".join(items)
+    # A line of a transcript may stand among the words, with its count: "r 0 84 x14".
     cycles = [
         Cycle(0, match[1] == "w", int(match[2], 16), int(match[3], 16))
         for match in _LINE.finditer(text)
@@ -176,6 +180,7 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
             except ValueError as error:
                 raise click.UsageError(str(error)) from None
             yield Line(f"{word[1]} {value}", word=word[1], text=value)
+        # Bytes beside whole cycles would have no address.
         elif byte and not cycles:
             data.append(int(byte[1], 16))
         elif "=" in item:

@@ -12,47 +12,47 @@ from vbus.core.signals import Rule
 from vbus.core.values.settings import suggestion
 from vbus.views.clauses import ac_limits, all_clauses, carriers, headed
 
+# As the manuals' own columns: a terminal of the usual width breaks no line again.
 WIDTH: Final = 80
 
 _CLAUSE: Final = re.compile(r"[A-Z]+-[A-Z]+-\d+", re.IGNORECASE)
 _ITEM: Final = re.compile(r"\d+\. |\* ")
 
 
-def explained(what: str) -> list[str]:
+def explained(what: str, as_data: bool = False) -> list[str]:
     """Return the lines that explain a clause or a rule; none if ``what`` is neither.
 
     Args:
         what: id of a clause, or name of a rule; without its family the rule of every chip that
             has one of that name, such as the rows ``T5`` of two AC tables.
+        as_data: give one line for each, with its data (:class:`~vbus.cli.output.Line`).
     """
     if _CLAUSE.fullmatch(what):
         for package, clause in all_clauses():
             if clause.name == what.upper():
-                return list(_clause(package, clause))
+                return [_clause_data(package, clause)] if as_data else [*_clause(package, clause)]
+    rules = _rules(what)
+    if as_data:
+        return [*map(_rule_data, rules)] or carriers(what)
     lines: list[str] = []
-    for rule in _rules(what):
+    for rule in rules:
         lines += ["", *_rule(rule)] if lines else _rule(rule)
     return lines or carriers(what)
 
 
-def described(what: str) -> list[str]:
-    """Return a line for each clause or rule that :func:`explained` tells of, with its data."""
-    if _CLAUSE.fullmatch(what):
-        for package, clause in all_clauses():
-            if clause.name == what.upper():
-                return [Line(
-                    clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
-                    section=clause.section, evidence=clause.evidence, text=clause.text,
-                    named_by=carriers(clause.name),
-                    tests=list(proofs_of(package).get(clause.name, ())),
-                )]  # fmt: skip
-    return [
-        Line(
-            rule.name, rule=rule.name, severity=rule.severity, clause=rule.clause,
-            title=rule.title, limits=[str(limit) for limit in ac_limits(rule.name)],
-        )
-        for rule in _rules(what)
-    ] or carriers(what)  # fmt: skip
+def _clause_data(package: str, clause: Clause) -> Line:
+    return Line(
+        clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
+        section=clause.section, evidence=clause.evidence, text=clause.text,
+        named_by=carriers(clause.name), tests=list(proofs_of(package).get(clause.name, ())),
+    )  # fmt: skip
+
+
+def _rule_data(rule: Rule) -> Line:
+    return Line(
+        rule.name, rule=rule.name, severity=rule.severity, clause=rule.clause, title=rule.title,
+        limits=[str(limit) for limit in ac_limits(rule.name)],
+    )  # fmt: skip
 
 
 def unknown_clause(what: str) -> str:
@@ -70,6 +70,7 @@ def _rules(name: str) -> list[Rule]:
     """Return the rule of this name; if there is none, those that have it after their family's."""
     rules = all_rules()
     return (
+        # Exactly as it is written first: "t5" and "T5" are rows of two tables.
         [rule for rule in rules if rule.name == name]
         or [rule for rule in rules if _symbol(rule) == name]
         or [rule for rule in rules if _symbol(rule).lower() == name.lower()]
@@ -116,6 +117,7 @@ def _wrapped(text: str, indent: str) -> Iterator[str]:
     for number, paragraph in enumerate(text.split("\n\n")):
         if number:
             yield ""
+        # Cells of a table stand below each other: filled anew they would not.
         if paragraph.startswith("|"):
             yield from (indent + line for line in paragraph.splitlines())
             continue

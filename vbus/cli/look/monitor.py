@@ -18,6 +18,7 @@ from vbus.core import exit_codes
 from vbus.core.signals import Violation
 from vbus.core.wall_clock import monotonic
 
+# Fewer where the panels of the chips need the room.
 SHOWN: Final = 16
 FEWEST: Final = 4
 """Packets on the screen, at most and at least."""
@@ -125,6 +126,7 @@ class View(PacketReader):
     def packet(self, chip: str, packet: Packet) -> None:
         """Show a packet."""
         if packet.kind == STATUS and not self._status:
+            # A status that is polled would push every command off the screen.
             self.polls += 1
             return
         self.packets += 1

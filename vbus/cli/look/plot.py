@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import duration, no_progress
+from vbus.cli.output import no_progress, time_option
 from vbus.core.errors import PluginError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
@@ -60,6 +60,7 @@ def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
             "pictures need matplotlib; install it with: pip install matplotlib"
         ) from None
     drawn = io.BytesIO()
+    # A user's own settings would make another picture of the same run.
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
@@ -76,6 +77,7 @@ TOGETHER: Final = (("desired", "real"), ("velocity", "profile"))
 
 COLUMN_INCHES: Final = 6.0
 PANEL_INCHES: Final = 1.7
+# Four points in each: more than a column's 720 pixels at 120 dpi can show.
 SLOTS: Final = 2000
 """How many slots of time are drawn where there are more rows than a reader can see."""
 MARGIN_INCHES: Final = 0.6
@@ -94,8 +96,8 @@ Panel = list["Lane"]
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="This axis; else all.")
 @click.option("--lane", "lanes", multiple=True, metavar="NAME",
               help=f"This lane of an axis; else {', '.join(LANES)}.")  # fmt: skip
-@click.option("--from", "begin", callback=duration, metavar="TIME", help="Begin at this instant.")
-@click.option("--to", "end", callback=duration, metavar="TIME", help="End at this instant.")
+@time_option("--from", "begin", text="Begin at this instant.")
+@time_option("--to", "end", text="End at this instant.")
 @click.option("--units", type=click.Choice(["counts", "rev", "SI"]), default="counts",
               show_default=True, help="As on the scope's page.")  # fmt: skip
 @no_progress
@@ -149,6 +151,7 @@ def draw(
     columns = {axis: _panels(rows.lanes, axis, lanes) for axis in _chosen("axis", axes, known)}
     there = [lane.name for lane in rows.lanes if lane.axis in columns]
     deep = max(map(len, columns.values()), default=0)
+    # Lanes by default may be missing on a chip; one that was asked for may not.
     if lanes != LANES or not deep:
         _chosen("lane", lanes, there)
     courses: dict[Lane, list[tuple[int, float]]] = {
@@ -214,6 +217,7 @@ def _panels(all_lanes: Sequence["Lane"], axis: str, names: Sequence[str]) -> lis
 
 def _between(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple[int, float]]:
     """Return the rows of a lane between two instants, with what it has at both."""
+    # A value holds until the next row: the one before the beginning is part of the picture.
     begin = bisect_right(rows, first, key=itemgetter(0))
     end = bisect_right(rows, last, key=itemgetter(0))
     held = [(first, rows[begin - 1][1])] if begin else []
@@ -229,6 +233,7 @@ def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple
     for _, slot in groupby(rows, lambda row: (row[0] - first) * SLOTS // (last - first)):
         inside = list(slot)
         by_value = sorted(inside, key=itemgetter(1))
+        # Extremes stay, so that a spike of one sample is still seen.
         kept += sorted({inside[0], by_value[0], by_value[-1], inside[-1]})
     return kept
 

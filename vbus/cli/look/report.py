@@ -21,9 +21,10 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 
 @click.command("report")
 @click.argument("journal", type=click.Path(path_type=Path))
-@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True,
+              help="What is printed.")  # fmt: skip
 @click.option("--json", "style", flag_value="json", help="The same as --format json.")
-@click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
+@click.option("--compatibility", metavar="PART", help="Note where PART (hctl-1100) differs.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
     "--fail-on", type=click.Choice(_FAIL_ON), default="error", show_default=True,
@@ -62,12 +63,14 @@ def _motion(journal: Path, cycles: int) -> "Iterator[str]":
     from vbus.cli.outcome import MOST_PLAYED, axes_played
     from vbus.core.errors import VbusError
 
+    # Violations are in the journal; where the axes went is only known after playing it again.
     if cycles > MOST_PLAYED:
         yield f"axes: not played again, after more than {MOST_PLAYED} bus cycles"
         return
     try:
         with opened(journal) as reader:
             axes, board = axes_played(reader, str(journal))
+    # The report itself is complete: a board that cannot be built again only costs these lines.
     except VbusError as error:
         yield f"axes: not known: {error}"
         return

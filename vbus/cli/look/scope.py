@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import SCOPE_ADDRESS, PagePlace, said_as, start_scope
-from vbus.cli.output import duration, no_progress
+from vbus.cli.output import no_progress, seconds_option, time_option
 from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     Server = ScopeServer | FoxgloveServer
     Take = Callable[[bytes], None]
 
+# A page that is loaded anew is gone for less.
 LOOK_SECONDS: Final = 0.5
 """How often a scope that outlives its board looks whether a page is open."""
 
@@ -37,17 +38,17 @@ LOOK_SECONDS: Final = 0.5
 @click.option(
     "--control", is_flag=True, help="Let pages pause and step the board, break it, use its bus."
 )
-@click.option(
-    "--at", callback=duration, metavar="TIME",
-    help="With --control, of a journal: the instant from which on it goes on as a board.",
-)  # fmt: skip
+@time_option("--at", text="With --control, of a journal: it goes on as a board from here.")
 @click.option("--strobes", is_flag=True, help="Of a journal: the lines of the host buses too.")
 @click.option(
-    "--listen", default=SCOPE_ADDRESS, metavar="HOST:PORT", help="Where; port 0: a free one."
+    "--listen",
+    default=SCOPE_ADDRESS,
+    metavar="HOST:PORT",
+    help="Where the page is served; port 0: a free one.",
 )
 @click.option("--remote", is_flag=True, help="Let other computers in; needs a certificate.")
-@click.option("--certificate", type=click.Path(path_type=Path), help="For TLS (PEM).")
-@click.option("--key", type=click.Path(path_type=Path), help="Its key (PEM).")
+@click.option("--certificate", type=click.Path(path_type=Path), help="Certificate for TLS (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), help="Key of the certificate (PEM).")
 @click.option(
     "--foxglove", is_flag=False, flag_value="127.0.0.1:8765", metavar="[HOST:PORT]",
     help="Serve a running board for Foxglove, not the page.",
@@ -63,10 +64,7 @@ LOOK_SECONDS: Final = 0.5
     "--sparse", is_flag=True,
     help="While no page is open, take down few samples of a board in real time: four a second.",
 )  # fmt: skip
-@click.option(
-    "--stay", type=click.FloatRange(0), metavar="SECONDS",
-    help="End so long after the board, once no page is open.",
-)  # fmt: skip
+@seconds_option("--stay", text="End so long after the board if no page is open.")
 @no_progress
 def command(
     sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,
@@ -86,6 +84,7 @@ def command(
     journals = [Path(name) for name in sources if Path(name).is_file()]
     journal = bool(journals)
     others = [name for name in sources if not Path(name).is_file()]
+    # One time axis: a run that is over has none in common with a board that goes on.
     if journal and others:
         raise click.UsageError(
             f"{journals[0]} is a journal and {others[0]} is none; show runs that are over, or"
@@ -175,6 +174,7 @@ def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
     frames: list[bytes] = []
     for number, part in enumerate(parts):
         frames += [merged.take(number, frame) for frame in part.frames]
+    # In the order of their ends, so that time goes on in those that ran longer.
     frames += [merged.end(number) for number in merged.by_end()]
     return merged.description, [frame for frame in frames if frame]
 
@@ -228,6 +228,7 @@ def _page_of_boards(
 
     def begun(description: dict[str, Any]) -> Stream:
         stream = Stream(description)
+        # Clauses first: labels of packets name them.
         stream.add(clause_frame(chip["family"] for one in hellos for chip in one["chips"]))
         return stream
 

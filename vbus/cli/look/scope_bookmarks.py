@@ -12,6 +12,7 @@ from vbus.cli.output import complain
 from vbus.core.errors import VbusError, read_errors
 from vbus.serve.output_file import write_file
 
+# A page draws all of them at once.
 MOST: Final = 1000
 """Bookmarks of a recording."""
 LONGEST: Final = 200
@@ -39,10 +40,13 @@ def place(bookmark: Bookmark) -> tuple[int, str]:
     return int(bookmark["at"]), bookmark["text"]
 
 
+# A board that is started each day keeps the notes of some weeks.
 RUNS: Final = 20
 """Runs of which a file keeps bookmarks; those of the oldest go first."""
+# Its journal is closed after its links: a long one, on a slow disk, takes seconds.
 CLOSING: Final = 10.0
 """Seconds that a board whose links are closed may take to end."""
+# Some three times 20 runs of 1,000 texts of 200 letters.
 LARGEST: Final = 1 << 24
 """Bytes of a file that is read."""
 
@@ -79,6 +83,7 @@ class Bookmarks:
             runs = json.loads(data)["runs"]
             if all(isinstance(one, list) for one in runs.values()):
                 return dict(runs)
+        # Whatever JSON holds in other places: it is another program's file, and stays as it is.
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             pass
         raise VbusError(f"{self._path}: these are no bookmarks; move the file away")

@@ -13,6 +13,7 @@ from vbus.serve.local_socket import decoded
 if TYPE_CHECKING:
     from vbus.cli.look.scope_feeds import Feeds
 
+# A step to a condition may compute for long; a page that waits shows that it does.
 SECONDS: Final = 60.0
 """How long a board may take to carry out an order."""
 ORDERS: Final = (
@@ -74,6 +75,7 @@ class BoardOrders:
 
     def answered(self, answer: dict[str, Any]) -> None:
         """Take the board's answer to the oldest order."""
+        # A board answers in the order of the requests, so no number is needed.
         future = self._waiting.popleft()
         if not future.done():
             future.set_result(answer)

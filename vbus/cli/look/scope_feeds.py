@@ -41,6 +41,7 @@ class Feeds:
     """
 
     def __init__(self, boards: Sequence[str], control: bool = False, samples: bool = True) -> None:
+        # Pausing one of several would leave their common time axis behind.
         if control and len(boards) > 1:
             raise VbusError(
                 f"--control is for one board that has no nodes, and this is {', '.join(boards)}:"
@@ -128,6 +129,7 @@ class Feeds:
             taker.take(frames)
 
     def _over(self, part: int, taker: "_Taker") -> None:
+        # Time of the others goes on without it: they are no longer held to where it ended.
         if self._merged is not None and (frames := self._merged.end(part)):
             taker.take(frames)
         self._left -= 1

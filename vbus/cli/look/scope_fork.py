@@ -13,6 +13,7 @@ from vbus.protocols.quantities import parse_duration
 if TYPE_CHECKING:
     import subprocess
 
+# Each is a process with a board of its own; a page that opens one in a loop is stopped.
 MOST_FORKS: Final = 8
 """Copies that pages of one scope may have at a time."""
 LINK: Final = b"scope: "
@@ -48,6 +49,7 @@ def fork(
     with ExitStack() as held:
         with opened(journal, "replaying", quiet) as reader:
             board = board_of(reader.header, str(journal))
+            # The original may still run: its name, log and links are in use.
             origin, board.name = board.name, f"{board.name}-{os.getpid()}"
             recording = Recording(board, reader.header.text, reader.header.file, complain)
             held.enter_context(own_board(board.name))
@@ -55,6 +57,7 @@ def fork(
             recording.open(RecordSection(journal=str(journal_path(board.name, 0))))
             for _ in Player(board).up_to(reader, to):
                 pass
+        # A claim of a recorded host would hold the bus for ever: no one is there to let go.
         for port in list(board.ports):
             port.unclaim()
 

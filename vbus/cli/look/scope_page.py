@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     from vbus.cli.look.scope_server import ScopeServer
     from vbus.views.scope.stream import Stream
 
+# Python has to start and import aiohttp first, on a machine that may be busy.
 JOIN_SECONDS: Final = 30.0
 """How long a scope may take to join a board of the process that has started it."""
+# A browser that starts from a cold disk; then the run goes on, recorded for a later page.
 PAGE_SECONDS: Final = 60.0
 """How long a board waits for the page it was to begin with."""
+# Long enough to look at a run that ended while its page was closed, short of staying for ever.
 STAY_SECONDS: Final = 600.0
 """How long a scope that a run has started stays when the run has ended and no page is open."""
 
@@ -52,11 +55,11 @@ def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
 
     with_page = click.option(
         "--scope-control", is_flag=True,
-        help="And let who has the link pause and step it, break it, and use its bus and pins.",
+        help="The same, and pages may pause and step the board, break it, use bus and pins.",
     )(with_page)  # fmt: skip
     with_page = click.option(
         "--open", "open_page", is_flag=True,
-        help="And open it in a browser here; begin when it is there.",
+        help="The same, opened in a browser here; the board begins when the page is there.",
     )(with_page)  # fmt: skip
     return scope_option(with_page)
 
@@ -110,9 +113,32 @@ class PageRequest(NamedTuple):
         return shown
 
     async def show(self, board: str, section: "ScopeSection") -> None:
-        """Show a board of this process, if it is wanted; see :func:`show_board`."""
-        if section.listen:
-            await show_board(board, section, self.control, self.open_page)
+        """Show a board of this process, if it is wanted, and return when its scope has joined.
+
+        What the board does next is on the page; with ``open_page`` the page itself has come.
+
+        Args:
+            board: its name, or that of the machine whose nodes are here.
+            section: where the page is to be, as :meth:`of` gave it.
+
+        Raises:
+            TransportError: the scope has not begun, and has said why.
+            VbusError: it has not come.
+        """
+        if not section.listen:
+            return
+        process = start_scope(board, section, self.control, subprocess.PIPE)
+        said = asyncio.StreamReader()
+        pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(said), process.stdout
+        )
+        try:
+            await _begun(said, self.open_page)
+        except BaseException:
+            process.terminate()
+            raise
+        finally:
+            pipe.close()
 
 
 def said_as(what: str, more: str = "") -> Callable[[str], None]:
@@ -197,43 +223,13 @@ def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
     import ssl
 
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    # Older versions are refused by every browser of today.
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
         context.load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:
         raise VbusError(f"{certificate}: no certificate with this key: {error}") from None
     return context
-
-
-async def show_board(
-    board: str, scope: "ScopeSection", control: bool = False, open_page: bool = False
-) -> None:
-    """Start a scope for a board of this process, and return when it has said where.
-
-    It has joined by then: what the board does next is on the page.
-
-    Args:
-        board: its name, or that of the machine whose nodes are here.
-        scope: where the page is to be.
-        control: whether pages may do something to it.
-        open_page: open the page in a browser, if there is one, and wait until it is there.
-
-    Raises:
-        TransportError: it has not begun, and has said why.
-        VbusError: it has not come.
-    """
-    process = start_scope(board, scope, control, subprocess.PIPE)
-    said = asyncio.StreamReader()
-    pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(said), process.stdout
-    )
-    try:
-        await _begun(said, open_page)
-    except BaseException:
-        process.terminate()
-        raise
-    finally:
-        pipe.close()
 
 
 async def _begun(said: asyncio.StreamReader, open_page: bool) -> None:
@@ -270,6 +266,7 @@ async def _begun(said: asyncio.StreamReader, open_page: bool) -> None:
 
 def _open(link: str) -> bool:
     """Open a link in a browser that has a window; return whether there is one."""
+    # Without a display webbrowser falls back to programs in the terminal.
     if not any(name in os.environ for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
         return False  # those of a terminal would take it away from the board
     try:

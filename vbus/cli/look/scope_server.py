@@ -86,10 +86,13 @@ def _refused(sentence: str) -> web.HTTPBadRequest:
     return refused
 
 
+# More pictures a second than this no page draws (docs/performance.md).
 RATE_SECONDS: Final = 1 / 30
 """How often a page is sent something at most."""
+# A laptop that sleeps leaves its socket open: its page is given up after this.
 HEARTBEAT_SECONDS: Final = 20.0
 """A page that answers nothing for so long is gone."""
+# A code has 32 characters; a larger body is refused before it is read.
 LONGEST_CODE: Final = 256
 _ASKED: Final[ContextVar[Asked]] = ContextVar("asked")
 """What :func:`~vbus.cli.look.scope_server.decoded` made of the request at hand."""
@@ -154,6 +157,7 @@ class ScopeServer:
         self._pages: set[web.WebSocketResponse] = set()
         self._state: str = ""
         """How the board is controlled, for pages."""
+        # 192 random bits: no one guesses them in the life of a board.
         self._code: str = secrets.token_urlsafe(24)
         self._cookies: set[str] = set()
         self._news: asyncio.Event = asyncio.Event()
@@ -248,6 +252,7 @@ class ScopeServer:
         name, port = asked.host, asked.port or (443 if self.tls else 80)
         if not name or port != self.port:
             return False
+        # Against DNS rebinding: a page elsewhere may point its own name at this computer.
         if name in ("localhost", self.host):
             return True
         if self.tls is None:
@@ -299,6 +304,7 @@ class ScopeServer:
         if _ASKED.get().cookies.get(self._cookie) not in self._cookies:
             raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
         # To this computer it is cheaper to send much than to make it less.
+        # TLS is asked for whenever other computers are let in.
         far = self.tls is not None
         page = web.WebSocketResponse(
             heartbeat=HEARTBEAT_SECONDS, max_msg_size=1 << 16, compress=far

@@ -86,6 +86,7 @@ class SigrokServer:
             listening = undo.enter_context(socket.socket(family, socket.SOCK_STREAM))
             # Connections of the last server may still be in TIME_WAIT.
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # Before bind(): connections that are accepted inherit it.
             listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT)
             listening.bind((self.host, self.port))
             undo.pop_all()
@@ -116,6 +117,7 @@ class SigrokServer:
                 elif word == "version":
                     writer.write(b"BeagleLogic 1.0\n")
                 elif (number and not (number.isdecimal() and 0 <= int(number) <= SECOND)) or (
+                    # A rate of 0 would divide by it.
                     word == "samplerate" and number and not int(number)
                 ):  # fmt: skip
                     writer.write(b"error: a number is 0 to %d, a samplerate not 0\n" % SECOND)

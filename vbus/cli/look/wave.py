@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.cli.output import complain, duration, no_progress, show
+from vbus.cli.output import complain, no_progress, show, time_option
 from vbus.cli.sources import Feed, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError, write_errors
@@ -19,12 +19,14 @@ from vbus.core.errors import VbusError, write_errors
 @click.command("wave")
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="FILE", help='The VCD file; "-": print.')
-@click.option("--profile", type=click.Choice(["full", "sigrok"]), default="full", show_default=True)
-@click.option("--signals", multiple=True, metavar="PATTERN", help='Signals, such as "x.*".')
-@click.option("--trigger", default="", help='What to wait for, such as "violation", "x.HI rises".')
-@click.option("--before", default="0us", callback=duration, help="Show this from before it.")
-@click.option("--duration", "length", default="0us", callback=duration, help="Record so long.")
-@click.option("--sample", default="1ms", callback=duration, help="Look at values so often.")
+@click.option("--profile", type=click.Choice(["full", "sigrok"]), default="full", show_default=True,
+              help="Everything, or single wires for sigrok's decoders.")  # fmt: skip
+@click.option("--signals", multiple=True, metavar="PATTERN", help='These, such as "x.*"; else all.')
+@click.option("--trigger", default="", metavar="CONDITION",
+              help='What to wait for, such as "violation", "x.HI rises".')  # fmt: skip
+@time_option("--before", default="0us", text="Show so much from before the trigger.")
+@time_option("--duration", "length", default="0us", text="End so long after the start or trigger.")
+@time_option("--sample", default="1ms", text="How often the chips' values are read.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: what was written where.")
 @no_progress
 def command(
@@ -99,6 +101,7 @@ def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
             node = board_of(reader.header, str(path)).beyond
         if not isinstance(node, Node):
             raise VbusError(f"{path}: it is of a board without nodes; record it alone")
+        # Two journals of one node are two runs, or one named twice.
         if node.rank in nodes:
             raise VbusError(f"{path}: it is of node {node.name}, as {nodes[node.rank][1]} is")
         nodes[node.rank] = node.name, path
@@ -134,6 +137,7 @@ def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
             wave.start()
             outcome = Replay(board, reader, reader.header.families).run()
             wave.stop()
+            # Said after the replay: the file's own end has the reason.
             if wave.error:
                 raise VbusError(f"{_shown(section.file)}: {wave.error}")
         code = replay_code(path, outcome, reader.damage)
@@ -152,6 +156,7 @@ def _of_board(name: str, section: Any) -> int:
             for data in feed.messages():
                 file.write(data.decode("ascii"))
                 file.flush()
+                # A trigger that never came leaves a file without a byte.
                 written += len(data)
     return _code(bool(written), section)
 

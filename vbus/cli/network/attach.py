@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vbus.cli.output import complain, show
+from vbus.cli.output import complain, detach_option, seconds_option, show
 from vbus.core import exit_codes
 
 if TYPE_CHECKING:
@@ -20,20 +20,11 @@ if TYPE_CHECKING:
 @click.option(
     "--unix", "sockets", multiple=True, metavar="NAME", help="A Unix socket here; repeatable."
 )
-@click.option(
-    "--protocol", default="byte", metavar="NAME",
-    help="What the links here speak; byte if not given.",
-)  # fmt: skip
-@click.option(
-    "--patience", type=click.FloatRange(0, 86_400), metavar="SECONDS",
-    help="How long the board may be gone before this ends; for ever if not given.",
-)  # fmt: skip
-@click.option(
-    "--every", type=click.FloatRange(0.1, 86_400), metavar="SECONDS",
-    help="Print the round trips so often.",
-)  # fmt: skip
+@click.option("--protocol", default="byte", metavar="NAME", help="What the links speak; else byte.")
+@seconds_option("--patience", text="How long the board may be gone; else for ever.")
+@seconds_option("--every", least=0.1, text="Print the round trips at this interval.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON when ready and at the end.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 def command(
     url: str, ptys: tuple[str, ...], sockets: tuple[str, ...], protocol: str,
     patience: float | None, every: float | None, as_json: bool, detach: bool,
@@ -58,6 +49,8 @@ def command(
         board = _looked_at(url, protocol)
     if not links:
         # Behind zenoh: stands the board's name.
+        # With --detach a board over Zenoh is not asked before the fork, but its name stands in the
+        # link.
         named = board.name if board else rest.partition("?")[0].partition("/")[0]
         if not named:
             raise click.UsageError(
@@ -104,6 +97,7 @@ def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: flo
     from vbus.serve.attach.attachment import Attachment
     from vbus.serve.loop import run_until_signal, tell_ready
 
+    # After a fork: its sockets belong to the process that stays.
     attachment = Attachment(wanted, board, complain)
 
     def ready() -> None:

@@ -44,6 +44,7 @@ def command(
         from vbus.serve.serving import network_of
 
         network = network_of(read_zenoh_file(file))
+    # Port 7447 is Zenoh's own.
     endpoints = listen or network.listen or (DEFAULT,)
     endpoints = tuple(
         free_endpoint(*endpoint.removesuffix(":0").split("/", 1))
@@ -83,6 +84,7 @@ def _serve(network: "Network", listed: bool) -> None:
         stack.callback(places.unregister, place)
         access = answer_access(session, network.security) if network.security else None
         _tell_until_signal(network, listed)
+        # Zenoh stops answering when the object goes: it has to live as long as the router.
         del access
 
 

@@ -14,9 +14,11 @@ import click
 from vbus.cli.look.scope_page import refuse_detached, scope_option
 from vbus.cli.output import (
     complain,
+    detach_option,
     from_option,
     rate_option,
     record_options,
+    seconds_option,
     show,
 )
 from vbus.core import exit_codes
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
     from vbus.serve.nodes.processes import Meeting, Process
 
 _ROUTER: Final = "router"
+# -P: a file called vbus.py in the working folder is not imported in place of vbus.
 _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
-_SECONDS: Final = click.FloatRange(0, 86_400)
 
 
 @click.command("up")
@@ -40,20 +42,17 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @record_options
 @from_option
 @scope_option
-@click.option(
-    "--patience", type=_SECONDS, default=0, metavar="SECONDS",
-    help="How long the others wait for a node whose link is cut; else it is an error at once.",
+@seconds_option(
+    "--patience", default=0,
+    text="How long the others wait for a node whose link is cut; else it is an error at once.",
 )  # fmt: skip
 @click.option(
     "--router", metavar="ENDPOINT",
     help="Start a router there, in place of what the file says; port 0 is a free one.",
 )  # fmt: skip
-@click.option(
-    "--timeout", type=_SECONDS, default=10.0, metavar="SECONDS",
-    help="How long a process may take to end before it is killed; 10 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=10.0, text="How long a process may take to end; else 10 s.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 def up(
     machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
     timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
@@ -77,6 +76,7 @@ def up(
     file, _ = read_board_file(machine)
     processes = processes_of(file)
     refuse_detached(scope is not None, detach)
+    # A fixed port would be taken by the first process, and the others would fail.
     if metrics and len(processes) > 1 and not metrics.endswith(":0"):
         raise click.UsageError(
             f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'
@@ -90,11 +90,12 @@ def up(
         go_on_in_background(file.board.name)
     with TemporaryDirectory(prefix="vbus-up-") as folder, ExitStack() as opened:
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
-        run = _MachineRun(
-            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder)
-        )
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
-        code = run.carry_out(given, scope, made, timeout)
+        run = _MachineRun(
+            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder), given,
+            scope, made,
+        )  # fmt: skip
+        code = run.carry_out(timeout)
     if len(processes) > 1:
         waves = recorded(file, {"wave": record["wave"]} if "wave" in record else {}, "")
         if join_waves(waves, complain):
@@ -113,6 +114,9 @@ class _MachineRun:
         meeting: where they meet.
         json: whether JSON is printed when it is ready.
         folder: for traces of the processes.
+        given: options that all processes take.
+        scope: where its page is to be; None for none.
+        trace: file that takes the traces of all.
     """
 
     file: "BoardFile"
@@ -121,27 +125,19 @@ class _MachineRun:
     meeting: "Meeting"
     json: bool
     folder: Path
+    given: list[str]
+    scope: str | None
+    trace: OutputFile | None
     _told: list[dict[str, Any]] = field(default_factory=list)
 
-    def carry_out(
-        self, given: list[str], scope: str | None, trace: OutputFile | None, timeout: float
-    ) -> int:
-        """Run it; return the exit code.
-
-        Args:
-            given: options that all processes take.
-            scope: where its page is to be; None for none.
-            trace: file that takes the traces of all.
-            timeout: seconds that each may take to end.
-        """
+    def carry_out(self, timeout: float) -> int:
+        """Run it; return the exit code. Each process may take ``timeout`` seconds to end."""
         from vbus.cli.processes import ProcessDiedError, Processes
         from vbus.cli.status_lines import READY
         from vbus.serve.loop import tell_ready
 
-        ends = "--scenario" in given
-        given = ["--json", *given]
-        for endpoint in self.meeting.connect:
-            given += ["--connect", endpoint]
+        # A scenario has an end: then processes that are ready end by themselves.
+        ends = "--scenario" in self.given
         names = [_label(process) for process in self.processes]
         width = max(map(len, [*names, _ROUTER] if self.meeting.router else names))
         code = exit_codes.OK
@@ -152,7 +148,7 @@ class _MachineRun:
 
         with Processes(click.echo, timeout, width) as children:
             try:
-                if self._begin(children, given, scope, trace is not None, may_end):
+                if self._begin(children, may_end):
                     about = {"board": self.file.board.name, "meets": self.meeting.said}
                     show(self.json, {**about, "nodes": self._told}, [READY])
                     tell_ready()
@@ -163,20 +159,14 @@ class _MachineRun:
                 code = error.code if error.code >= 0 else exit_codes.FAILURE
         for sentence in children.killed:
             complain(sentence)
+        # A process that had to be killed has left its files unfinished.
         if children.killed:
             code = code or exit_codes.FAILURE
-        if trace is not None and done and not code:
-            self._merge(trace)
+        if self.trace is not None and done and not code:
+            self._merge(self.trace)
         return code
 
-    def _begin(
-        self,
-        children: "Processes",
-        given: list[str],
-        scope: str | None,
-        trace: bool,
-        may_end: Callable[["Child"], bool],
-    ) -> bool:
+    def _begin(self, children: "Processes", may_end: Callable[["Child"], bool]) -> bool:
         """Start the processes; return whether all are ready before the user asks for the end."""
         from vbus.cli.run.run import is_first
 
@@ -190,12 +180,14 @@ class _MachineRun:
             if not children.until(lambda: router.ready):
                 return False
         for process in self.processes:
-            command = [*_VBUS, "run", self.path, *given]
-            if scope is not None and is_first(self.file, process.nodes):
-                command += ["--scope", scope]
+            command = [*_VBUS, "run", self.path, "--json", *self.given]
+            for endpoint in self.meeting.connect:
+                command += ["--connect", endpoint]
+            if self.scope is not None and is_first(self.file, process.nodes):
+                command += ["--scope", self.scope]
             for node in process.nodes:
                 command += ["--node", node]
-            if trace:
+            if self.trace is not None:
                 command += ["--trace", str(self._trace(process))]
             several = "nodes" if len(process.nodes) > 1 else "node"
             what = f"{several} {' and '.join(process.nodes)}"

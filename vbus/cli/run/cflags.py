@@ -57,6 +57,7 @@ _PIC: Final = Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-
 
 def _dialect(name: str) -> Shim:
     """Return the shim of another compiler for PICs: its sources are translated on the way."""
+    # gcc splits -wrapper at commas; paths with a comma cannot be given.
     wrapper = f"{sys.executable},{Path(include_dir()) / 'pic_dialect.py'},{name}"
     return replace(_PIC, options=(*_PIC.options, "-wrapper", wrapper))
 
@@ -75,7 +76,9 @@ SHIMS: Final = {
         (*_PINS, "shims/stm32/stm32_shim.cpp"),
         (
             "-DVBUS_PORT_BITS=16",
+            # An STM32 has ints of 32 bits too: the note about them would be wrong.
             "-DVBUS_INT_IS_32_BITS",
+            # The compiler calls the shim at each branch: so loops without an access take chip time.
             "-fsanitize-coverage=trace-pc",
             "-Wno-missing-field-initializers",
         ),
@@ -111,6 +114,7 @@ def command(shim: str | None, as_json: bool) -> None:
     chosen = PLAIN if shim is None else SHIMS[shim]
     sources, includes = chosen.files(), chosen.includes()
     headers = [str(folder / "vbus.h")]
+    # A compiler would name the first missing file, and not why.
     if not all(Path(file).exists() for file in [*sources, *headers, *includes]):
         raise VbusError(f"the C client is missing from {folder}; install vbus again")
     value: dict[str, Any] = {"include": str(folder), "sources": sources, "headers": headers}

@@ -22,7 +22,7 @@ from vbus.views.findings.suppress import suppressions_of
 @click.command("check")
 @click.argument("boards", metavar="[BOARD]...", nargs=-1)
 @click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
-@click.option("--map", "mapped", is_flag=True, help="Show who answers at which card address.")
+@click.option("--map", "mapped", is_flag=True, help="Show what answers at each address of a card.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def check(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.
@@ -63,6 +63,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
             boards = [node.board for node in build_nodes(file, source)]
         else:
             boards = [build(file, source)]
+            # Nodes have signals of their own: their waves are checked when each of them is run.
             check_records(file, boards[0], source)
     except BoardFileError as error:
         problems = [structs.asdict(problem) for problem in error.problems]
@@ -77,10 +78,12 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     notes += [
         f"[plants.{p.name}] is not used by any chip" for p in file.plants if p.name not in used
     ]
+    # No mistake: a test or a demonstration opens its ports itself.
     if not file.hosts:
         notes.append("there is no [[hosts]]: nothing can attach to this board from outside")
     answers: list[CardAnswer] = []
     if mapped:
+        # A card reaches the chips of its own node alone; there is no map across nodes.
         answers = [] if file.nodes else address_map(file, boards[0])
         notes += remarks(file, boards[0], answers)
         if not answers:
@@ -156,6 +159,7 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         except (ValueError, VbusError) as error:
             source.fail(place, str(error))
 
+    # What cannot be honoured is refused, not ignored.
     if record.durable != "no" and not record.journal:
         source.fail(("record", "durable"), ALONE)
     if record.report:

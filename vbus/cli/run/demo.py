@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from vbus.board.board import Board
 
 NAMES: Final = demos()
+# Several times what the longest demonstration takes in real time.
 LONGEST = 60.0
 """Seconds after which a host that has not finished is given up."""
+# Ten pictures a second: numbers can still be read.
 REFRESH = 0.1
 """Seconds between two pictures of the live view."""
 
@@ -69,6 +71,7 @@ class _DemoRun:
         self._live: bool = live
         self._page: PageRequest = page
         self._scope: ScopeSection = page.of(ScopeSection())
+        # Two demonstrations may run at once.
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
         self._traffic: LatestTraffic = LatestTraffic()
@@ -95,6 +98,7 @@ class _DemoRun:
             )  # fmt: skip
             self._host = process.pid
             try:
+                # A page may hold time for as long as a person looks.
                 longest = None if self._page.control else LONGEST  # it may be paused
                 await asyncio.wait_for(self._follow(process), longest)
             except TimeoutError:
@@ -157,6 +161,8 @@ class _DemoRun:
         for number, (plant, rest) in enumerate(
             zip(self._board.plants, self.demo.rest, strict=True), 1
         ):
+            # The motor is asked beside the chip: a chip that is wrong would say what the host
+            # expects.
             if self._ended and abs(int(plant.count) - rest) > self.demo.tolerance:
                 self.reasons.append(
                     f"the encoder of motor {number} stands at {plant.count}, not at {rest}"

@@ -14,6 +14,7 @@ from vbus.circuit.stream import LatestLines, PacketReader
 from vbus.client.demo import Demo
 from vbus.core.signals import Reading, Value
 
+# Odd, so that zero has a character of its own.
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""
 LINES: Final = 4
@@ -45,6 +46,7 @@ class LatestTraffic(PacketReader):
 def bar(value: float, full: float) -> Text:
     """Return a bar that grows from the middle to either side."""
     half = BAR // 2
+    # A value beyond a full bar stays in the frame.
     length = min(half, round(abs(value) / full * half))
     left = "─" * (half - length) + "━" * length if value < 0 else "─" * half
     right = "━" * length + "─" * (half - length) if value > 0 else "─" * half

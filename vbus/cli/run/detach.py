@@ -30,6 +30,7 @@ def go_on_in_background(name: str) -> None:
             os.environ["NOTIFY_SOCKET"] = f"@{notices.getsockname()[1:].decode()}"
             _leave(str(begun))
             return
+        # No handler of SIGCHLD: the descriptor tells the end of just this process.
         ended = os.pidfd_open(child)
         try:
             # The notice that the board is ready, or the end of its process.
@@ -48,6 +49,7 @@ def go_on_in_background(name: str) -> None:
 
 def _leave(log: str) -> None:
     """Leave the terminal: a session of its own, no input, and output to a file."""
+    # Ctrl-C at the terminal goes to its session alone.
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)
     output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)

@@ -20,6 +20,7 @@ from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis, found
 from vbus.core import exit_codes
 
 OLDEST_PYTHON: Final = (3, 11)
+# An hour shows what a night job does to a machine; a slip of the unit is refused.
 LONGEST_LATENCY: Final = 3600
 ENOUGH_INSTANCES: Final = 128
 """The kernel's own default."""
@@ -41,7 +42,7 @@ def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @click.command("doctor")
 @click.option(
     "--latency", callback=_duration, metavar="DURATION",
-    help='Measure for so long, such as "10s", how late this machine wakes a server.',
+    help='Measure how late this machine wakes a server, for this time, such as "10s".',
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(as_json: bool, latency: float) -> int:
@@ -162,6 +163,7 @@ def terminal() -> Iterator[Diagnosis]:
     finally:
         os.close(master)
         os.close(slave)
+    # Byte 3, 11h and 0Dh are what a cooked terminal takes for Ctrl-C, XON and a line's end.
     good, wrong = f"{name} passes every byte", f"{name} changes bytes"
     yield found(passed, "PTY", good, wrong, "use unix: and tcp: links")
 
@@ -174,6 +176,7 @@ def runtime() -> Iterator[Diagnosis]:
 
     try:
         directory = runtime_directory()
+        # Permission bits alone do not tell: the file system may be read-only or full.
         probe = directory / ".doctor"
         probe.write_bytes(b"")
         probe.unlink()
@@ -198,6 +201,7 @@ def _stale(folder: Path) -> list[Path]:
     for name in locked_names(folder):
         with suppress(OSError):
             alive, _ = lock_state(name)
+            # A living server's lock is held by the system; a dead one's file is all that is left.
             if not alive:
                 there = name.is_symlink() or name.exists()
                 left += [lock_of(name), name] if there else [lock_of(name)]
@@ -251,6 +255,7 @@ def _avr_simulator() -> str:
     given = os.environ.get("VBUS_AVR") or shutil.which("vbus-avr")
     if given:
         return given
+    # The library has no program of its own: only a compiler finds it where it looks itself.
     return _compiled_by(["-lsimavr", "-lelf"], "#include <simavr/sim_avr.h>\n#include <libelf.h>\n")
 
 

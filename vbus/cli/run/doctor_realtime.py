@@ -46,8 +46,10 @@ def found(
     return Diagnosis(OK, what, detail) if good else Diagnosis(state, what, wrong, advice)
 
 
+# Long beside the cost of setting a timer, and a thousand measurements a second.
 WAIT_NS: Final = 1_000_000
 """What is waited for again and again."""
+# Above a twentieth, late wakings say more of other machines than of this one.
 MUCH: Final = 0.05
 """Share of the time that other machines on the same processors may take."""
 GOVERNORS: Final = "/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
@@ -87,6 +89,7 @@ def _clock() -> Diagnosis:
 def _load() -> Diagnosis:
     load, count = os.getloadavg()[0], len(os.sched_getaffinity(0))
     spent = [int(word) for word in Path("/proc/stat").read_text().split("\n")[0].split()[1:9]]
+    # The eighth number of the line is "steal" (proc(5)).
     stolen = spent[7] / max(sum(spent), 1)
     text = f"{load:.1f} on {count} processors; {stolen:.1%} of their time went to other machines"
     if stolen > MUCH:
@@ -132,6 +135,7 @@ def _late(seconds: float) -> str:
             timer.set(WAIT_NS)
             poll.poll()
             timer.acknowledge()
+            # The timer counts from its setting, so what is beyond WAIT_NS was lost in waking.
             late.append(time.monotonic_ns() - now - WAIT_NS)
     finally:
         poll.close()

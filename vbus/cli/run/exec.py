@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import PageRequest, scope_options
-from vbus.cli.output import duration, record_options
+from vbus.cli.output import record_options, time_option
 from vbus.core.errors import TransportError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def link_of(name: str, firmware: bool = False) -> str:
         raise TransportError(not_there(name, "runs on this machine"))
     if "error" in found:
         raise TransportError(f"{name}: {found['error']}")
+    # Text links are for people: a program would have to parse prompts.
     every = found.get("links", [])  # a router has none
     links = [link for link in every if link["protocol"] == "byte" and _kind(link) in _ORDER]
     if not links:
@@ -42,6 +43,7 @@ def link_of(name: str, firmware: bool = False) -> str:
             f" PTY); it has: {there or 'none'}; add a [[hosts]] entry to its board file"
         )
     links.sort(key=lambda link: _ORDER.index(_kind(link)))
+    # A link that describes a card or pin map lets the library do without the board file.
     for link in links:
         if _kind(link) != "pty" and _described(str(link["url"]), firmware):
             return str(link["url"])
@@ -88,17 +90,13 @@ _WITHOUT: Final = {
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
 @record_options
 @scope_options
-@click.option(
-    "--limit",
-    metavar="TIME",
-    callback=duration,
-    help="End a program that hangs: after so much chip time, or when it polls or waits in vain.",
+@time_option(
+    "--limit", text="End a program that hangs: after so much, or when it polls or waits in vain."
 )
 @click.option(
-    "--summary/--no-summary",
-    default=True,
-    help="Tell the rules that were broken at the end (of a board of its own).",
-)
+    "--summary/--no-summary", default=True,
+    help="List at the end the rules that were broken (with --board).",
+)  # fmt: skip
 @click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
 def command(
     board: str | None, link: str | None, join: str | None, avr: str | None, cpu: str | None,
@@ -224,6 +222,7 @@ def _join(link: str, program: list[str]) -> int:
     from vbus.cli.hosted.program import run_at_link
     from vbus.client import connect
 
+    # Asked once before the program begins: a link that is wrong is named, and no program runs.
     with connect(link) as bus:
         info = bus.info
     with TemporaryDirectory(prefix="vbus-") as folder:

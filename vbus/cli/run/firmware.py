@@ -56,6 +56,7 @@ def parse(
         ValueError: a key is unknown, or has or lacks a value.
     """
     options = []
+    # A NUL stands for a comma of a value: no command line can hold one.
     for part in filter(None, spec.replace("\\,", "\0").split(",")):
         key, equals, value = part.replace("\0", ",").partition("=")
         if key in flags and not equals:
@@ -120,6 +121,7 @@ def settings_of(spec: str) -> CpuSettings:
     options = parse(rest, _CPU_KEYS, _CPU_FLAGS)
     values = dict(pairwise(options))
     cycles = values.get("cycles", "0")
+    # int() would take signs, blanks and underscores.
     if not cycles.isdecimal():
         raise ValueError(f'cycles={cycles}: write a number of clock cycles, such as "cycles=1000"')
     return CpuSettings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in options)
@@ -191,6 +193,7 @@ def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSectio
     Raises:
         ConfigError: the board is not slaved, or has no such pin map.
     """
+    # Firmware has a clock of its own; two masters of time would drift apart.
     if file.board.time != "slaved":
         raise ConfigError(
             f"{file.path}: chip time must follow {what}, and this board is {file.board.time};"
@@ -204,6 +207,7 @@ def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSectio
     if name is not None and name not in names:
         raise ConfigError(f"{file.path}: {absent('pinmaps', name, names)}")
     chosen = name or names[0]
+    # A host of the file has chips and a cycle time for its pin map already.
     for host in file.hosts:
         if host.pinmap == chosen:
             return host

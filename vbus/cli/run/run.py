@@ -8,9 +8,11 @@ import click
 from vbus.cli.look.scope_page import PageRequest, refuse_detached, scope_options
 from vbus.cli.output import (
     complain,
+    detach_option,
     from_option,
     rate_option,
     record_options,
+    seconds_option,
     show,
 )
 from vbus.cli.status_lines import READY, ready_lines, skew_line
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 @rate_option
 @record_options
 @click.option(
-    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+    "--durable", type=click.Choice(["process", "machine"]), help="What the journal must survive."
 )
 @scope_options
 @from_option
@@ -41,14 +43,14 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@detach_option
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
-@click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
-@click.option(
-    "--patience", type=click.FloatRange(0, 86_400), default=0, metavar="SECONDS",
-    help="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
+@click.option("--snapshot", metavar="FILE", help="Nodes: write this node's state, to rejoin.")
+@seconds_option(
+    "--patience", default=0,
+    text="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
 )  # fmt: skip
 @click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
@@ -71,6 +73,7 @@ def command(
         wanted = Priority.of(priority, cpu)
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--priority") from None
+    # Before anything else: a mistake in the file is the likeliest, and costs no fork.
     file, source = read_board_file(board)
     refuse_detached(page.asked, detach)
     if page.control and file.nodes:
@@ -94,6 +97,7 @@ def command(
         given = {key: value for key, value in of_nodes.items() if value}
         given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
+        # One page shows all nodes of a computer: only the process of the first of them starts it.
         here = page.asked or is_first(file, of_nodes["nodes"])
 
         async def show_machine() -> None:
@@ -152,6 +156,7 @@ def _run_nodes(
     if outcome.over:
         now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"
+        # The hash is that of the whole machine; a process with some of its nodes has a part.
         if len(outcome.nodes) == len(file.nodes):
             end += f"; trace hash {trace_hash(outcome.nodes)}"
         click.echo(end)

@@ -9,14 +9,16 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli.output import complain, show
+from vbus.cli.output import complain, seconds_option, show
 from vbus.cli.status_lines import listed_lines
 from vbus.core import exit_codes
 from vbus.core.errors import TransportError
 from vbus.serve import registry
 
+# A person who follows a log does not see a tenth of a second.
 LOG_PAUSE: Final = 0.1
 """Seconds between two looks at a log that is followed."""
+# Scripts wait for a start often: a fiftieth of a second does not add up.
 WAIT_PAUSE: Final = 0.02
 """Seconds between two looks whether a board is ready."""
 _STEP: Final = 0.1
@@ -70,10 +72,7 @@ def _elsewhere(
 
 @click.command("wait")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@click.option(
-    "--timeout", type=click.FloatRange(0, 86_400), default=10.0, metavar="SECONDS",
-    help="How long to wait for all of them; 10 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=10.0, text="How long to wait for all of them; else 10 s.")
 def wait(names: tuple[str, ...], timeout: float) -> int:
     """Wait until boards are ready: every link of each is open.
 
@@ -113,16 +112,14 @@ def logs(board: str, follow: bool) -> None:
 
 @click.command("stop")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@click.option(
-    "--timeout", type=click.FloatRange(0, 3600), default=15.0, metavar="SECONDS",
-    help="How long a board may take; 15 s if not given.",
-)  # fmt: skip
+@seconds_option("--timeout", default=15.0, text="How long a board may take; else 15 s.")
 def stop(names: tuple[str, ...], timeout: float) -> int:
     """End running boards, and wait until they have ended.
 
     Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, also of
     what "vbus attach" has brought here, or that of a board with nodes: all of them.
     """
+    # All are found before any is ended: a wrong name stops none of them.
     boards = [(board["board"], board["pid"]) for board in registry.running() if "pid" in board]
     processes: dict[str, set[int]] = {}
     for name in names:

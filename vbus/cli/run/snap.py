@@ -161,6 +161,8 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
         entries = list(reader)
     history = History(lambda: board_of(header, str(journal)), entries)
     holds = ConditionTracker(condition, history.board)
+    # What stays, such as a violation, is bisected between snapshots; a level is looked for call by
+    # call.
     found = history.first(holds, holds.stays)
     if found is None:
         never = f"{condition}: never in {len(entries)} entries"
@@ -182,6 +184,8 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
 
 # -- machines of nodes: all nodes at the end of one round -----------------------------------------
 
+# A machine that waits for hosts is caught two rounds ahead; one that runs freely passes many more
+# while its nodes are asked.
 AHEAD: Final = (2, 50, 1_000, 20_000)
 """How many rounds after the present one the snapshot is to be taken: more, if that was too soon."""
 

@@ -18,9 +18,8 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 
 @click.command("coverage")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--format", "style", type=click.Choice(list(_FORMATS)), default="text", show_default=True
-)
+@click.option("--format", "style", type=click.Choice(list(_FORMATS)), default="text",
+              show_default=True, help="What is written.")  # fmt: skip
 @click.option("--json", "style", flag_value="json", help="The same as --format json.")
 @click.option("--output", metavar="FILE", type=click.Path(path_type=Path), help="Write to FILE.")
 @click.option("--all", "every", is_flag=True, help="As text: list also what was exercised.")

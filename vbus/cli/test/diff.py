@@ -23,8 +23,8 @@ _PERCENT: Final = click.FloatRange(min=0)
 @click.argument("first", metavar="A.vbj", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B.vbj", type=click.Path(path_type=Path))
 @click.option("--counts", type=click.IntRange(min=0), default=0, help="Positions so near agree.")
-@click.option("--time", type=_PERCENT, default=0.0, metavar="PERCENT", help="Times so near agree.")
-@click.option("--cycles", type=_PERCENT, default=0.0, metavar="PERCENT", help="The same of cycles.")
+@click.option("--time", type=_PERCENT, default=0.0, metavar="PERCENT", help="So do times.")
+@click.option("--cycles", type=_PERCENT, default=0.0, metavar="PERCENT", help="So do bus cycles.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 @no_progress
 def command(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import duration, no_progress, reading, show
+from vbus.cli.output import duration, no_progress, reading, show, time_option
 from vbus.core.errors import CaptureError, VbusError, read_errors
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ _HEAD: Final = 200
 @click.argument("board", metavar="AXIS.toml", type=click.Path(path_type=Path))
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 @click.option("--axis", metavar="CHIP[.N]", default="", help="The axis; else the only dc_motor.")
-@click.option("--from", "begin", callback=duration, metavar="TIME", help="Begin at this instant.")
-@click.option("--to", "end", callback=duration, metavar="TIME", help="End at this instant.")
+@time_option("--from", "begin", text="Begin at this instant.")
+@time_option("--to", "end", text="End at this instant.")
 @click.option("--map", "maps", multiple=True, metavar="SIGNAL=CHANNEL[,...]",
               help="Of a capture: channels of pwm, sign, a and b.")  # fmt: skip
 @click.option("--period", callback=duration, default="256 us", show_default=True, metavar="TIME",

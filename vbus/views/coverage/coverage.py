@@ -95,11 +95,13 @@ class Coverage:
     def percent(self) -> float:
         """Return the part exercised in percent; 100 if there is nothing to exercise."""
         done, total = self.share()
+        # A family without tables cannot fail a limit on coverage.
         return 100.0 * done / total if total else 100.0
 
     def shown(self, family: str | None = None) -> str:
         """Return the part exercised as people read it, rounded down: what falls short shows so."""
         done, total = self.share(family)
+        # Rounded down: 99.96 % must not read as all.
         return f"{1000 * done // total / 10:.1f}%" if total else "-"
 
     def missing_from(self, other: "Coverage") -> list[tuple[str, Item]]:
@@ -169,6 +171,7 @@ def from_json(text: bytes, name: str) -> Coverage:
         raise VbusError(f"{name}: neither a journal nor a coverage file: {error}") from None
     if document.format != FORMAT:
         raise VbusError(f'{name}: its format is "{document.format}", not "{FORMAT}"')
+    # Earlier ones lack keys that have defaults; a later one may mean the same key otherwise.
     if document.version > VERSION:
         raise VbusError(
             f"{name}: coverage of version {document.version}; this vbus reads up to {VERSION}"
@@ -180,6 +183,7 @@ def from_json(text: bytes, name: str) -> Coverage:
             (group, item): count
             for group, counts in found.groups.items()
             for item, count in counts.items()
+            # A row that the tables lost would count above 100 %.
             if count > 0 and (group, item) in known
         }
     for test, families in document.tests.items():
@@ -200,6 +204,7 @@ class CoverageObserver(PacketReader):
     """
 
     def __init__(self, families: dict[str, str], run: str) -> None:
+        # The connector of a card has no table: its chips are counted by themselves.
         chips = [family for family in families.values() if family != CONNECTOR_FAMILY]
         self.coverage: Coverage = Coverage([run], {family: {} for family in chips})
         self._families: dict[str, str] = families

@@ -39,6 +39,7 @@ def as_text(coverage: Coverage, every: bool = False, each: bool = True) -> str:
             lines.append(f"  {name}: {len(some)} of {len(found)}")
             if not each:
                 continue
+            # Broken rules are listed always: there is no list of those that were kept.
             listed = every or name not in COUNTED
             lines += [f"    {count:>7} x {_place(item)}" for item, count in some if listed]
             if name in COUNTED:
@@ -73,6 +74,7 @@ def tests_covering(coverage: Coverage, name: str) -> str:
     known = set()
     for family in coverage.families():
         for item in items(family):
+            # A flag is known by its own name too, without the word that it stands in.
             known |= {item.name, *item.name.split()}
             if name in (item.name, *item.name.split()):
                 lines.append(f"{family} {item.group}: {_place(item)}")
@@ -129,6 +131,7 @@ def as_cobertura(coverage: Coverage) -> str:
         package = ElementTree.SubElement(packages, "package", {"name": family, **share})
         classes = ElementTree.SubElement(package, "classes")
         for name, found in coverage.groups(family).items():
+            # Cobertura knows lines hit and missed alone: a rule that was kept is no miss.
             if name not in COUNTED:
                 continue
             some = sum(1 for _, count in found if count)
@@ -170,6 +173,7 @@ def as_html(coverage: Coverage) -> str:
     ]
     for family in coverage.families():
         done, total = coverage.share(family)
+        # The bar's width; the number beside it says the same.
         share = 100 * done // total if total else 0
         parts.append(f"<h2>{escape(family)}: {done} of {total}</h2>")
         parts.append(f'<div class=bar><div style="width:{share}%"></div></div>')

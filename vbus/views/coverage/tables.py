@@ -78,6 +78,7 @@ class Exercises:
 
     def exercised(self, packet: Packet) -> Iterator[Key]:
         """Give the keys of what one whole packet exercises."""
+        # A register's packet is named with what is done to it before its name.
         name = packet.name.rpartition(" ")[2]
         if name in self._registers:
             yield WRITES if packet.cycles[0].write else READS, name
@@ -87,6 +88,7 @@ class Exercises:
 
 def low(bit: Bit) -> bool:
     """Whether a flag says something by being 0."""
+    # The manual's own words in the title: no column of the table says it.
     return "active low" in bit.title
 
 
@@ -126,10 +128,12 @@ def exercises_of(family: str) -> Exercises:
 def items(family: str) -> tuple[Item, ...]:
     """Return everything a host can exercise of a chip family; nothing for one without tables."""
     made = exercises_of(family)
+    # A plug-in need not have tables; then nothing can be counted.
     if made.family.tables is None:
         return ()
     seen: dict[Key, Item] = {}
     for item in (*made.items(), *map(of_rule, made.family.rules)):
+        # Two rows of one name are one thing to a host: the first has the clause.
         seen.setdefault(item.key, item)
     return tuple(sorted(seen.values(), key=lambda item: GROUPS.index(item.group)))
 

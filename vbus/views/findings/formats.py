@@ -16,6 +16,7 @@ _INFORMATION: Final = "https://pypi.org/project/vbus/"
 def figures(finding: Finding) -> str:
     """Return measured and limit in units a person reads; "" where both are nothing."""
     v = finding.violation
+    # Rules of AC tables measure picoseconds; others count what their rule says.
     if v.rule in ac_rules():
         return f"measured {v.measured / 1000:g} ns, limit {v.limit / 1000:g} ns"
     if v.measured or v.limit:
@@ -122,6 +123,7 @@ def junit(report: Report) -> str:
         if rule.name.startswith(f"{family}.")
     ]
     # Those of the board itself belong to no family.
+    # dict.fromkeys below drops those that a family has named already.
     pairs += [(chip, rule) for chip, name in report.counts for rule in report.rules
               if rule.name == name]  # fmt: skip
     for chip, rule in dict.fromkeys(pairs):
@@ -130,6 +132,7 @@ def junit(report: Report) -> str:
         ]
         where, name = _xml(f"{report.board}.{chip}"), _xml(f"{rule.name} [{rule.clause}]")
         case = ElementTree.SubElement(suite, "testcase", {"classname": where, "name": name})
+        # A case without a body is one that passed.
         if not mine:
             continue
         open_ones = [finding for finding in mine if not finding.reason]
@@ -158,6 +161,7 @@ def junit(report: Report) -> str:
 
 def _xml(value: str) -> str:
     """Return a text without characters that no XML may have."""
+    # XML 1.0 has no way to write other control characters, not even escaped.
     return "".join(c if c >= " " or c in "\n\t" else "?" for c in value)
 
 
@@ -177,6 +181,8 @@ def sarif(report: Report) -> str:
             "locations": [
                 {
                     "physicalLocation": {
+                        # A place is required of each result: GitHub shows none without a file and a
+                        # line.
                         "artifactLocation": {"uri": report.file or f"{report.board}.toml"},
                         "region": {"startLine": 1},
                     },

@@ -16,8 +16,10 @@ from vbus.core.errors import ConfigError
 from vbus.core.signals import Rule, Violation
 from vbus.views.findings.suppress import Suppression
 
+# A command with its words and the polls before it, of any family.
 CONTEXT: Final = 20
 """Bus cycles shown on either side of a violation."""
+# A driver that polls too early breaks one rule thousands of times, each time alike.
 DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
 
@@ -149,6 +151,7 @@ class Report(PacketReader):
                 # All that cover it have been of use; the reason is that of the first.
                 suppression.used += 1
                 reason = reason or suppression.reason
+        # With 40 cycles around each, all of them would fill the memory of a long run.
         if self.counts[key] <= DETAILED:
             finding = Finding(violation, list(self._ring), [], reason)
             self.findings.append(finding)
@@ -204,6 +207,7 @@ class Compatibility(PacketReader):
             parts = {name for family in families.values() for name in family.compatibility}
             known = f"they stand in for {', '.join(sorted(parts))}" if parts else "nor for another"
             raise ConfigError(f'no chip of this run stands in for the part "{other}"; {known}')
+        # Chips of one family have the same rules: each once.
         for uses in {type(uses): uses for uses in self._uses.values()}.values():
             report.rules = [*report.rules, *uses.RULES]
 

@@ -32,6 +32,7 @@ class Suppression(Struct):
 
     def covers(self, violation: Violation) -> bool:
         """Tell whether a violation is accepted by it."""
+        # Rules are named FAMILY.RULE, so a family accepts all of its rules.
         family = violation.rule.partition(".")[0]
         return self.rule in (violation.rule, family) and self.chip in ("", violation.chip)
 
@@ -87,6 +88,7 @@ def _read(source: Source, rules: Iterable[str]) -> list[Suppression]:
         where = ("suppress", one.place)
         if one.rule not in known:
             source.fail((*where, "rule"), f"unknown rule; {rule_hint(one.rule, known)}")
+        # An acceptance without a reason cannot be reviewed.
         if not one.reason.strip():
             source.fail((*where, "reason"), "say in words why it is accepted")
     source.finish()

@@ -94,6 +94,7 @@ def differences(was: Run, now: Run, tolerance: Tolerance = EXACT) -> Iterator[Di
     yield from cost_differences(was, now, tolerance)
     for chip, rule in sorted(was.violations | now.violations):
         counts = was.violations[chip, rule], now.violations[chip, rule]
+        # How often, not when: a violation more is a difference whatever the tolerance.
         if counts[0] != counts[1]:
             yield Difference(VIOLATIONS, f"{chip} {rule}", *counts)
 
@@ -110,6 +111,7 @@ def host_differences(
         (number for number, pair in enumerate(zip_longest(was, now)) if not _asked_alike(*pair)),
         len(was),
     )
+    # One run may simply go on for longer: the other then has nothing there.
     other = [run[same] if same < len(run) else None for run in (was, now)]
     begins = [said.begun if said else NEVER for said in other]
     given: set[str] = set()
@@ -178,6 +180,7 @@ def move_differences(what: str, was: Move, now: Move, tolerance: Tolerance) -> I
         "overshoot": (was.overshoot, now.overshoot),
     }
     yield from _apart(what, numbers, tolerance)
+    # Look by look only to the first difference: all later ones follow from it.
     for look in range(max(len(was.path), len(now.path))):
         place = min(look, len(now.path) - 1)
         # A look may fall a little earlier or later into the same motion.

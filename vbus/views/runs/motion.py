@@ -9,8 +9,10 @@ from vbus.core.kernel import MS
 
 STEP: Final = MS
 """How often an axis is looked at (ps)."""
+# 20 ms: an axis that overshoots turns round in less, and a driver's pause between moves is longer.
 REST: Final = 20
 """Looks at an axis that stands, after which its move is over."""
+# An encoder at rest on an edge shows one count to either side.
 NOISE: Final = 2
 """Counts that are no motion."""
 
@@ -61,6 +63,7 @@ def moves_of(counts: Sequence[int]) -> Iterator[Move]:
     moved = 0
     for look, count in enumerate(counts):
         if abs(count - stood) > NOISE:
+            # The move begins where it still stood: the look before.
             begun = look - 1 if begun < 0 else begun
             stood, moved = count, look
         elif begun >= 0 and look - moved >= REST:

@@ -78,6 +78,7 @@ class _Host(PacketReader):
         answered = packet.kind in (WHOLE, STATUS) and not packet.cycles[-1].write
         text = f"{chip} {packet.text}"
         asked = f"{chip} {packet.name}" if answered else text
+        # How often a driver polls depends on the machine of its time, not on the driver.
         again = self._polled.get(asked)
         if again is not None:
             again.when, again.text = packet.end, text
@@ -112,6 +113,7 @@ def recorded_run(reader: JournalReader) -> Run:
             played again.
     """
     header = reader.header
+    # The motors are in no journal: they have to move once more.
     if not header.text:
         raise VbusError("it was recorded on a board made in Python, which cannot be built again")
     file, source = read_board_text(header.text, header.file)
@@ -129,6 +131,7 @@ def recorded_run(reader: JournalReader) -> Run:
             f" ({found.where}); it was recorded with vbus {header.vbus}, this is {__version__}, and"
             ' "vbus replay" shows more'
         )
+    # What came after the last entry is not known, so neither is where the motors came to rest.
     if not outcome.ended:
         raise VbusError(f"it was not closed ({reader.damage or 'its end is missing'})")
     # Only now: a packet that the host left open is one of its packets.
@@ -161,6 +164,7 @@ def other_board(was: Header, now: Header) -> str:
 def _first_other(place: str, was: Any, now: Any) -> str:
     if not (isinstance(was, dict) and isinstance(now, dict)):
         return "" if was == now else f"{place} = {was!r} in one and {now!r} in the other"
+    # In the order of the file: the message names what a reader meets first.
     for key in [*was, *(key for key in now if key not in was)]:
         inner = f"{place}.{key}" if place else key
         if key not in was or key not in now:

@@ -20,7 +20,9 @@ from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import Lanes
 from vbus.views.scope.registers import ChipRegisters
 
+# Four samples of an LM629: a chip that stops for one is seen again at once.
 FIRST_REST: Final = MS
+# What moves a chip that rests from outside, an encoder by hand, shows within this.
 LONGEST_REST: Final = SECOND
 """How soon a chip that rests is looked at again: each time it still rests, twice as late. So it
 costs ten looks, and then one a second."""
@@ -50,6 +52,7 @@ class SampleSchedule:
         if when == look.due:
             return
         look.due = when
+        # A chip that is never due again costs no entry in the heap.
         if when > _END:
             return
         due: int = when
@@ -66,6 +69,7 @@ class SampleSchedule:
         due = heappop(self._dues)
         when: i64 = due
         for look in self._looks.pop(due):
+            # An entry that was put off stays in its list, and is passed over here.
             if look.due == when:
                 look.due = _NEVER
                 look.look()
@@ -158,6 +162,7 @@ class AxisSampler:
         chip.advance()
         steps = self._steps(chip)
         take_down(self._lanes, when, steps)
+        # The last step is no lane: whether the chip interrupts.
         raised = steps[-1] != 0
         if self._inside:
             self.registers.note(now)
@@ -208,6 +213,8 @@ class AxisSampler:
 
     def meet(self, write: bool, address: int, data: int) -> None:
         """A bus cycle has been: look at what it did, and again when the chip is ready."""
+        # Reads that do nothing to the chip, such as a status: looking after them would show nothing
+        # new.
         free = not write and address in self._chip.FREE_READS
         polled = self._polled
         self._polled = (address, data) if free else None

@@ -46,6 +46,7 @@ class _Varints(dict[int, bytes]):
     """Zig-zag LEB128 by number; the same differences come again and again."""
 
     def __missing__(self, number: int) -> bytes:
+        # Zig-zag: small numbers of either sign become small ones, of one byte below 64.
         left = number << 1 if number >= 0 else ~(number << 1)
         made = bytearray()
         while left > 0x7F:
@@ -75,6 +76,7 @@ def numbers(values: Sequence[float]) -> Column:
 
 def small(values: Sequence[float]) -> Column:
     """Return numbers for a file: integers as differences, others as they are."""
+    # bool is an int, too: a level that is True would be read back as 1 of another type.
     if all(type(value) is int and -_EXACT < value < _EXACT for value in values):
         return differences(values)  # type: ignore[arg-type]
     return numbers(values)
@@ -102,6 +104,7 @@ def frame(kind: int, lane: int, rows: int, first: int, *columns: Column) -> byte
     """
     parts = [HEAD.pack(kind, len(columns), lane, rows, first)]
     for type_, payload in columns:
+        # Filled to eight bytes, so that a page can lay a Float64Array over it.
         parts += [_COLUMN.pack(type_, len(payload)), payload, bytes(-len(payload) % 8)]
     return b"".join(parts)
 
@@ -162,6 +165,7 @@ def _summed(payload: bytes) -> list[int]:
         number |= (byte & 0x7F) << place
         place += 7
         if byte < 0x80:
+            # Undoes the zig-zag, then the difference.
             value += number >> 1 ^ -(number & 1)
             values.append(value)
             number = place = 0

@@ -7,6 +7,7 @@ from vbus.core.bits import nearest
 TICK: Final = 1
 """Picoseconds of a tick: instants are as exact as the board's."""
 
+# Below any value of 48 bits, and still a small integer of a compiled core.
 NO_STEP: Final = -(1 << 61)
 """The latest value of a lane that has none, or whose latest is no whole number of steps."""
 
@@ -66,6 +67,7 @@ class Lane:
 
         An object, since lanes that move together then hold the same one.
         """
+        # Only changes are rows: an axis that rests costs nothing.
         if step != self._step:
             self._step = step
             self.times.append(when)  # type: ignore[arg-type]
@@ -88,6 +90,7 @@ class Lane:
         self.times, self.values = [], []
         if self.early:
             self.early = False
+            # Stable: of two values at one instant the later one stays the later.
             order = sorted(range(len(times)), key=times.__getitem__)
             times = [times[place] for place in order]
             values = [values[place] for place in order]

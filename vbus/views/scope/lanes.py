@@ -90,6 +90,7 @@ class Lanes:
             )
         bus = {pin.net for chip in board.chips for pin in chip.bus_pins}
         for net in nets_of(board, ()):
+            # The strobes of one bus cycle are ten edges: they are shown on demand.
             if strobes or net not in bus:
                 kind = LINE if net.width == 1 else NUMBER
                 self.nets[net.name] = net, self._add(None, net.name, net.name, kind)
@@ -110,11 +111,13 @@ class Lanes:
         rows = chip.VALUES.lanes(chip.axis_count)
         values = self.values[chip.name] = []
         plants = self.plants[chip.name] = []
+        # A chip without an axis has lanes of its own all the same.
         for number in range(max(chip.axis_count, 1)):
             axis = axis_name(chip, number)
             plant = self._board.axes.get(f"{chip.name}.{number + 1}")
             turn = plant.encoder.counts if isinstance(plant, EncodedPlant) else None
             told_of = {"name": axis, "part": chip.part, "counts_per_rev": turn, "counts": "counts"}
+            # Counts a sample become a speed only with the period.
             if chip.PERIOD_CLK and any(row.plain_unit.endswith("/sample") for row, _ in rows):
                 told_of["sample"] = int(chip.clock.ps(chip.PERIOD_CLK))
             if chip.axis_count:

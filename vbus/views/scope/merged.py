@@ -72,14 +72,17 @@ class Merged:
                 number = len(lanes)
                 if lane["kind"] == MARK_LANE:
                     number = marks.setdefault(lane["name"], number)
+                # Marks of one kind share a lane, so that all faults stand in one row.
                 if number == len(lanes):
                     lanes.append(self._lane(lane, number, front, own, names))
                 known.append(number)
             self._lanes.append(known)
+        # One that still runs makes the page a live one.
         live = any(part["live"] for part in parts)
         if live:
             self._nodes = len(lanes)
             lanes.append(Lane(self._nodes, None, "nodes", "nodes", MARK_LANE).described())
+        # The number of a lane has 16 bits, and the last stands for "none of them".
         if len(lanes) >= ALL:
             raise ValueError(f"{len(lanes)} lanes are more than one page has: {ALL - 1}")
         times = list(dict.fromkeys(part["time"] for part in parts))
@@ -112,6 +115,7 @@ class Merged:
 
     def end(self, part: int) -> bytes:
         """A part has ended: time goes on without it; return the frames about that."""
+        # Time is the least of those that run: one that has ended must not hold it.
         self._nows.pop(part, None)
         return self._told_now()
 
@@ -174,6 +178,7 @@ class Merged:
                 made = self._chips_of(part, table) if kind == CHIPS else self._words(part, table)
                 yield frame(kind, ALL, len(made), first, texts(made))
             else:
+                # Labels are numbered through: a packet of each part names its own by an offset.
                 if kind == LABELS:
                     self._labels[part] += range(self._label_count, self._label_count + rows)
                     self._label_count += rows
@@ -248,6 +253,7 @@ def _clash(parts: Sequence[dict[str, Any]]) -> bool:
 def _distinct(boards: Sequence[str]) -> list[str]:
     """Return what tells parts apart, with a dot behind it: names of nodes or boards, or numbers."""
     nodes = [name.rpartition(".")[2] for name in boards]
+    # The short names first: "left" rather than "two.left", if no two are alike.
     names = nodes if len({*nodes}) == len(nodes) else boards
     if len({*names}) < len(names):
         names = [f"{name}_{number}" for number, name in enumerate(names, 1)]

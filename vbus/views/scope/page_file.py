@@ -64,6 +64,7 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
     def script(match: re.Match[str]) -> str:
         scripts.append(joined(match[1]))
         # It stands in a script element: no end of one may be in it.
+        # "</script" in a title would end the element.
         text = json.dumps(description, ensure_ascii=False).replace("<", "\\u003c")
         return (
             f'<script type="application/json" id="description">{text}</script>\n'
@@ -80,6 +81,7 @@ def one_file(description: dict[str, Any], frames: Sequence[bytes]) -> bytes:
 
 def _packed(frames: Sequence[bytes]) -> str:
     # Raw, without the head of zlib: the page unpacks deflate-raw.
+    # The file is made once and read often: the slowest level.
     deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     data = b"".join([deflate.compress(frame) for frame in frames]) + deflate.flush()
     return base64.b64encode(data).decode("ascii")

@@ -98,6 +98,7 @@ class PinRecorder(Observer):
         self._note_all()
 
 
+# A pause of seconds is megabytes of equal samples: they are handed over in parts.
 MOST_BYTES: Final = 1 << 16
 """Of samples that are given together."""
 
@@ -124,6 +125,7 @@ class Sampler:
         """By lane: place of its first bit, and the mask of its bits there."""
         place = 0
         for lane, one in zip(self._rows.lanes, description["lanes"], strict=True):
+            # Pins beyond the width of a sample get an empty mask, and are left out.
             mask = (1 << one["width"]) - 1 << place
             self._places[lane] = place, mask & (1 << 8 * width) - 1
             place += one["width"]
@@ -138,6 +140,7 @@ class Sampler:
 
     def _until(self, when: int) -> Iterator[bytes]:
         """Give the samples whose instants lie before ``when``."""
+        # Rounded up, from the beginning each time: no sample is lost to rounding.
         due = -(-(when - self._begin) * self._rate // SECOND)
         left = due - self._made
         if left > 0:

@@ -103,6 +103,7 @@ class Recorder(PacketReader):
         """
         self._running = True
         self._known_until = after
+        # A node that has come back makes again what the page has seen.
         if after > self.board.now:
             self.board.kernel.onlooker(self._leave_out_known).at(after)
         if self._edges:
@@ -166,6 +167,7 @@ class Recorder(PacketReader):
         kind = self._kind(chip, packet)
         # A breach is known before the packet it is in.
         for when, mark in self._broken.pop(chip, ()):
+            # A breach between two packets belongs to neither.
             if packet.begin <= when <= packet.end:
                 mark["label"] = label
                 kind = VIOLATED
@@ -216,6 +218,7 @@ class Recorder(PacketReader):
         """
         if self._late is not None:
             self._note_lateness(self._late())
+        # Sparse: one value for each message, four a second.
         if not self._at_samples and self._running:
             for look in self._looks.values():
                 look.look()
@@ -241,6 +244,7 @@ class Recorder(PacketReader):
                 continue
             rows, lane.rows = lane.rows, []
             rows.sort(key=itemgetter(0))  # some are known later than others that began after them
+            # A page draws between two frames: it never stands still for a long one.
             for place in range(0, len(rows), MOST_ROWS):
                 frames.append(_rows(lane, rows[place : place + MOST_ROWS], column))
         self._taken = self.board.now

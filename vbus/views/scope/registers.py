@@ -19,6 +19,7 @@ from vbus.core.signals.values import reader
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import Lanes
 
+# Faster than a page draws, and a fortieth of the samples of an LM629.
 EVERY: Final = 10 * MS
 """How often registers are read that no bus cycle has touched (ps)."""
 NOT_LOOKED_AT: Final = float("nan")
@@ -76,6 +77,7 @@ class ChipRegisters:
     # -- what there is ------------------------------------------------------------------------
 
     def _add(self, value: Value, axis: int, register: Register | None = None) -> None:
+        # A number behind the name only where there is more than one axis.
         several = "{}" in value.place and self._chip.axis_count > 1
         about = register or value
         name = f"{about.name} {axis + 1}" if several else about.name
@@ -84,6 +86,7 @@ class ChipRegisters:
             sampled = value.key and value.fields
             numbered = f"{value.name} {axis + 1}" if sampled and "{}" in value.key else name
             lane = self._all.add_register(self._chip.name, numbered)
+            # The page shows bytes of the bus, which have no sign.
             unsigned = f" & {(1 << register.bits) - 1}" if register and register.signed else ""
             looked = self._told if sampled else self._looked
             looked.append((value.raw(axis) + unsigned, lane))
@@ -135,6 +138,7 @@ class ChipRegisters:
         for (_, lane), value in zip(rows, read(self._chip), strict=True):
             lane.note(now, int(value))
             word = self._worded.get(lane.number)
+            # A text for each value once: a page keeps them.
             if word is not None and (lane.number, value) not in self._seen:
                 self._seen.add((lane.number, value))
                 self._words.append((lane.number, value, word(value)))

@@ -68,11 +68,13 @@ class Rows:
         of = self.axes.get(lane.axis, {})
         steps, slash, per = lane.unit.partition("/")
         turn = of.get("counts_per_rev")
+        # Volts and shares of full scale are the same in every choice of units.
         if units == "counts" or steps != "counts" or not turn:
             return 1.0, lane.unit
         factor = (1.0 if units == "rev" else tau) / turn
         sample = of.get("sample")
         if per == "sample" and sample:
+            # Counts a sample become a speed.
             factor, per = factor * SECOND / sample, "s"
         return factor, ("rev" if units == "rev" else "rad") + slash + per
 
@@ -91,6 +93,7 @@ class Rows:
                     for tick, value in zip(frame.columns[0], self._values(frame), strict=True)
                     if lane.kind in DRAWN
                 ]
+        # Lanes come one after the other within a frame; viewers want one order of time.
         found.sort(key=itemgetter(0))
         return found
 

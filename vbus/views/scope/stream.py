@@ -49,6 +49,7 @@ class Stream:
         # The latest stays whatever its size: else a page that asks would get nothing.
         while self._most is not None and self._size > self._most and len(self._kept) > 1:
             oldest = self._kept.pop(self._first)
+            # A packet names a label by its number: without it the packet has no text.
             if oldest[0] in LASTING:
                 self._lasting.append((self._first, oldest))
             else:

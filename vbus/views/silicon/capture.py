@@ -17,6 +17,7 @@ MOST_CHANNELS: Final = 4096
 """Channels of a capture, each bit of a vector counted."""
 UNKNOWN: Final = MOST_CHANNELS
 """How far above a channel the bit stands that says it is unknown."""
+# Nearly three hours at 1 MHz without a change left out: more is no capture of one test.
 MOST_LINES: Final = 10**10
 """Samples read of a capture."""
 LONGEST_TEXT: Final = 1 << 20
@@ -56,6 +57,7 @@ def frequency(text: str, where: str) -> int:
     match = _FREQUENCY.fullmatch(text.strip())
     if match is None:
         return 0
+    # "m" stands for mega here: no analyser samples at millihertz.
     hertz = float(match[1]) * _PREFIXES[match[2].lower()]
     if hertz > FASTEST:
         raise CaptureError(f"{where}: a sample rate of {match[0][:40]} is above 1 THz")

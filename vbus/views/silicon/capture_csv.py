@@ -29,6 +29,7 @@ _RATE: Final = re.compile(r"Samplerate:\s*(.+)", re.IGNORECASE)
 _SEPARATORS: Final = ",;\t"
 _BESIDE: Final = (";", "#", "META ", "FRAME-BEGIN", "FRAME-END")
 """How lines begin that sigrok-cli writes beside the table."""
+# Programs write their settings above the table, and some the names of all channels.
 _HEAD: Final = 1000
 """Lines before the table."""
 
@@ -63,6 +64,7 @@ def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
                 names = [cell.strip() for cell in channels[1].split(",")]
             hertz = (frequency(rate[1], f"{name}: line {first}") if rate else 0) or hertz
             continue
+        # Spreadsheets of some languages write semicolons.
         separator = max(_SEPARATORS, key=line.count)
         head = _cells(line, separator)
     if len(head) > MOST_CHANNELS:
@@ -172,6 +174,7 @@ def _levels(values: str, names: list[str], separator: str, where: str, before: i
         value = cell.strip('" ')
         if value == "1":
             levels |= 1 << bit
+        # The last known level stays in the bit below, for what cannot be unknown.
         elif value in ("X", "x", "Z", "z"):
             levels |= before & 1 << bit | 1 << bit + UNKNOWN
         elif value != "0":

@@ -13,6 +13,7 @@ from vbus.views.silicon.capture import Capture, Sample, frequency, ordered, peri
 
 LARGEST_TEXT: Final = 1 << 20
 """Bytes of a session's metadata, unpacked; its samples go by in blocks."""
+# 512 channels: no analyser has more.
 LARGEST_UNIT: Final = 64
 """Bytes of a sample."""
 _DAMAGE: Final = (
@@ -20,8 +21,10 @@ _DAMAGE: Final = (
     NotImplementedError, RuntimeError,  # packed in an unknown way, or encrypted
     ValueError,  # members that begin before the file, or in the midst of a character
 )  # fmt: skip
+# Large beside the cost of a call, small beside memory.
 _BLOCK: Final = 1 << 20
 """Bytes read at a time."""
+# Halved down to one sample where something happens: 12 comparisons for each change.
 _RUN: Final = 4096
 """Samples compared at a time: most of a capture is nothing happening."""
 

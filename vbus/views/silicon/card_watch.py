@@ -24,6 +24,7 @@ class CardWatch(BusWatch):
         first, last = bus.where(0), bus.where(int(bus.settings["size"]) - 1)
         self._lines: list[int] = [
             number for number, line in enumerate(bus.row.address)
+            # Lines above the highest that differs choose the card itself, and need not be captured.
             if (first ^ last) >> number or (wiring is not None and line in wiring.bits)
         ]  # fmt: skip
         lines = [bus.row.address[number] for number in self._lines]
@@ -50,6 +51,7 @@ class CardWatch(BusWatch):
             return []
         cycles = []
         if not before[WRITE] and after[WRITE]:
+            # A card latches at the rising strobe what was on the bus before it.
             cycles.append(Cycle(when, True, port, old))
         if not before[READ] and after[READ]:
             cycles.append(Cycle(when, False, port, data))

@@ -76,6 +76,7 @@ def wiring_of(
     data = bit_names(bus, next(row.width for row in rows if row.name == bus))
     lines = [row.name for row in rows if row.width == 1]
     pins = {_key(name): name for name in lines}
+    # d0 to d7 for every family: that is what people call them on an analyser.
     for bit, name in enumerate(data):
         pins[_key(name)] = pins[f"d{bit}"] = name
     chosen = {}
@@ -107,6 +108,7 @@ def wiring_of(
                 for bit, name in enumerate(names)
                 if pins.get(_key(name)) == pin and channels[bit] not in chosen.values()
             ]
+            # Guessing between two would compare the wrong wire without a word.
             if len(found) > 1:
                 both = ", ".join(channels[bit] for bit in found)
                 raise CaptureError(

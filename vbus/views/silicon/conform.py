@@ -113,8 +113,10 @@ class Candidate:
     ignored: bool = False
 
 
+# The longest packet has 15 bytes: the one with the difference is whole in it.
 CONTEXT: Final = 20
 """Bus cycles answers on either side of a difference."""
+# A capture of a driver that breaks a rule at each poll has millions.
 KEPT: Final = 1000
 """Violations kept; more are counted."""
 
@@ -297,6 +299,7 @@ class Conform(Observer):
                 self._reading = when
         self._drive(value)
         board.kernel.settle()
+        # While the chip is read the host lets go: both would drive otherwise.
         if not watch.reading(levels):
             self._data.drive(byte)
             board.kernel.settle()
@@ -399,6 +402,7 @@ class Conform(Observer):
         if not (cycle.data ^ answers[-1]) & ~mask & 0xFF:
             self.verdict.ignored += 1
             return True
+        # Only a status may be late: data is taken once, and then the next is there.
         if not self._chip.CONNECTOR and cycle.address not in self._chip.FREE_READS:
             return False
         since = cycle.when - self._tolerance.slack

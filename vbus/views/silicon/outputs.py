@@ -7,6 +7,7 @@ from vbus.core.kernel import MS
 from vbus.core.signals import Net, Observer
 from vbus.protocols.quantities import format_instant
 
+# Longer than the reset of any family takes.
 RESET_OVER: Final = 20 * MS
 """How long after a reset both may take to come to the same level."""
 
@@ -80,6 +81,7 @@ class OutputWatch(Observer):
         silicon, model = self._silicon, self._model
         while silicon and model and not self._ended:
             (at, level), (when, value) = silicon[0], model[0]
+            # Both made the same edge, as near as sampling and the model's clock can tell.
             if level == value and abs(at - when) <= self._slack:
                 silicon.popleft()
                 model.popleft()

@@ -92,6 +92,7 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
             # The first levels that are known are no edge.
             idle = watch.idle(tuple([wiring.level(name, value) for name in watch.PINS]))
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
+        # Never in the midst of a cycle: half of one would be compared with nothing.
         if begin < 0 and idle and (isinstance(begin_at, str) or when >= begin_at):
             begin, skipped = number, cycles
             if not resets:
@@ -119,6 +120,7 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
         idle = watch.idle(levels)
     if unknown:
         raise CaptureError(f"the level of {', '.join(unknown)} is unknown (x or z) all along")
+    # Asked for by name: the beginning would be another answer than was wanted.
     if begin_at == RESET:
         raise CaptureError(
             "there is no reset in the capture: neither its pin nor its command."

@@ -53,6 +53,7 @@ class Changes(Observer):
         """Take down what a cycle says, if that is known; have it decoded if not."""
         said = self._said.get(chip)
         known = said.get(_cycle(write, address, data)) if said is not None else None
+        # A cycle that a chip is about to lose says something else.
         if known is None or self._lost:
             self._decoding.bus_cycle(when, host, chip, write, address, data)
         else:

@@ -5,6 +5,7 @@ from heapq import merge
 from itertools import count
 from typing import Final, TextIO
 
+# VCD allows the printable characters from "!" to "~".
 _CODES: Final = [chr(code) for code in range(33, 127)]
 
 _Block = tuple[int, int, list[str]]
@@ -47,6 +48,7 @@ def merge_waves(waves: Iterable[tuple[str, Iterable[str]]], file: TextIO) -> Non
     written = latest = -1
     for tick, _, changes in merge(*blocks, key=lambda block: block[:2]):
         latest = tick
+        # A tick without changes needs no line, unless it is the end.
         if changes and tick != written:
             file.write(f"#{tick}\n")
             written = tick

@@ -59,6 +59,7 @@ def nets_of(board: Board, patterns: Sequence[str]) -> list[Net]:
     found: list[Net] = []
     if not patterns:
         for chip in board.chips:
+            # A clock or PWM of megahertz would be nearly all of the file.
             found += [chip.pins[row.name].net for row in chip.pin_rows if not row.wave]
     for pattern in patterns:
         matched = [names[name] for name in names if fnmatch.fnmatchcase(name, pattern)]
@@ -109,4 +110,5 @@ def bit_names(name: str, width: int) -> list[str]:
 
 def plain(name: str) -> str:
     """Return a name of ASCII letters, digits and underscores."""
+    # A leading slash or tilde is dropped, not replaced: sigrok's decoders know CS, not _CS.
     return re.sub(r"[^A-Za-z0-9]+", "_", name.replace("/", "").replace("~", "")).strip("_")

@@ -20,6 +20,7 @@ TICK: Final = 100
 Change = tuple[int, Signal, Reading]
 """Instant (ps), signal, value from then on."""
 
+# All values of a byte, with the one before, would be 65,536: those in use are few.
 MOST_TEXTS: Final = 4096
 """Texts of values that are kept of a signal: the next is as likely as not one of them."""
 
@@ -87,6 +88,7 @@ class VcdFile:
             init_timestamp=first // TICK,
         )
         for signal in signals:
+            # sigrok knows wires alone: values and texts are left out of its profile.
             if self._full or signal.net is not None:
                 value = values.get(signal)
                 real = signal.kind == "value" and not isinstance(value, str)
@@ -137,6 +139,7 @@ class VcdFile:
             text = written.texts.get(key) or written.text(value)
             written.latest = value
             instant: i64 = when
+            # Several changes of one tick stand below one time.
             if instant // TICK != tick:
                 tick = instant // TICK
                 lines.append(f"#{tick}")

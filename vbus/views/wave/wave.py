@@ -17,6 +17,7 @@ from vbus.views.wave.changes import Changes
 from vbus.views.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.views.wave.vcd_file import Change, VcdFile
 
+# Some 100 MB: minutes of a driver, with what it shows from before the trigger.
 RING: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
 
@@ -118,6 +119,7 @@ class Wave(PacketReader):
         self.board.observe(self._changes)
         self._timer.at(now + self._sample)
         self.state = WAITING
+        # Without a trigger it is as if one came now.
         if self._trigger is None:
             self._begin(now, now)
         else:
@@ -240,6 +242,7 @@ class Wave(PacketReader):
     def _forget(self, when: int) -> None:
         """Keep of the ring what a recording from instant ``when`` on would show."""
         ring = self._ring
+        # What leaves the ring becomes the value that the head of the file has.
         while ring and (ring[0][0] < when - self._before or len(ring) > RING):
             _, old, kept = ring.popleft()
             self._values[old] = kept
