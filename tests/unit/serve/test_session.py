@@ -305,3 +305,26 @@ def test_a_host_is_not_looked_for_where_others_have_the_processor(gap: int, look
             host.send(READ)
             it.turn(1)
         assert (ways[0] > before) == (looked > 1)
+
+
+def test_an_error_of_the_program_ends_one_session_and_the_board_goes_on(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(data: bytes) -> None:
+        raise RuntimeError("a mistake")
+
+    with served() as it:
+        first = it.connect()
+        first.send(READ)
+        it.rest()
+        assert first.recv(100) == b"D\x84"
+        monkeypatch.setattr(it.sessions[0].protocol, "receive", fails)
+        first.send(READ)
+        it.rest()
+        assert first.recv(100) == b""
+        assert "internal error while serving x; its session ends, the board goes on" in caplog.text
+        assert it.ended == it.sessions
+        second = it.connect()
+        second.send(READ)
+        it.rest()
+        assert second.recv(100) == b"D\x84"
