@@ -142,7 +142,8 @@ def test_junit_has_a_case_for_each_group_and_way() -> None:
 def test_the_page_asks_for_nothing_and_each_cell_says_how_to_run_it_again() -> None:
     page = as_page(campaign(), "--board <b> -- ./host", again).decode()
     there = ("again cycle:x.9:flip1", "kp &lt;is&gt; 44", "--board &lt;b&gt;", "silent 2/2",
-             "detected 1/2", "<tr><th>cycle flip<td>0<td>0<td>0<td>0<td>2<td>2<td>0<td>0 %", "<table><tr><th>way<th>detected<th>no effect")  # fmt: skip
+             "detected 1/2", "<tr><th>cycle flip<td>0<td>0<td>0<td>0<td>2<td>2<td>0<td>0 %",
+             "<table><tr><th>way<th>detected<th>no effect")  # fmt: skip
     assert [text for text in there if text not in page] == []
     assert page.count("<table>") == page.count("</table>") == 2
     assert [text for text in ("http", "src=") if text in page] == []
