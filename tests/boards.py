@@ -15,3 +15,16 @@ plant = "none"
 transport = "unix:$VBUS_RUNTIME/x"
 """
 """One LM629 without a motor, in lockstep, at a Unix socket of the runtime directory."""
+
+AXIS: Final = """\
+[board]
+time = "{time}"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "motor"
+[plants.motor]
+model = "{model}"
+"""
+"""One LM629 with a motor, and no host: say ``time`` and ``model`` by ``format``."""

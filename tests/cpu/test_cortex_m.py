@@ -252,6 +252,27 @@ int main(void) {
     assert (code, out, err) == (0, "1\n1\n4\n", "")
 
 
+def test_a_request_comes_again_until_its_handler_ends_it(bench: Bench) -> None:
+    body = """
+static const char text[] = "by interrupts\\n", by_dma[] = "by dma\\n";
+static volatile uint32_t updates, sent;
+void timer(void) { if (++updates == 3) R(0x40000010) = 0; }
+void serial(void) { if (text[sent]) R(0x40004404) = text[sent++]; else R(0x4000440C) = 0; }
+int main(void) {
+    R(0xE000E100) = 1 << 28; R(0xE000E104) = 1 << 6;
+    R(0x4000002C) = 999; R(0x4000000C) = 1; R(0x40000000) = 9;
+    while (R(0x40000000) & 1) __asm__ volatile("nop");
+    number(updates);
+    R(0x4000440C) = 0x80;
+    while (R(0x4000440C)) __asm__ volatile("nop");
+    R(0x40020084) = 7; R(0x40020088) = 0x40004404; R(0x4002008C) = (uint32_t)by_dma;
+    R(0x40020080) = 0x91; R(0x40004414) = 0x80;
+    number(R(0x40020084)); number(R(0x40020000) >> 24); return 0; }"""
+    vectors = "[16 + 28] = (void *)timer, [16 + 38] = (void *)serial"
+    # Of the channel all flags but an error: GIF, TCIF, HTIF.
+    assert bench.run(body, vectors) == (0, "3\nby interrupts\nby dma\n0\n7\n", "")
+
+
 def test_bits_of_peripherals_are_words_of_their_own(bench: Bench) -> None:
     body = """int main(void) { R(0x42000000 + 0x21000 * 32 + 24 * 4) = 1;
         number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24); return 0; }"""

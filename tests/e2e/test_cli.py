@@ -305,8 +305,8 @@ def test_a_second_board_of_the_same_name_is_refused(board: Path) -> None:
         done = vbus("run", board)
         assert done.returncode == 4
         assert re.fullmatch(
-            rf'vbus: a board called "bench" runs already \(.* process {process.pid}; .*\);'
-            " stop it, or give this one another name\n",
+            rf'vbus: a board called "bench" runs already \(.* process {process.pid}\); "vbus stop'
+            ' bench" stops it, or give this one another name\n',
             done.stderr,
         )
         assert vbus("ls", "bench").returncode == 0
@@ -352,9 +352,10 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
         head,
     )
     assert chip == "  chip x: ACME-1 at 8 MHz, 0 reads, 0 writes"
-    assert pty == f"  link pty:{runtime}/x: byte to x, waiting, 0 bytes in, 0 out"
-    assert unix == f"  link unix:{runtime}/x.sock: text to x, waiting, 0 bytes in, 0 out"
-    assert connected.startswith(f"  link unix:{runtime}/x.sock: text to x, connected, 4 bytes in")
+    assert pty == f"  link pty:{runtime}/x: byte protocol, to x, waiting, 0 bytes in, 0 out"
+    assert unix == f"  link unix:{runtime}/x.sock: text protocol, to x, waiting, 0 bytes in, 0 out"
+    shown = f"  link unix:{runtime}/x.sock: text protocol, to x, connected, 4 bytes in"
+    assert connected.startswith(shown)
     assert status["chips"] == [
         {
             "name": "x",
@@ -373,7 +374,10 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
 def test_ls_of_a_board_that_does_not_run_ends_with_4() -> None:
     done = vbus("ls", "bench")
     assert (done.returncode, done.stdout) == (4, "")
-    assert done.stderr == 'vbus: no board called "bench" answers; "vbus ls" shows which do\n'
+    assert done.stderr == (
+        'vbus: no board called "bench" answers; "vbus ls" shows which run, "vbus run FILE" starts'
+        " one\n"
+    )
 
 
 # -- real time on request -----------------------------------------------------------------------

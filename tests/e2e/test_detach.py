@@ -200,7 +200,7 @@ def test_a_board_that_cannot_start_says_why_with_its_own_code(detached: Done, bo
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["stop", "bench"], 'no board called "bench" runs; "vbus ls" shows which do'),
+        (["stop", "bench"], 'no board called "bench" runs; "vbus ls" shows which run'),
         (["wait", "bench", "--timeout", "0"], 'no board called "bench" is ready within 0 s'),
         (["logs", "bench"], 'no board called "bench" was started with --detach'),
     ],

@@ -151,7 +151,7 @@ def test_a_running_board_is_joined_by_its_name(board: Path) -> None:
     assert card.stdout.splitlines()[0].endswith("/x.sock")
     assert "VBUS_EXEC=policy=lockstep" in card.stdout
     assert none.returncode == 4
-    assert 'no board called "other" runs on this machine; running are: bench' in none.stderr
+    assert 'no board called "other" runs on this machine; "vbus ls" shows which run' in none.stderr
 
 
 def test_a_board_without_a_byte_link_cannot_be_joined(board: Path) -> None:

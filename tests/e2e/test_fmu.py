@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import AXIS
 from tests.e2e.command import vbus
-from tests.unit.board.test_block import BOARD, LFIL, MOVE
+from tests.unit.board.test_block import LFIL, MOVE
 from vbus.board.build import load_board_text
 
 fmpy = pytest.importorskip("fmpy")
@@ -17,7 +18,7 @@ def test_a_board_runs_in_fmpy_as_it_does_by_itself(tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
     board, unit = tmp_path / "board.toml", tmp_path / "board.fmu"
-    board.write_text(BOARD.format("dc_motor"))
+    board.write_text(AXIS.format(time="slaved", model="dc_motor"))
     done = vbus("fmu", board, "-o", unit)
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{unit}: 14 variables; steps are multiples of 1e-06 s\n"
@@ -59,7 +60,7 @@ def test_a_board_runs_in_fmpy_as_it_does_by_itself(tmp_path: Path) -> None:
 
 def test_what_cannot_be_a_unit_is_refused(tmp_path: Path) -> None:
     board = tmp_path / "board.toml"
-    board.write_text(BOARD.format("dc_moter"))
+    board.write_text(AXIS.format(time="slaved", model="dc_moter"))
     done: subprocess.CompletedProcess[str] = vbus("fmu", board, "-o", tmp_path / "board.fmu")
     assert done.returncode == 3
     assert "did you mean" in done.stderr

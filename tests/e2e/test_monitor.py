@@ -128,7 +128,7 @@ def test_a_monitor_ends_when_a_condition_holds(board: Path, tmp_path: Path) -> N
 def test_a_board_that_does_not_run_is_named(board: Path) -> None:
     done = vbus("monitor", "nobody")
     assert done.returncode == 4
-    assert done.stderr.startswith('vbus: no board called "nobody" can be watched (')
+    assert done.stderr.startswith('vbus: no board called "nobody" can be watched; "vbus ls"')
 
 
 def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:

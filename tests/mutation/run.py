@@ -251,9 +251,7 @@ def _prune(bed: Bed, found: cover.Map) -> None:
         del found.tests[name]
 
 
-def _work(
-    bed: Bed, found: cover.Map, known: dict[str, Result], todo: Sequence[Mutant]
-) -> None:
+def _work(bed: Bed, found: cover.Map, known: dict[str, Result], todo: Sequence[Mutant]) -> None:
     for mutant in todo:
         result = try_mutant(bed, found, mutant, _suspects(bed, found, known, mutant))
         if not found.tests and result.verdict in ALIVE:
@@ -264,9 +262,7 @@ def _work(
               f" {result.by}", flush=True)  # fmt: skip
 
 
-def _suspects(
-    bed: Bed, found: cover.Map, known: dict[str, Result], mutant: Mutant
-) -> list[str]:
+def _suspects(bed: Bed, found: cover.Map, known: dict[str, Result], mutant: Mutant) -> list[str]:
     """Return what has killed a mutant before; without a map, what has killed others close by."""
     own = known.get(mutant.id)
     names = [own.by] if own else []
@@ -278,11 +274,8 @@ def _suspects(
     return list(there)[:SUSPECTS]
 
 
-def try_mutant(
-    bed: Bed, found: cover.Map, mutant: Mutant, suspects: Sequence[str] = ()
-) -> Result:
-    """Try one mutant: with the usual suspects, a few tests, all chosen, all that Hypothesis draws.
-    """
+def try_mutant(bed: Bed, found: cover.Map, mutant: Mutant, suspects: Sequence[str] = ()) -> Result:
+    """Try one mutant: with usual suspects, a few tests, all chosen, all that Hypothesis draws."""
     tests = choose(bed.root, found, mutant, bed.options.seconds)
     source = mutated(bed.root, mutant)
     few = _few(found, tests)
@@ -420,7 +413,7 @@ def _over_budget(bed: Bed) -> list[str]:
     print(f"{sum(now.values())} of {SAMPLE} mutants have no verdict of the code as it is,"
           f" {len(gone)} of them since it was tried")  # fmt: skip
     if over:
-        print("\n".join([*over, "See tests/mutation/README.md, \"Stale verdicts\"."]))
+        print("\n".join([*over, 'See tests/mutation/README.md, "Stale verdicts".']))
     return over
 
 

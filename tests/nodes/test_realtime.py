@@ -157,7 +157,7 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         listed = bench.vbus("ls")
         assert "keeps the epoch" in listed.stdout
         assert "goes by the same clock" in listed.stdout
-        assert "skew p50" in listed.stdout
+        assert "nodes: p50" in listed.stdout
         state = bench.node("d")
         assert state["clock_uncertainty_ns"] == 0
         assert state["skew"]["p50_ns"] <= state["skew"]["p99_ns"] <= state["skew"]["max_ns"]

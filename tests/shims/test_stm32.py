@@ -161,6 +161,7 @@ def test_an_endless_loop_ends_at_the_limit(driver: Driver, run: Run) -> None:
     [
         ("stm32f10x.h", "TIM2->CNT = 0;", "TIM2"),
         ("stm32f10x.h", "GPIOA->MODER = 0;", "MODER"),
+        ("stm32f10x_i2c.h", "I2C1->DR = 0;", "DR"),
         ("stm32f4xx_hal.h", "GPIOA->CRL = 0;", "CRL"),
         ("stm32f4xx_hal.h", "HAL_SPI_Transmit(0, 0, 0, 0);", "HAL_SPI_Transmit"),
         ("stm32f1xx_hal.h", "*(volatile uint32_t *)(GPIOA_BASE + 12) = 0;", "GPIOA_BASE"),

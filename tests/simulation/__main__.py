@@ -6,6 +6,7 @@ import sys
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 from tests.simulation.failures import failures
 from tests.simulation.run import simulate
@@ -16,21 +17,28 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, default=200, help="how many runs (200)")
     parser.add_argument("--first", type=int, default=0, help="the first seed (0)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
-    parser.add_argument("--failures", action="store_true", help="let each call of each run fail")
+    parser.add_argument(
+        "--failures", nargs="?", type=int, const=sys.maxsize, metavar="N",
+        help="make N further runs of each seed, in which one call fails; without N, one for every "
+        "way in which a call may fail (some 1,000 for a seed)",
+    )  # fmt: skip
     asked = parser.parse_args()
+    if asked.failures is not None and asked.failures < 1:
+        parser.error("--failures: at least 1 run")
     began = time.monotonic()
     seeds = range(asked.first, asked.first + asked.seeds)
     counts: Counter[str] = Counter()
     moves: Counter[str] = Counter()
     failed = 0
     with ProcessPoolExecutor(asked.jobs) as pool:
-        for outcome in pool.map(failures if asked.failures else simulate, seeds, chunksize=4):
+        made = partial(failures, most=asked.failures) if asked.failures else simulate
+        for outcome in pool.map(made, seeds, chunksize=4):
             counts.update(outcome.counts)
             moves.update(outcome.moves)
             if outcome.wrong:
                 failed += 1
                 print(f"seed {outcome.seed}: {outcome.wrong}")
-                also = " --failures" * asked.failures
+                also = "" if not asked.failures else f" --failures {asked.failures}"
                 print(f"  again: python -m tests.simulation --first {outcome.seed} --seeds 1{also}")
             elif asked.seeds == 1:
                 print(f"seed {outcome.seed}: {outcome.digest}")

@@ -1,6 +1,7 @@
 """Runs in which one call of the system fails: the first, the second, and so on to the last."""
 
 import os
+import random
 import termios
 from collections.abc import Iterator
 from errno import (
@@ -121,10 +122,16 @@ def ways(seed: int) -> Iterator[tuple[int, int]]:
             yield number, code
 
 
-def failures(seed: int) -> Outcome:
-    """Make a run again and again, and let each of its calls fail in every way."""
+def failures(seed: int, most: int) -> Outcome:
+    """Make a run again and again, and let each of its calls fail in every way.
+
+    Args:
+        seed: of the run.
+        most: how many ways are tried at most; if there are more, these are drawn by the seed.
+    """
     outcome = Outcome(seed, counts={"calls that failed": 0})
-    for number, code in ways(seed):
+    all_ways = list(ways(seed))
+    for number, code in random.Random(seed).sample(all_ways, min(most, len(all_ways))):
         outcome.counts["calls that failed"] += 1
         if wrong := failing(seed, number, code):
             outcome.wrong = f"call {number}, {wrong}"

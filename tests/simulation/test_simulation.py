@@ -11,11 +11,16 @@ from vbus.serve.session import Session
 from vbus.transports.sockets import SocketLink
 from vbus.transports.states import SESSION, TERMINAL
 
+RARE = (553, 159, 93, 359, 565)
+"""Seeds that take every transition between them today. They come first: the last transition was
+found in run 566, after half a minute. Where a change has made other runs of them, the others
+follow."""
+
 
 @pytest.mark.slow
 def test_every_transition_of_sessions_and_terminals_is_taken_within_1000_seeds() -> None:
     left = {", ".join((one.name, *row)) for one in (SESSION, TERMINAL) for row in one.rows}
-    for seed in range(1000):
+    for seed in (*RARE, *range(1000)):
         if not left:
             return
         left -= set(simulate(seed).moves)

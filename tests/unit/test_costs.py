@@ -31,14 +31,16 @@ def test_a_run_tells_what_its_folders_cost(
 ) -> None:
     shutil.copy(Path(__file__).parents[1] / "costs.py", pytester.mkpydir("tests"))
     (pytester.path / "conftest.py").write_text('pytest_plugins = ["tests.costs"]\n')
-    for folder, spent in (("slow", 0.3), ("quick", 0.0)):
+    works = "subprocess.run([sys.executable, '-c', 'while time.process_time() < 0.3: pass'])"
+    for folder, does in (("busy", works.replace("'while", "'import time\\nwhile")), ("quick", "0")):
         (pytester.path / "tests" / folder).mkdir()
         (pytester.path / "tests" / folder / f"test_{folder}.py").write_text(
-            f"import time\ndef test_a(): time.sleep({spent})\ndef test_b(): pass\n"
+            f"import subprocess, sys\ndef test_a(): {does}\ndef test_b(): pass\n"
         )
     pytester.makeini("[pytest]\npythonpath = .\naddopts = -p no:cacheprovider\n")
 
     lines = pytester.runpytest_subprocess(*workers).outlines
-    told = [re.fullmatch(r" *(\d+\.\d) +(\d+) tests  (.*)", line) for line in lines]
-    rows = [(row[2], row[3]) for row in told if row]
-    assert rows == [("2", "tests/slow"), ("2", "tests/quick"), ("4", "in all")]
+    told = [re.fullmatch(r" *(\d+\.\d) +\d+\.\d +(\d+) tests  (.*)", line) for line in lines]
+    rows = [row.groups() for row in told if row]
+    assert [row[1:] for row in rows] == [("2", "tests/busy"), ("2", "tests/quick"), ("4", "in all")]
+    assert float(rows[0][0]) >= 0.3  # of the process that the test has started

@@ -13,7 +13,7 @@ from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.core.errors import TransportError
-from vbus.network.security import Security, tokens, told
+from vbus.network.security import Security, rights_in_words, tokens
 from vbus.network.session import Network, boards_on, close_session, open_session
 from vbus.serve.server import LinkSpec
 from vbus.transports.zenoh import ZenohTransport
@@ -228,7 +228,7 @@ def test_what_each_name_may_do_is_told_with_its_direction() -> None:
         "alice": ("bench/x/bus",), "far": ("serve far/**", "bench/status"), "all": ("**",),
         "node": ("two/@nodes/**",), "nobody": (),
     }  # fmt: skip
-    assert told(rights) == [
+    assert rights_in_words(rights) == [
         "alice: asks and hears bench/x/bus",
         "far: asks and hears bench/status; asks, hears, answers and publishes far/**",
         "all: asks, hears, answers and publishes **",

@@ -7,7 +7,6 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, get_args, 
 
 import msgspec
 from msgspec import Meta, Struct
-from msgspec.structs import replace
 
 from vbus.core.options import Option, Value
 
@@ -45,8 +44,8 @@ def row(
             that one must have, ``"kind=latch"``.
     """
     kind = kind or ("choice" if choices else "")
-    option = Option("", kind, "", title, tuple(choices), low, high, ref=ref)
-    option = replace(option, needs=tuple(needs.split()))
+    wants = tuple(needs.split())
+    option = Option("", kind, "", title, tuple(choices), low, high, ref=ref, needs=wants)
     return Meta(extra={"row": option})
 
 
@@ -137,7 +136,7 @@ def fields(section: type[Section]) -> tuple[Option | Below, ...]:
             found.append(Below(field.name, tuple, args[0], option))
         elif option is not None:
             default = None if field.required else field.default
-            found.append(replace(option, name=field.name, default=default))
+            found.append(option._replace(name=field.name, default=default))
     return tuple(found)
 
 
@@ -146,7 +145,7 @@ def _unwrapped(kind: Any) -> tuple[Any, Option | None]:
     if get_origin(kind) is not Annotated:
         return kind, None
     option = next(meta.extra["row"] for meta in kind.__metadata__)
-    return kind.__origin__, replace(option, kind=option.kind or _KINDS.get(kind.__origin__, ""))
+    return kind.__origin__, option._replace(kind=option.kind or _KINDS.get(kind.__origin__, ""))
 
 
 def rows(section: type[Section]) -> tuple[Option, ...]:

@@ -15,6 +15,7 @@ from vbus.campaign.verdict import (
     HANG,
     NO_EFFECT,
     SILENT,
+    SLOW,
     VERDICTS,
     Campaign,
     Result,
@@ -28,6 +29,8 @@ _HEADS: Final = {DETECTED: "detected", NO_EFFECT: "no effect", HANG: "hang", FOU
                  SILENT: "silent"}  # fmt: skip
 FILES: Final = ("json", "junit", "page")
 """Files that a campaign may write, by the options that name them."""
+_STORED: Final = 100
+"""Runs after which results are stored: a second or so of a function, some ten of a program."""
 Line = Callable[[PlannedWorld], str]
 """Gives the line that runs a world again."""
 
@@ -36,16 +39,34 @@ class Saved(msgspec.Struct):
     """A file of ``--json``.
 
     Attributes:
-        digest: of board and program: other ones have other results.
-        results: by the world as text.
+        digests: by test, or "" of a program: of board and program; others have other results.
+        results: by :attr:`PlannedWorld.name`.
         keys: dimension, group and way of each silent outcome: what a baseline is asked for.
         totals: what came of each way.
     """
 
-    digest: str = ""
+    digests: dict[str, str] = {}
     results: dict[str, Result] = {}
     keys: list[tuple[str, str, str]] = []
     totals: list[WayTotal] = []
+
+    def of(self, digest: str, test: str = "") -> dict[str, Result]:
+        """Return the results of a test or program; forget those of another state of it."""
+        # The text of a world has no blank behind its colons.
+        mine = {name: one for name, one in self.results.items() if name.rpartition(": ")[0] == test}
+        if self.digests.get(test) != digest:
+            self.results = {name: one for name, one in self.results.items() if name not in mine}
+            mine = {}
+        self.digests[test] = digest
+        return mine
+
+    def take(self, name: str, result: Result, put: Callable[[bytes], object] | None) -> None:
+        """Take a result; store all of them now and then, for a campaign that is stopped."""
+        if result.verdict == SLOW:  # the next campaign tries it again
+            return
+        self.results[name] = result
+        if put is not None and len(self.results) % _STORED == 0:
+            put(as_json(self))
 
 
 def as_json(saved: Saved) -> bytes:
@@ -73,7 +94,7 @@ def write(
         line: gives the line that runs a world again.
         files: by what they are, of :data:`FILES`, what writes them.
     """
-    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.told(QUIET)))
+    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.listed(QUIET)))
     saved.totals = campaign.totals()
     makers = {
         "json": lambda: as_json(saved),
@@ -93,16 +114,13 @@ def _read(path: str) -> Saved:
         raise VbusError(f"{path}: this is no file of vbus campaign --json: {error}") from None
 
 
-def read_saved(path: str, digest: str) -> Saved:
-    """Return what a file has of an earlier campaign with the same board and program, if any.
+def read_saved(path: str) -> Saved:
+    """Return what a file has of an earlier campaign, if it is there.
 
     Raises:
         VbusError: the file is there and is none, or cannot be read.
     """
-    if not Path(path).exists():
-        return Saved(digest)
-    saved = _read(path)
-    return saved if saved.digest == digest else Saved(digest)
+    return _read(path) if Path(path).exists() else Saved()
 
 
 def read_baseline(path: str) -> Collection[tuple[str, str, str]]:
@@ -131,13 +149,16 @@ def _refused(campaign: Campaign) -> Iterator[str]:
 
 
 def lines(
-    campaign: Campaign, known: Collection[tuple[str, str, str]], line: Line, most: int | None
+    campaign: Campaign,
+    known: Collection[tuple[str, str, str]] | None,
+    line: Line,
+    most: int | None,
 ) -> Iterator[str]:
     """Give the table, and what was silent or hung, each with the line that runs it again.
 
     Args:
         campaign: the campaign.
-        known: outcomes of the baseline.
+        known: outcomes of the baseline; None: there is none.
         line: gives that line.
         most: outcomes to tell; None: all.
     """
@@ -149,12 +170,23 @@ def lines(
                  str(total.left), _share(total.coverage)]  # fmt: skip
         yield f"{name:24}" + "".join(f"{cell:>10}" for cell in cells)
     yield from _refused(campaign)
-    shown = campaign.told()
+    yield from outcomes(campaign, known, line, most)
+
+
+def outcomes(
+    campaign: Campaign,
+    known: Collection[tuple[str, str, str]] | None,
+    line: Line,
+    most: int | None,
+    everything: str = "--all tells them, --json and --page have them",
+) -> Iterator[str]:
+    """Give what was silent or hung, as :func:`lines` does; ``everything`` says where all is."""
+    shown = campaign.listed()
     for number, one in enumerate(shown):
         if most is not None and number >= most:
-            yield f"{len(shown) - most} more; --all tells them, --json and --page have them"
+            yield f"{len(shown) - most} more; {everything}"
             break
-        new = "" if one.key in known or one.result.verdict == HANG or not known else " (new)"
+        new = " (new)" if known is not None and one.quiet and one.key not in known else ""
         yield f"{one.result.verdict}{new}: {one.planned.group}, {one.planned.world.sentence()}"
         yield f"    {one.result.reason}"
         for finding in one.result.findings:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import zip_longest
 from typing import Final
 
@@ -224,7 +224,7 @@ class Campaign:
             for key in sorted(counts, key=lambda key: order[key])
         ]
 
-    def told(self, verdicts: Iterable[str] = (SILENT, FOUND, HANG)) -> list[Tried]:
+    def listed(self, verdicts: Iterable[str] = (SILENT, FOUND, HANG)) -> list[Tried]:
         """Return of each group, way and verdict the earliest world, for a look at it."""
         wanted = {*verdicts}
         first: dict[tuple[str, ...], Tried] = {}
@@ -233,10 +233,9 @@ class Campaign:
                 first.setdefault((*one.key, one.result.verdict), one)
         return list(first.values())
 
-    def new(self, baseline: Iterable[tuple[str, str, str]]) -> list[Tried]:
+    def new(self, baseline: Collection[tuple[str, str, str]]) -> list[Tried]:
         """Return the quiet outcomes that a baseline does not have."""
-        known = {*baseline}
-        return [one for one in self.told((SILENT, FOUND)) if one.key not in known]
+        return [one for one in self.listed((SILENT, FOUND)) if one.key not in baseline]
 
 
 def _place(key: tuple[str, str]) -> tuple[int, int, str]:

@@ -164,6 +164,20 @@ class World(Struct, frozen=True, order=True):
 REFERENCE: Final = World()
 
 
+def read_dimensions(text: str | None) -> tuple[str, ...]:
+    """Return the dimensions that a text names, with commas between; all of them for None.
+
+    Raises:
+        ValueError: there is no such dimension.
+    """
+    names = DIMENSIONS if text is None else tuple(name.strip() for name in text.split(","))
+    for name in names:
+        if name not in DIMENSIONS:
+            known = among(name, DIMENSIONS, "there are")
+            raise ValueError(f'there is no dimension "{name}"; {known}')
+    return names
+
+
 def read_world(text: str) -> World:
     """Return the world that a text names, as :class:`World` prints it.
 

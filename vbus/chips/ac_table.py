@@ -3,12 +3,16 @@
 Apart from the other rows of a datasheet, which a sigrok decoder takes along where no vbus is.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import ClassVar, NamedTuple
+from __future__ import annotations
 
-from vbus.core.kernel.clock import Clock
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
 from vbus.core.signals import Rule
-from vbus.core.state import Names
+
+if TYPE_CHECKING:
+    from vbus.core.kernel.clock import Clock
+    from vbus.core.state import Names
 
 
 class AcLimit(NamedTuple):

@@ -112,6 +112,7 @@ class Chip:
         self.part: str = part
         self.kernel: Kernel = kernel
         self.clock: Clock = clock
+        # Checked with their units where they come from a board file; here for parts made in Python.
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
         self.pin_rows: tuple[PinRow, ...] = self.PINS_OF.get(part, self.PINS)
         """The pins of this part; the class' :attr:`PINS` are those of its family's first."""
@@ -120,6 +121,7 @@ class Chip:
         self.judged: bool = False
         """Whether strobes carry real times now, so that AC limits are judged."""
         bus = self.BUS
+        # Both follow from the bus table; a chip whose supply changes its limits sets them anew.
         self.read_low_ps: int = -bus.strobe(False)[0] if bus is not None else 0
         """How long the read strobe of a whole bus cycle is low (ps)."""
         self.cycle_ps: int = bus.cycle_ps if bus is not None else 0
@@ -146,6 +148,8 @@ class Chip:
         for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
             pin = net.solder(row.name, open_drain=row.direction == "od")
+            # An input has no level of its own to bring up to date: its listeners do not wake the
+            # chip.
             if row.direction != "in":
                 pin.on_heard = heard
             self.pins[row.name] = pin
@@ -326,6 +330,7 @@ class Chip:
     def telemetry(self) -> dict[str, Reading]:
         """Return the values of :attr:`VALUES` that have a key, by their keys, as they are now."""
         self.advance()
+        # Compiled at the first question: most chips of a rack are never asked.
         if self._tell is None:
             self._tell = self.VALUES.telemetry(self.axis_count)
         return self._tell(self)
@@ -339,6 +344,7 @@ class Chip:
         later what happened in one of its samples.
         """
         level = self.policy.of(rule.name)
+        # Before anything is put into words: a rule that is off costs a look-up.
         if level == OFF:
             return False
         if self._file is not None:
@@ -354,16 +360,19 @@ class Chip:
                     detail or rule.title,
                 )
             )
+        # A warning or a note never loses a cycle, whatever the policy says.
         return level == STRICT and rule.severity == "error"
 
     def heard_changed(self) -> None:
         """An output has its first listener, or none any more: be eager or lazy from now on."""
+        # Of inputs nothing depends on who listens.
         heard = any(pin.net.heard for pin in self.pins.values() if pin.on_heard is not None)
         if heard:
             # Maybe to another output than before.
             self._heard = True
             self.advance()
             self.rearm()
+        # Lazy again: the next question brings the chip up to date.
         elif self._heard:
             self._heard = False
             self._timer.cancel()
@@ -379,6 +388,7 @@ class Chip:
         """Set the timer to the next event, if anybody listens."""
         if self._heard:
             due = self.due(EDGE if self.on_node else OUTPUT)
+            # The timer's old instant was worked out from another state.
             if due == NEVER:
                 self._timer.cancel()
             else:
@@ -403,6 +413,7 @@ def check_drive(chip: "Chip", axis: int, plant: Plant, *drives: str) -> None:
     """
     if not 0 <= axis < chip.axis_count:
         raise ValueError(f"the {chip.part} has no axis {axis + 1}; it has {chip.axis_count}")
+    # Said when the board is built: in a sample it would be an exception.
     if not any(drive in plant.TAKES for drive in drives):
         given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
         raise ValueError(
@@ -439,6 +450,7 @@ class AcLimits:
             when: instant at which the interval ended (ps), if that is not now.
         """
         limit = self.least[symbol]
+        # The comparison first: nearly every interval is long enough.
         return measured < limit and self._chip.report(
             self.table.rules[symbol], measured, limit, detail, when
         )
@@ -452,6 +464,7 @@ class AcLimits:
             longest: the same, rounded up.
         """
         row = self.table[symbol]
+        # The duration may be no whole number of ps: what is exactly at a limit keeps it.
         if shortest < row.min_ps or longest > row.max_ps:
             limit = row.min_ps if shortest < row.min_ps else row.max_ps
             self._chip.report(self.table.rules[symbol], shortest, limit)

@@ -60,9 +60,11 @@ class Strobe(NamedTuple):
 
     def happens(self, before: Mapping[str, int], after: Mapping[str, int]) -> bool:
         """Tell whether its edge is among those from some levels to others."""
+        # A fall counts when all lines have come low: before that nothing has begun.
         if self.level == LOW:
             return self.holds(after) and not self.holds(before)
         moved = any(after[line] != before[line] for line in self.lines)
+        # A rise counts for what was under way before it.
         return moved and self.holds(before)
 
 
@@ -99,6 +101,7 @@ class BusTable(NamedTuple):
     def strobe(self, write: bool) -> tuple[int, str]:
         """Return the line that ends a whole cycle, and the offset at which it falls (ps)."""
         edges = self.write if write else self.read
+        # Offset 0 is the latching edge: that of the strobe, whatever moves with it.
         pin = next(pin for offset, pin, level in edges if offset == 0 and level == HIGH)
         return next((offset, pin) for offset, name, level in edges if name == pin and level == LOW)
 
@@ -138,6 +141,7 @@ def strobed_bus(
         cycle_ps: the shortest whole cycle (ps).
     """
     select, address, read, write = lines
+    # A whole cycle is as short as the limits of the AC table allow.
     reading, writing = -read_low - setup, -write_low - setup
     return BusTable(
         lines,
@@ -197,6 +201,7 @@ class BusWatch:
             data: the data bus as a number.
         """
         cycles: list[Cycle] = []
+        # The first levels of a capture are no edge.
         if self._before and levels != self._before:
             cycles = self.edges(when, self._before, levels, self._data, data)
         self._before = levels
@@ -212,6 +217,7 @@ class BusWatch:
         and where, must follow from ``before`` and ``after`` alone, unless :attr:`STATE` names what
         else decides: boards ask once for what is always the same.
         """
+        # Found once for each pair of levels: a capture has millions of edges.
         actions = self._actions.get((before, after))
         if actions is None:
             actions = self._actions[before, after] = self.table.actions(before, after)
@@ -226,6 +232,7 @@ class BusWatch:
         """Return the cycle that ends by an action."""
         if action not in ("take", "write"):
             return []
+        # The address stands before the edge that ends the cycle.
         address = before[self.PINS.index(self.table.address)]
         return [Cycle(when, action == "write", address, old if action == "write" else data)]
 
@@ -273,10 +280,12 @@ class LatchedWatch(BusWatch):
         """Return the cycle that ends by an action; follow the latch."""
         if action == "open":
             self._closed = False
+        # In one pulse the latch closes once, by whichever edge comes first.
         elif action in ("latch", "enter") and not self._closed:
             self._address, self._closed = old & 0x7F, True
         elif action == "access":
             self._read = self._address
+        # Until an address has been seen, which register it was is not known.
         elif action == "write" and self._address >= 0:
             return [Cycle(when, True, self._address, old)]
         elif action == "take" and self._read >= 0:

@@ -87,6 +87,7 @@ def read_clauses(text: str, where: str) -> dict[str, Clause]:
             raise ValueError(f"{place}: kind is one of {', '.join(KINDS)}")
         if row["kind"] == SILICON and "evidence" not in row:
             raise ValueError(f"{place}: what real parts have decided needs evidence")
+        # An open clause says why no test can prove it, and only an open one may.
         if (row["state"] == _OPEN) != ("reason" in row):
             raise ValueError(f"{place}: a reason belongs to an open clause, and only to one")
         clauses[name] = Clause(name, **{key: row.get(key, "").strip() for key in _KEYS})

@@ -94,6 +94,7 @@ class Family(Struct, frozen=True):
             PluginError: it cannot be imported, or is no subclass of ``base``.
         """
         found = self.object(role)
+        # A register map says enough for whole registers; a command table has no such rule.
         if found is None and role == "packets" and self.registers:
             found = packets_of(self.name, self._of_chip("REGISTERS", None))
         return None if found is None else self._checked(role, getattr(self, role), found, base)
@@ -131,6 +132,7 @@ class Family(Struct, frozen=True):
         try:
             found = import_module(f"{self.home}.{module}" if self.home else module)
             return getattr(found, name) if colon else found
+        # A plug-in's module may raise anything: the user learns which of its names is broken.
         except Exception as error:
             raise PluginError(
                 f"family {self.name}: {role} = {where!r} cannot be loaded:"
@@ -169,6 +171,7 @@ class Family(Struct, frozen=True):
 
     def _of_chip(self, name: str, default: Any) -> Any:
         """Return a table of the datasheet, or else of the chip's class."""
+        # The tables before the class: importing a chip loads its behaviour.
         found = getattr(self.tables, name, None)
         return getattr(self.load("chip", Chip), name, default) if found is None else found
 

@@ -14,6 +14,7 @@ from vbus.core.state import Names
 @lru_cache(maxsize=64)
 def _unknown(lines: tuple[str, ...], rows: tuple[Strobe, ...]) -> list[tuple[str, ...] | None]:
     """Return the actions by levels before and after, which all chips with a table share."""
+    # A bus has four control lines: 256 places, found by index and filled as edges come.
     return [None] * (1 << 2 * len(lines))
 
 
@@ -44,6 +45,7 @@ class BusFrontEnd:
         self._looked: int = -1
         self._seen: i64 = 0
         chip.front = self
+        # One watcher for all lines: those that move together are one event.
         self.own: Watcher = Watcher(chip.kernel, self.moved)
         for pin in self._lines:
             pin.net.watch(self.own)
@@ -71,6 +73,7 @@ class BusFrontEnd:
         """One or more control lines have moved at this instant."""
         batch = self._chip.kernel.batch
         before: i64 = self._seen
+        # The first look in a batch: the levels before it are what the nets say.
         if self._looked != batch:
             before = 0
             for pin in self._lines:
@@ -83,6 +86,7 @@ class BusFrontEnd:
         """Carry out what comes of lines that move from some levels to others."""
         key = before << self._width | after
         actions = self._actions[key]
+        # The table is asked once for each pair of levels.
         if actions is None:
             actions = self._actions[key] = self._table.actions(
                 self.apart(before), self.apart(after)

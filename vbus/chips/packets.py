@@ -148,6 +148,7 @@ class Decoder:
         if bits is None:
             known = ", ".join(self.WORDS) or "none"
             raise ValueError(f"{self.FAMILY} has no {name!r}; it has {known}")
+        # Typed by people: a word that is too long is a slip, and no word to be cut.
         if not 0 <= value < 1 << bits:
             raise ValueError(f"{value:X}H does not fit into the {bits} bits of {name}")
         return self.show_word(name, value)
@@ -203,6 +204,7 @@ class CommandPackets(Decoder):
     def data(self, cycle: Cycle) -> list[Packet]:
         """Take a cycle at the data port."""
         row = self.row
+        # What the chip calls data in the wrong direction: it belongs to no packet.
         if row is None or cycle.write != bool(row.write):
             after = f"inside {row.name}" if row else f"after {self.last or 'no command'}"
             way = "write" if cycle.write else "read"
@@ -214,6 +216,7 @@ class CommandPackets(Decoder):
             return []
         self.words.append(self._half << 8 | cycle.data)
         self._half = -1
+        # The control word says how many words follow it.
         if row.up_to and len(self.words) == 1:
             self._need = self.words_of(row, self.words[0])
         return self._complete(row)
@@ -273,6 +276,7 @@ class CommandPackets(Decoder):
             cycles.append(Cycle(0, row is not None and bool(row.write), self.DATA_PORT, byte))
             words.append(byte)
             need -= 1
+            # The control word is whole: now the length is known.
             if row and row.up_to and len(words) == 2:
                 need = 2 * (self.words_of(row, words[0] << 8 | words[1]) - 1)
         return cycles
@@ -301,6 +305,7 @@ class RegisterPackets(Decoder):
 
     def _given_up(self) -> list[Packet]:
         for key, (moved, seen) in self._open.items():
+            # The oldest stands first: behind it none has waited longer.
             if self._count - moved < PATIENCE:
                 break
             del self._open[key]
@@ -314,6 +319,7 @@ class RegisterPackets(Decoder):
         if row is None:
             what = f"{way} {address:02X}H, which is no register"
             return [Packet(UNKNOWN, what, f"{cycle.data:02X}H", self.NO_REGISTER, (cycle,))]
+        # A byte is a packet at once.
         if len(row.addresses) == 1:
             kind = STATUS if row.name == "STATUS" and not cycle.write else WHOLE
             name = f"{way} {row.name}"
@@ -322,6 +328,7 @@ class RegisterPackets(Decoder):
         key = (row.name, cycle.write)
         _, seen = self._open.pop(key, (0, {}))
         packets = []
+        # The same byte again: what came before was only part of the register.
         if address in seen:
             packets.append(_partial(row, seen))
             seen = {}
@@ -392,6 +399,7 @@ def _partial(row: Register, seen: dict[int, Cycle]) -> Packet:
 
 def signed(value: int, bits: int) -> int:
     """Return an unsigned number as two's complement of ``bits`` bits."""
+    # As in core/bits: a sigrok decoder takes this file along, and not that one.
     return value - (1 << bits) if value >> (bits - 1) & 1 else value
 
 
@@ -404,6 +412,7 @@ def number(value: int, fraction: int, sign: bool = False) -> str:
     if not fraction:
         return f"{value:{plus}d}"
     scaled = value / (1 << fraction)
+    # Four decimals would leave one digit of an acceleration of 15/65536.
     if value and abs(scaled) < 0.1:
         return f"{scaled:{plus}.4g}"
     return f"{scaled:{plus}.4f}"

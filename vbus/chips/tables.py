@@ -32,6 +32,7 @@ class PinRow(NamedTuple):
     @property
     def shared(self) -> bool:
         """Whether chips on one bus have this pin in common: D0-D7 and strobes, not selects."""
+        # Selects are each chip's own: by them a decoder tells chips on one bus apart.
         return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
 
 
@@ -118,6 +119,8 @@ class CommandTable:
         self._by_code: dict[int, Command] = {}
         self._by_name: dict[str, Command] = {}
         for row in rows:
+            # A slip of the pen in a table is found when it is imported, not when a host uses the
+            # row.
             if row.code in self._by_code:
                 raise ValueError(
                     f"code {row.code:02X}H stands for {row.name} and {self._by_code[row.code].name}"
@@ -150,6 +153,7 @@ class CommandTable:
         for row in self.rows:
             if row.hook:
                 having = [owner for owner in owners if hasattr(owner, row.hook)]
+                # The same for a hook that has no method.
                 if not having:
                     raise ValueError(f"{row.name}: there is no method {row.hook!r}")
                 found[row.hook] = having[0]
@@ -206,6 +210,7 @@ class Register(NamedTuple):
     @property
     def moves(self) -> bool:
         """Whether samples change its number, not only its host."""
+        # What a sample reports moves unless it is a byte of bits.
         reported = self.counts == REPORTED and (self.unit != "" or self.access == "r")
         return not self.fields and (reported or self.on_read != "")
 
@@ -230,6 +235,7 @@ class RegisterMap:
                 raise ValueError(f"register {row.name} stands in the map twice")
             self._by_name[row.name] = row
             for address in row.addresses:
+                # Found at import, as slips in a command table are.
                 if not 0 <= address < size:
                     raise ValueError(f"{row.name}: address {address:02X}H is outside the map")
                 if address in self._by_address:
@@ -268,6 +274,7 @@ class RegisterMap:
                 method = getattr(owner, name, None)
                 if not callable(method):
                     raise ValueError(f"{row.name}: there is no method {name!r}")
+                # Of several bytes the least significant one loads all.
                 addresses = row.addresses[-1:] if role == "on_loaded" else row.addresses
                 found.update(dict.fromkeys(addresses, method))
         return found

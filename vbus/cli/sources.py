@@ -78,8 +78,7 @@ class Feed:
                 self._socket.connect(address)
         except OSError as error:
             self._socket.close()
-            reason = error.strerror or str(error)
-            raise TransportError(not_there(board, "can be watched", reason)) from error
+            raise TransportError(not_there(board, "can be watched", error)) from error
         self._unsent: SimpleQueue[bytes] | None = None
         self._board: str = board
         self._file: io.BufferedReader = self._socket.makefile("rb")

@@ -58,6 +58,7 @@ class BlockingWaits(Waits):
 
     async def until_ready(self, fd: int, write: bool, deadline: float) -> bool:
         """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
+        # Registered anew only when it changes: most waits are like the one before.
         if self._polled != (fd, write):
             self._poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
             self._polled = fd, write
@@ -112,8 +113,11 @@ class Blocking:
         changed: dict[str, Any] = {}
         for name in dir(cls._CORE):
             mine = _found(cls, name)
+            # What is inherited, or Python's own, changes nothing inside.
             if name.startswith("__") or mine is _found(made, name):
                 continue
+            # Names with an underscore are not passed on: silence would leave the change without
+            # effect.
             if name.startswith("_"):
                 raise TypeError(
                     f"{cls.__qualname__}.{name}: {made.__name__} uses a function of this name"
@@ -129,6 +133,7 @@ class Blocking:
     if not TYPE_CHECKING:  # which knows attributes by the stubs
 
         def __getattr__(self, name: str) -> Any:
+            # Asked before it is set, as by copy(), it would ask itself without end.
             if name == "_core":
                 raise AttributeError(name)
             return fronted(getattr(self._core, name))
@@ -147,6 +152,7 @@ def blocking(cls: type[Core], core: type[Core] | None = None) -> Any:
         cls: the class.
         core: a subclass of it that blocks, where ``cls`` itself is what waits.
     """
+    # One counterpart for a class, wherever it is asked for: isinstance() must hold.
     made = _MADE.get(cls)
     if made is None:
         body: dict[str, Any] = {name: _without_aio(getattr(cls, name)) for name in _COPIED[:2]}
@@ -171,6 +177,7 @@ def export(module: ModuleType, names: dict[str, Any]) -> None:
         if isinstance(value, type) and issubclass(value, Core):
             for cls in value.__mro__[:-1]:
                 made = blocking(cls)
+                # Documented where users import it from.
                 if made.__module__ in (cls.__module__, here):  # a chip's folder is no module here
                     made.__module__ = here
                     names[cls.__name__] = made
@@ -187,6 +194,7 @@ def fronted(value: Any) -> Any:
     """Return what stands before an asyncio object of the client; any other value as it is."""
     if not isinstance(value, Core):
         return value
+    # A weak reference: an object that is in use keeps its identity, one that is not is let go.
     front = value.front and value.front()
     if front is None:
         cls = blocking(type(value))

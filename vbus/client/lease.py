@@ -52,11 +52,13 @@ class Lease:
     def poll(self, address: int) -> bool:
         """Answer a poll of ``address`` if the byte is known at its instant; it is counted then."""
         when = max(self._stamp, self._now) if self._stamp >= 0 else self._now + self._cycle
+        # The second of two leases: the byte from the end of the first on.
         if address == self.address and when >= self._until and self._then is not None:
             (self.data, self._until), self._then = self._then, None
         if address != self.address or when >= self._until:
             return False
         self._now = when
+        # A stamped poll is told with its instant, others by their number.
         if self._stamp >= 0 and self.stamps:
             self.run.append(self._stamp)
             self._stamp = -1
@@ -78,6 +80,7 @@ class Lease:
         """Whether a poll at ``instant`` can be reported together with those of the run."""
         if self.polls or self.stamp >= 0:
             return False
+        # Steps have 32 bits; and no stamp may lie before the one it follows.
         return not self.run or 0 <= instant - self.run[-1] <= LONGEST_STEP
 
     def clear(self) -> None:

@@ -14,6 +14,11 @@ from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import parse_duration
 
 _READ: Final = 65536
+NOT_RUNNING: Final = {
+    errno.ENOENT: "no such name; is the board running? (vbus ls)",
+    errno.ECONNREFUSED: "no process listens there; is the board running? (vbus ls)",
+}
+"""By the system's error: why a link cannot be opened, and where to look."""
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
 
 
@@ -44,6 +49,7 @@ class BoardLink:
         """Send as much of ``data`` as the link takes now; return how much that was."""
         try:
             return os.write(self.fd, data)
+        # Full: the caller waits until the descriptor takes more.
         except BlockingIOError:
             return 0
         except OSError as error:
@@ -57,6 +63,7 @@ class BoardLink:
             return b""
         except OSError as error:
             raise self._lost(error) from error
+        # A descriptor that is readable and gives nothing is at its end.
         if not data:
             raise TransportError(f"{self.where}: closed by the other end")
         return data
@@ -91,6 +98,7 @@ class BoardLink:
     def paused(self) -> bool:
         """Whether the board is paused: it answers when it goes on."""
         kind, _, path = self.where.partition(":")
+        # A mark beside the link's name: a board that is paused answers nothing, not even that.
         return kind in ("pty", "unix") and pause_mark(Path(path)).exists()
 
     def check(self) -> None:
@@ -99,11 +107,13 @@ class BoardLink:
         Raises:
             TransportError: it is not; says why.
         """
+        # Only TCP connects in the background; the other links are open or have failed.
         if self.where.startswith("tcp:"):
             with socket.socket(fileno=os.dup(self.fd)) as connected:
                 code = connected.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if code:
-                raise TransportError(f"{self.where} cannot be opened: {os.strerror(code)}")
+                reason = NOT_RUNNING.get(code, os.strerror(code))
+                raise TransportError(f"{self.where} cannot be opened: {reason}")
 
     def check_board(self, board: str) -> None:
         """Compare the board that has answered with the one that should.
@@ -150,6 +160,7 @@ class RetryPolicy:
     def __init__(self, where: str, wait: str | None) -> None:
         self._where: str = where
         self._asked: bool = wait is not None
+        # A link that was never asked to wait does so only while a board takes its name.
         seconds = START_SECONDS if wait is None else parse_duration(wait) / SECOND
         self._end: float = monotonic() + seconds
 
@@ -162,6 +173,7 @@ def starting(where: str) -> bool:
     """Tell whether a process has taken the name of a link that is not there yet."""
     kind, _, path = where.rpartition(":")
     name = Path(expanded(path))
+    # Other links have no name beside which a lock could lie.
     if kind not in ("", "pty", "unix") or name.exists():
         return False
     try:

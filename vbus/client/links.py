@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qs
 
-from vbus.client.link import BoardLink
+from vbus.client.link import NOT_RUNNING, BoardLink
 from vbus.core.errors import TransportError
 from vbus.core.runtime import expanded, lock_state
 
@@ -41,6 +41,7 @@ def open_link(where: str) -> BoardLink:
         kind, rest = "pty", place
     elif not colon:
         raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
+    # Imported here: Zenoh is an extra, which may not be installed.
     if kind == "zenoh" and rest:
         from vbus.client.zenoh_link import open_zenoh
 
@@ -55,12 +56,11 @@ def open_link(where: str) -> BoardLink:
         return BoardLink(f"{kind}:{rest}", opener[kind](rest), board)
     except (OSError, termios.error) as error:
         reason = error.args[1] if len(error.args) > 1 else str(error)
+        # expandvars() leaves what is not set as it is, and then no file is found.
         if "$" in rest:
             reason = "an environment variable in it is not set; vbus ls shows the link in full"
-        elif error.args[:1] == (errno.ENOENT,):
-            reason = "no such name; is the board running? (vbus ls)"
-        elif error.args[:1] == (errno.ECONNREFUSED,):
-            reason = "no process listens there; is the board running? (vbus ls)"
+        else:
+            reason = NOT_RUNNING.get(error.args[0] if error.args else 0, reason)
         raise TransportError(f"{kind}:{rest} cannot be opened: {reason}") from error
 
 
@@ -77,6 +77,7 @@ def _board_at(name: Path) -> str:
         held, lock = lock_state(name)
     except OSError:
         return ""
+    # A terminal's number is given out again: behind it may be a shell by now.
     if not held:
         raise OSError(errno.ESTALE, "the board it led to was killed; start it again (vbus ls)")
     return lock.partition("\n")[2].strip()
@@ -110,7 +111,9 @@ def _open_tcp(address: str) -> int:
         host.strip("[]"), int(port), type=socket.SOCK_STREAM
     )[0]
     with socket.socket(family, kind, protocol) as link:
+        # Connecting must not wait: the caller has a time limit of its own.
         link.setblocking(False)
+        # Requests are a few bytes: Nagle's algorithm would hold each back for the answer before.
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         code = link.connect_ex(target)
         if code not in (0, errno.EINPROGRESS):

@@ -105,6 +105,7 @@ class Later(Generic[T]):
         """Take the reply's values; for :class:`~vbus.client.wire.SessionWire` only."""
         try:
             self._value = self._decode(values)
+        # A reply of another version: the call fails, the session goes on.
         except ValueError as error:
             self._error = ProtocolError(str(error))
         self.done = True
@@ -180,6 +181,7 @@ class Message:
     @property
     def only_stamp(self) -> bool:
         """Whether it is nothing but a time stamp."""
+        # Such a message lets a run of polls go on.
         return self.stamp >= 0 and len(self.requests) == 1
 
     @property
@@ -191,6 +193,7 @@ class Message:
         self.data += row.pack(*values)
         self.requests.append((row.name, None))
         self.polls = -1
+        # Time may pass without ending a lease: its byte is known until an instant.
         if row.name not in ("AT", "DELAY"):
             self.touches = True
 
@@ -229,10 +232,12 @@ class Message:
 
     def read(self, address: int) -> Later[int]:
         """Run one read cycle."""
+        # Half the bytes for the addresses that chips of one or two ports have.
         if 0 <= address < 16:
             later = self._asked(_READ4, _number, _READS4[address])
         else:
             later = self._ask(REQUESTS["READ"], _number, address)
+        # One read alone is a poll, which a lease may answer.
         if len(self.requests) == 1:
             self.polls = address
         return later
@@ -330,11 +335,13 @@ class Message:
         """Return the number of a line by number or name."""
         if isinstance(line, int):
             return line
+        # Names come with HELLO.
         if self.info is None:
             raise ValueError(f"{line!r}: names are known after hello; until then use numbers")
         names: list[str] = getattr(self.info, group)
         if line in names:
             return names.index(line)
+        # The name without its chip is enough where one chip alone has it.
         fitting = [n for n, name in enumerate(names) if name.partition(".")[2] == line]
         if len(fitting) == 1:
             return fitting[0]

@@ -32,6 +32,7 @@ class Units(NamedTuple):
 
     def position(self, turns: Number) -> int:
         """Return turns as counts."""
+        # Fractions: turns as floats are exact numbers, and one rounding comes at the end.
         return round(Fraction(turns) * self.counts)
 
     def velocity(self, turns_per_s: Number) -> int:

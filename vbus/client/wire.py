@@ -57,9 +57,11 @@ class SessionWire:
         Raises:
             ProtocolError: the session has ended; says why.
         """
+        # Said again to every call: a session that has ended does not come back.
         if self._dead is not None:
             raise self._dead
         head = self._pass_lease(message, mask)
+        # Selected once, and not again before another chip is meant.
         if mask is not None and mask != self.selected:
             head += REQUESTS["SELECT"].pack(mask)
             self._posted.append((self._number, "SELECT"))
@@ -67,6 +69,7 @@ class SessionWire:
             self.selected = mask
         for name, later in message.requests:
             if later is None:
+                # Remembered by number: a refusal names no request.
                 self._posted.append((self._number, name))
             else:
                 later.number = self._number
@@ -83,8 +86,10 @@ class SessionWire:
             The bytes that report it to the board, often none; None if the board must be asked.
         """
         lease = self._lease
+        # Another chip, or none: its bytes are not known.
         if lease is None or mask not in (None, self.selected) or self._dead is not None:
             return None
+        # The stamp waits for the poll that it belongs to.
         if lease.stamps and message.only_stamp:
             polls = b"" if lease.takes(message.stamp) else self.tell_polls()
             lease.at(message.stamp)
@@ -102,6 +107,7 @@ class SessionWire:
         if lease is None:
             return b""
         data = b""
+        # Stamps travel as a first instant and steps: four bytes for a poll instead of nine.
         if lease.run:
             steps = [after - before for before, after in pairwise(lease.run)]
             data += self._tell(
@@ -124,6 +130,7 @@ class SessionWire:
         """``message`` is about to be sent: tell of earlier polls; it may end the lease."""
         data = self.tell_polls()
         self._polling = message.polls
+        # Whatever reaches the chip may change the byte.
         if message.touches or mask not in (None, self.selected):
             self._lease = None
         elif self._lease is not None:
@@ -138,6 +145,7 @@ class SessionWire:
         data, _, instant, until, *then = (int(value) for value in values)
         mask = self.selected or 0
         chip = mask.bit_length() - 1
+        # Of one chip alone: of several a read gives the AND of their bytes.
         if self._polling >= 0 and mask == 1 << chip and chip < len(self.cycles):
             self._lease = Lease(
                 self._polling, data, instant, until, self.cycles[chip],
@@ -165,12 +173,14 @@ class SessionWire:
         awaited = self._awaited
         while self._dead is None and position < len(self._bytes):
             code = self._bytes[position]
+            # Fast way for the reply to a read, the most frequent: no layout is asked.
             if code == _DATA and position + 1 < len(self._bytes) and awaited:
                 if awaited[0].reply == "D":
                     awaited.popleft().settle((self._bytes[position + 1],))
                     position += 2
                     continue
             reply = _BY_CODE.get(code)
+            # Bytes cannot be skipped: where the next reply begins is not known.
             if reply is None:
                 self.end(
                     ProtocolError(
@@ -211,6 +221,7 @@ class SessionWire:
 
     def _settle(self, reply: Reply, values: Values) -> None:
         expected = self._awaited[0].reply if self._awaited else ""
+        # The same byte, and how long it stays.
         if reply.tag in (LEASED, FORESEEN) and expected == "D":
             self._take_lease(values)
             values = values[:1]
@@ -230,9 +241,11 @@ class SessionWire:
             later.fail(error)
         else:
             name = next((name for n, name in self._posted if n & 0xFFFF == number), "request")
+            # Which chips are selected is not known now: the next message selects anew.
             if name == "SELECT":
                 self.selected = None
             error = ProtocolError(f"{name} (request {number}) was refused: {reason}")
+            # The first is the cause; those behind it may follow from it.
             if self._refused is None:
                 self._refused = error
         if code in FATAL:

@@ -54,6 +54,7 @@ def endpoints_of(board: str, given: str) -> tuple[str, ...]:
     Raises:
         TransportError: nothing is known of the board here.
     """
+    # Named, then the environment, then what runs here: the nearest to the user's words first.
     text = given or os.environ.get(places.VARIABLE, "")
     if text:
         return tuple(text.split(","))
@@ -115,6 +116,7 @@ class Sent:
         """Take the reply; called in a thread of Zenoh's."""
         ok = reply.ok
         if ok is not None:
+            # The first answer says whether the board takes messages that are posted.
             if self.number == 0:
                 said = ok.attachment
                 self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
@@ -131,6 +133,7 @@ class Sent:
 
         A board that works on a message lets go of it when it is repeated, and holds the repetition.
         """
+        # Of an earlier sending nothing more is expected: a later one is on its way.
         if sending == self.sendings:
             self.over = sending
             self.silent_since = self.silent_since or monotonic()
@@ -154,6 +157,7 @@ def _forked() -> None:
     """A process has been forked: Zenoh's threads are not in it, so its copies of links are dead."""
     for link in list(_open):
         link.disown()
+    # The child must not close what its parent works with.
     _open.clear()
 
 
@@ -272,8 +276,10 @@ class ZenohBoardLink(BoardLink):
                 # A copy that comes late is refused, although its message has been answered.
                 if self._error is None and (number < 0 or number in self._under_way):
                     self._error = item
+            # Events have no number of their own: they come between replies.
             elif number < 0:
                 data += item
+            # A reply that comes twice, for a message sent twice, counts once.
             elif self._under_way.pop(number, None) is not None:
                 self._early[number] = item
                 while self._given in self._early:
@@ -301,6 +307,7 @@ class ZenohBoardLink(BoardLink):
         patience = self._reheadery if self._given else FIRST_SECONDS
         if query.silent_since and not query.held and now - query.silent_since > patience:
             self._searching = True
+            # Asking around takes up to two seconds: calls wait with their own time limit meanwhile.
             threading.Thread(target=self._search, daemon=True).start()
         elif now - query.sent > (REPEAT_SECONDS if query.held else AGAIN_SECONDS):
             if query.held:
@@ -342,6 +349,7 @@ class ZenohBoardLink(BoardLink):
 
     def close(self) -> None:
         """Say good-bye and leave the network; again is harmless."""
+        # Zenoh's threads write to the descriptor: none may do so once it is closed.
         with self._lock:
             if self._closed:
                 return
@@ -364,6 +372,7 @@ class ZenohBoardLink(BoardLink):
             return
         self._finished = True
         last = monotonic() + self._reheadery
+        # The board refuses the end as long as a message is missing.
         while not self._say_goodbye():
             if monotonic() > last:
                 lacking = self._number - self._given
@@ -441,6 +450,7 @@ class ZenohBoardLink(BoardLink):
     def _hear(self) -> None:
         """Ask for events: they are replies to a query, so that no other host hears them."""
         now = monotonic()
+        # A board that has gone ends the query at once: not in a loop without a pause.
         if self._closed or now - self._heard < AGAIN_SECONDS:
             return
         self._hearing, self._heard, self._lost_told = True, now, self.lost_events
@@ -464,6 +474,7 @@ class ZenohBoardLink(BoardLink):
         if reply.ok is None or reply.ok.attachment is None:
             return
         number, _ = envelope.replied_to(reply.ok.attachment.to_bytes())
+        # Numbers have a gap where messages were dropped.
         self.lost_events += max(number - self._event_number, 0)
         self._event_number = max(self._event_number, number + 1)
         self.arrived(-1, reply.ok.payload.to_bytes())
@@ -498,6 +509,7 @@ class ZenohBoardLink(BoardLink):
             self.failed(str(error))
 
     def _why(self) -> str:
+        # A copy: Zenoh's threads take messages out meanwhile.
         tried = max((query.sendings for query in self._under_way.copy().values()), default=1)
         return reason_for_silence(
             self._network, self._bus_key, self._endpoints, self._security, tried

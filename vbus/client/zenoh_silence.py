@@ -32,6 +32,7 @@ def reason_for_silence(
         tried: how often a message was sent.
     """
     at = ", ".join(endpoints)
+    # From near to far: the link, the rights, the board, the chip.
     if not network.info.routers_zid():
         return f"the link to {at} is lost; is the router or the board still running? (vbus ls)"
     refused = ask_access(network, bus_key) if security is not None else ""

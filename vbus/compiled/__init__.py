@@ -41,7 +41,9 @@ def interpret() -> None:
             (SourcelessFileLoader, BYTECODE_SUFFIXES),
         )
 
+    # Before Python's own hook, which prefers extension modules.
     sys.path_hooks.insert(0, finder)
+    # Finders that were made before this hook would go on preferring them.
     for path in list(sys.path_importer_cache):
         if path == _PACKAGE or path.startswith(_PACKAGE + os.sep):
             del sys.path_importer_cache[path]
@@ -50,6 +52,7 @@ def interpret() -> None:
 def is_compiled() -> bool:
     """Whether the core that runs, or would be imported, is the compiled one."""
     loaded = sys.modules.get("vbus.core.kernel.kernel")
+    # What has been loaded decides; else what an import would find.
     if loaded is not None:
         return not str(loaded.__file__).endswith(tuple(SOURCE_SUFFIXES + BYTECODE_SUFFIXES))
     return not pure_wanted() and _extension_there()

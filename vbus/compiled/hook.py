@@ -126,6 +126,7 @@ class CompiledCore(BuildHookInterface):
         if version == "editable":
             announce(f"vbus: an editable installation runs the interpreted core, {SLOWER}")
             return
+        # Kept until finalize(): the wheel is packed from it.
         self._scratch = tempfile.mkdtemp(prefix="vbus-build-")
         scratch = Path(self._scratch)
         need = _set("VBUS_NEED_COMPILED")
@@ -141,6 +142,7 @@ class CompiledCore(BuildHookInterface):
             for built, place in compile_core(Path(self.root), scratch, compiler):
                 include[str(built)] = place
         except NoCompiler as error:
+            # A release must not be slow because a compiler was missing for a minute.
             if need:
                 raise SystemExit(
                     f"vbus: no compiled core: {error}. VBUS_NEED_COMPILED makes that an error; "
@@ -148,6 +150,7 @@ class CompiledCore(BuildHookInterface):
                 ) from None
             reason = scratch / "reason.txt"
             reason.write_text(f"{error}\n", encoding="utf-8")
+            # None of the modules: half a compiled core would be two versions of one class.
             include.clear()
             include[str(reason)] = "vbus/compiled/reason.txt"
             self.app.display_warning(
@@ -217,6 +220,7 @@ class Compiler:
         settings = sysconfig.get_config_vars()
         self.command = shlex.split(os.environ.get("CC") or settings.get("CC") or "cc")
         self.link_command = shlex.split(settings.get("LDSHARED") or "cc -shared")
+        # Another compiler's objects may need its own linker, as for link-time optimization.
         if os.environ.get("CC"):
             self.link_command = [*self.command, "-shared"]
         options = f"{settings.get('CFLAGS', '')} {settings.get('CCSHARED', '')}"
@@ -226,6 +230,7 @@ class Compiler:
         ]
         self.own = shlex.split(os.environ.get("CFLAGS", ""))
         self.suffix: str = settings["EXT_SUFFIX"]
+        # Found now, with a reason, and not after a minute of mypyc.
         self._probe(scratch, [])
         self.whole: tuple[str, ...] = ()
         if _set("VBUS_RELEASE"):
@@ -242,6 +247,7 @@ class Compiler:
             self.compile(source, scratch / "probe.o", options)
             self.link([scratch / "probe.o"], scratch / f"probe{self.suffix}", options)
         except NoCompiler as error:
+            # The commonest lack: said by the name of the package that brings it.
             if "Python.h" in str(error):
                 version = f"{sys.version_info[0]}.{sys.version_info[1]}"
                 raise NoCompiler(
@@ -323,6 +329,7 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         library = target
         options = [o for o in extension.extra_compile_args if o != "-Werror" and o[:2] != "-O"]
         options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
+        # With link-time optimization the linker sees all calls: units gain nothing.
         if not compiler.whole:
             for number, files in enumerate(units(root)):
                 unit, sources = _unit(sources, files, scratch / "c" / f"unit{number}.c")
@@ -373,6 +380,7 @@ def _header(compiler: Compiler, folder: Path, options: list[str]) -> list[str]:
     header.write_text("".join(f'#include "{name}"\n' for name in names))
     try:
         compiler.compile(header, header.with_name("all.h.gch"), options)
+    # A compiler without precompiled headers takes longer, no more.
     except NoCompiler:
         return []
     return ["-include", str(header)]

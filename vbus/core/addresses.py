@@ -9,6 +9,7 @@ def stays_here(host: str) -> bool:
         return True
     try:
         return ip_address(host.strip("[]")).is_loopback
+    # Not looked up: what a name means may change between here and the bind.
     except ValueError:
         return False
 

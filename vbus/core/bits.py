@@ -21,6 +21,7 @@ def wrap_word(value: i64, half: i64) -> i64:
     Good for values from -2^62 to 2^62 and for ``half`` up to 2^60. Not the number of bits: a
     compiled core would shift a literal 1 in 32 bits.
     """
+    # One addition and one mask: a machine word needs no branch.
     return ((value + half) & (half + half - 1)) - half
 
 

@@ -19,5 +19,6 @@ def collection_held() -> Iterator[None]:
 
 def keep_what_is_made() -> None:
     """Search from now on, and never among what there is already."""
+    # What lasts as long as the board is never garbage: no search goes through it again.
     gc.freeze()
     gc.enable()

@@ -54,6 +54,7 @@ class Elf:
         self.data: Final = data
         self.wide: Final = data[4:5] == b"\2"
         self._order: Final = "<" if data[5:6] == b"\1" else ">"
+        # Byte 16 on; before it stand sixteen bytes of identification.
         head = self._unpack("HHIQQQIHHHHHH" if self.wide else "HHIIIIIHHHHHH", 16)
         self.machine: Final[int] = head[1]
         self.entry: Final[int] = head[3]
@@ -73,6 +74,7 @@ class Elf:
             ValueError: the file is damaged.
         """
         first, size, count = self._programs
+        # A size of 0 in a damaged file must not make a loop without end.
         for place in range(first, first + size * count, size or 1):
             row = self._unpack("IIQQQQQ" if self.wide else "IIIIII", place)
             yield ElfSegment(row[0], *(row[2:7] if self.wide else row[1:6]))
@@ -87,6 +89,7 @@ class Elf:
         form = "IIQQQQIIQQ" if self.wide else "10I"
         rows = [self._unpack(form, first + size * number) for number in range(count)]
         for row in rows:
+            # Entries of size 0, and a string table that is not there, are damage, too.
             if row[1] not in _TABLES or not row[9] or row[6] >= len(rows):
                 continue
             names = rows[row[6]][4]

@@ -41,12 +41,14 @@ class EntryPoint(NamedTuple):
 @cache
 def installed() -> tuple[EntryPoint, ...]:
     """Return every entry point; of a package that is there twice, those found first count."""
+    # A zip, or an editable installation by a finder: the slow way knows them.
     if not _only_folders():
         return tuple(_from_metadata())
     seen: dict[str, tuple[EntryPoint, ...]] = {}
     for place in sys.path:
         for folder in _folders(Path(place)):
             package = folder.stem.partition("-")[0].replace("_", "-")
+            # As Python imports: the first place on the path wins.
             if package.lower() not in seen:
                 seen[package.lower()] = tuple(_read(folder / "entry_points.txt", package))
     return tuple(entry for entries in seen.values() for entry in entries)

@@ -27,7 +27,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from vbus.core.file_kinds import no_text, unreadable
+from vbus.core.file_kinds import no_text, unreadable, unwritable
 
 
 class VbusError(Exception):
@@ -124,6 +124,7 @@ def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator
         yield
     except OSError as error:
         raise kind(f"{path}: {unreadable(path, error)}") from error
+    # The bytes are at hand: what the file is instead can be said.
     except UnicodeDecodeError as error:
         raise kind(f"{path}: {no_text(path, error.object)}") from error
 
@@ -136,7 +137,7 @@ def write_errors(path: str | Path) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, VbusError):  # a TransportError, which says more
             raise
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+        raise VbusError(f"{path}: {unwritable(path, error)}") from error
 
 
 @contextmanager
@@ -151,6 +152,7 @@ def listen_errors(place: str, where: str = "", kind: type[Exception] = OSError) 
     try:
         yield
     except kind as error:
+        # Libraries wrap the system's error, which has the words that help.
         cause = error.__cause__ or error
         another = " ".join(["another", *where.split()])
         raise TransportError(

@@ -46,4 +46,5 @@ def code_of(error: "VbusError") -> int:
         errors.CaptureError: BAD_CAPTURE,
         errors.TimeEndedError: TIME_ENDED,
     }
+    # By class, base classes too: a name in use is a link that cannot be opened.
     return next((code for kind, code in codes.items() if isinstance(error, kind)), FAILURE)

@@ -13,49 +13,45 @@ class _FileKind(NamedTuple):
     """A kind of file.
 
     Attributes:
-        begins: how one begins.
+        begins: how one begins: a pattern, compiled when a file is in the place of another.
         what: what it is called.
         use: what to do with one, ``{}`` being its name.
     """
 
-    begins: re.Pattern[bytes]
+    begins: bytes
     what: str
     use: str
 
 
-def _kind(begins: bytes, what: str, use: str) -> _FileKind:
-    return _FileKind(re.compile(begins, re.DOTALL), what, use)
-
-
 _KINDS: Final = (
-    _kind(rb"vbus journal ", "a journal of vbus", '"vbus explain {}" reads it'),
-    _kind(rb"vbus (machine )?snapshot\n", "a snapshot of vbus", '"vbus snap info {}" reads it'),
-    _kind(rb"\d+ \d+ \S[^\n]*\n", "a trace of nodes", '"vbus trace {}" reads it'),
-    _kind(rb"\x7fELF", "a program (ELF)", '"vbus exec --board FILE -- {}" runs it on a board'),
-    _kind(
+    _FileKind(rb"vbus journal ", "a journal of vbus", '"vbus explain {}" reads it'),
+    _FileKind(rb"vbus (machine )?snapshot\n", "a snapshot of vbus", '"vbus snap info {}" reads it'),
+    _FileKind(rb"\d+ \d+ \S[^\n]*\n", "a trace of nodes", '"vbus trace {}" reads it'),
+    _FileKind(rb"\x7fELF", "a program (ELF)", '"vbus exec --board FILE -- {}" runs it on a board'),
+    _FileKind(
         rb"\s*\$(date|version|comment|timescale|scope|var)\b", "a waveform (VCD)",
         '"vbus conform CHIP {}" compares a capture with the model; GTKWave and Surfer show it',
     ),
-    _kind(
+    _FileKind(
         rb"PK\x03\x04", "a zip archive, as captures of sigrok (.sr) are",
         '"vbus conform CHIP {}" compares a capture with the model',
     ),
-    _kind(
+    _FileKind(
         rb"\xa1\xb2[\xc3\x3c][\xd4\x4d]|[\xd4\x4d][\xc3\x3c]\xb2\xa1|\x0a\x0d\x0d\x0a",
         "a capture of network packets (pcap)", "vbus reads none",
     ),
-    _kind(rb"\x89MCAP0\r\n", "an MCAP file", "Foxglove shows it"),
-    _kind(rb"\x1f\x8b", "compressed (gzip)", "gunzip it first"),
-    _kind(rb"\s*<(!doctype html|!DOCTYPE html|html)", "a page (HTML)", "a browser shows it"),
-    _kind(
+    _FileKind(rb"\x89MCAP0\r\n", "an MCAP file", "Foxglove shows it"),
+    _FileKind(rb"\x1f\x8b", "compressed (gzip)", "gunzip it first"),
+    _FileKind(rb"\s*<(!doctype html|!DOCTYPE html|html)", "a page (HTML)", "a browser shows it"),
+    _FileKind(
         rb"(\s|#[^\n]*\n)*\[+(board|chips|plants|hosts|nodes)\b", "a board file (TOML)",
         '"vbus run {}" runs it, "vbus check {}" names its mistakes',
     ),
-    _kind(
+    _FileKind(
         rb"(\s|#[^\n]*\n)*\[+suppress\b", "a list of accepted violations (TOML)",
         "it goes with --suppress",
     ),
-    _kind(rb"\s*[{\[]", "JSON, or like it", ""),
+    _FileKind(rb"\s*[{\[]", "JSON, or like it", ""),
 )  # fmt: skip
 
 
@@ -68,10 +64,10 @@ def looks_like(name: object, head: bytes) -> str:
     """
     if not head:
         return "it is empty"
-    for kind in _KINDS:
-        if kind.begins.match(head):
-            use = kind.use.format(name, name)
-            return f"it looks like {kind.what}" + (f"; {use}" if use else "")
+    kind = _kind_of(head)
+    if kind is not None:
+        use = kind.use.format(name, name)
+        return f"it looks like {kind.what}" + (f"; {use}" if use else "")
     try:
         text = head[: HEAD - 4].decode()
     except UnicodeDecodeError:
@@ -80,6 +76,10 @@ def looks_like(name: object, head: bytes) -> str:
         return _binary(head)
     first = next(iter(text.strip().splitlines()), "")
     return f'it looks like text, and begins with "{first[:20]}"'
+
+
+def _kind_of(head: bytes) -> _FileKind | None:
+    return next((kind for kind in _KINDS if re.match(kind.begins, head, re.DOTALL)), None)
 
 
 def no_text(name: object, data: bytes) -> str:
@@ -97,6 +97,7 @@ def no_text(name: object, data: bytes) -> str:
 def _other_text(head: bytes) -> str:
     """Return what bytes look like that are no UTF-8 text, and begin like no other kind."""
     plain = sum(byte in _PLAIN for byte in head)
+    # In Latin-1 a text of Western Europe has fewer than a fifth of other bytes.
     if plain > 0.8 * len(head):
         return "it looks like text in another encoding; save it as UTF-8"
     return _binary(head)
@@ -108,7 +109,7 @@ def _binary(head: bytes) -> str:
 
 def foreign(name: object, head: bytes) -> str:
     """Return what a file looks like that should be TOML; empty if it may be meant as that."""
-    kind = next((kind for kind in _KINDS if kind.begins.match(head)), None)
+    kind = _kind_of(head)
     meant = kind is None or not kind.use or kind.what.endswith("(TOML)")
     return "" if meant else looks_like(name, head)
 
@@ -125,6 +126,17 @@ def is_none(name: object, head: bytes, wanted: str, made: str) -> str:
     return f"{name} is no {wanted}: {looks_like(name, head)}; {made}"
 
 
+def unwritable(path: str | Path, error: OSError) -> str:
+    """Return why a file cannot be written, and what to do."""
+    reason = f"cannot be written: {error.strerror}"
+    folder = Path(path).parent
+    if isinstance(error, IsADirectoryError):
+        return f"{reason}; name a file in it, such as {Path(path) / 'FILE'}"
+    if isinstance(error, FileNotFoundError) and not folder.is_dir():
+        return f"{reason}; there is no folder {folder}: make it first"
+    return reason
+
+
 def unreadable(path: str | Path, error: OSError) -> str:
     """Return why a file cannot be read, and what to do."""
     if isinstance(error, IsADirectoryError):
@@ -132,6 +144,7 @@ def unreadable(path: str | Path, error: OSError) -> str:
     reason = f"cannot be read: {error.strerror}"
     if not isinstance(error, FileNotFoundError):
         return reason
+    # Imported for a mistake alone: it takes 1 ms.
     from difflib import get_close_matches
 
     folder = Path(path).parent

@@ -1,8 +1,7 @@
 """Settings a board file may give to a chip, plant, protocol or transport, as a table."""
 
 from collections.abc import Mapping
-
-from msgspec import Struct
+from typing import NamedTuple
 
 Value = int | float | str | bool
 """A setting after checking: times in ps (int), frequencies in Hz (int), the rest in SI."""
@@ -10,7 +9,7 @@ Value = int | float | str | bool
 Settings = Mapping[str, Value]
 
 
-class Option(Struct, frozen=True):
+class Option(NamedTuple):
     """One setting.
 
     Attributes:
@@ -63,6 +62,7 @@ def with_defaults(options: tuple[Option, ...], given: Settings | None = None) ->
         if option.choices and value not in option.choices:
             allowed = ", ".join(option.choices)
             raise ValueError(f"{option.name} = {value!r}: allowed are {allowed}")
+        # A text has no range.
         if not isinstance(value, str):
             if option.low is not None and value < option.low:
                 raise ValueError(f"{option.name} = {value}: at least {option.low}")

@@ -26,6 +26,7 @@ def runtime_directory() -> Path:
     xdg = os.environ.get("XDG_RUNTIME_DIR")
     if xdg and os.access(xdg, os.W_OK):
         return _strict(Path(xdg) / "vbus")
+    # Root in a container has no XDG_RUNTIME_DIR, and need not hide from others.
     if os.access("/run/vbus", os.W_OK) or os.access("/run", os.W_OK):
         return _strict(Path("/run/vbus"))
     from tempfile import gettempdir
@@ -39,6 +40,7 @@ def subdirectory(name: str) -> Path:
     Raises:
         TransportError: as :func:`runtime_directory`.
     """
+    # Made by this user alone, even where the runtime directory is one that others may read.
     return _private(runtime_directory() / name)
 
 
@@ -58,6 +60,7 @@ def private_runtime(unless_named: bool = False) -> Iterator[Path]:
 
     named = os.environ.get("VBUS_RUNTIME")
     with TemporaryDirectory(prefix="vbus-") as folder:
+        # Set for child processes, too, which find links by it.
         if named is None or not unless_named:
             os.environ["VBUS_RUNTIME"] = folder
         try:
@@ -88,6 +91,7 @@ def lock_state(name: Path) -> tuple[bool, str]:
     Raises:
         OSError: no process has locked it, or others may not look.
     """
+    # Never through a link, and never waiting: the folder may be another user's.
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     lock = os.open(lock_of(name), flags)
     try:
@@ -115,6 +119,7 @@ def expanded(path: str) -> str:
     """
     if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
         directory = str(runtime_directory())
+        # Before expandvars(), which knows only what the environment has.
         path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
     return os.path.expandvars(os.path.expanduser(path))
 
@@ -124,6 +129,7 @@ def _made(path: Path) -> Path:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise TransportError(f"runtime directory {path}: {error.strerror or error}") from error
+    # Made by another user before: mkdir() does not mind.
     if not os.access(path, os.W_OK | os.X_OK):
         raise TransportError(
             f"runtime directory {path} belongs to {_owner(path)}; set VBUS_RUNTIME to one of your"
@@ -142,6 +148,7 @@ def _strict(path: Path) -> Path:
             f" {stat.S_IMODE(found.st_mode):o}): make it yours and chmod go-w, or set VBUS_RUNTIME"
             " to one of your own"
         )
+    # A parent that others may write in lets them put another directory in its place.
     for place in real.parents:
         mode = place.stat().st_mode
         if mode & (stat.S_IWGRP | stat.S_IWOTH) and not mode & stat.S_ISVTX:
@@ -156,6 +163,7 @@ def _strict(path: Path) -> Path:
 def _private(path: Path) -> Path:
     """Make a directory where everybody may make directories: trust only one of our own."""
     _made(path)
+    # lstat(): a link that waits there would lead anywhere.
     found = path.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
         raise TransportError(

@@ -15,8 +15,8 @@ from vbus.cpu.processors import PROCESSORS, CpuSettings
 
 def main() -> int:
     """Run an image on a board; return its exit code."""
-    library, link, told, path = sys.argv[1:]
-    settings = msgspec.json.decode(told, type=CpuSettings)
+    library, link, given, path = sys.argv[1:]
+    settings = msgspec.json.decode(given, type=CpuSettings)
     image = PROCESSORS[settings.processor].read(path)
     native = ctypes.CDLL(library)
     native.cpu_sentence.restype = ctypes.c_char_p

@@ -38,6 +38,8 @@ class CortexM(Processor):
     def __init__(self, machine: CpuMachine) -> None:
         super().__init__(machine)
         self.pending: Final[set[int]] = set()
+        self.standing: Final[set[tuple[int, object]]] = set()
+        """Requests of peripherals that have not ended: an exception, and who asks for it."""
         self.active: Final[list[int]] = []
         self.enabled: Final[set[int]] = {HARD_FAULT, SVC, PENDSV, SYSTICK}
         self.priorities: Final[dict[int, int]] = {HARD_FAULT: -1}
@@ -79,6 +81,18 @@ class CortexM(Processor):
         """Let an exception wait."""
         self.pending.add(number)
         self.machine.look()
+
+    def request(self, number: int, source: object, stands: bool) -> None:
+        """Take the level of a peripheral's request; exception ``number`` comes while it stands."""
+        if not stands:
+            self.standing.discard((number, source))
+        elif (number, source) not in self.standing:
+            self.standing.add((number, source))
+            self.pend(number)
+
+    def stands(self, number: int) -> bool:
+        """Whether a peripheral asks for an exception."""
+        return any(one == number for one, _ in self.standing)
 
     def waiting(self) -> bool:
         """Whether an enabled exception waits."""
@@ -146,6 +160,9 @@ class CortexM(Processor):
         """Return from an exception as EXC_RETURN says."""
         get, put = self.machine.get, self.machine.set
         number = self.active.pop() if self.active else 0
+        # ARMv7-M, B3.4.1: a request that still stands when its handler returns waits again.
+        if self.stands(number):
+            self.pending.add(number)
         put(arm.UC_ARM_REG_FAULTMASK, 0)
         put(arm.UC_ARM_REG_XPSR, _THUMB | (self.active[-1] if self.active else 0))
         if back & _THREAD:
@@ -369,7 +386,9 @@ class SystemControl(RegisterBlock):
 
     def put_icpr(self, place: int, value: int) -> None:
         """Forget some."""
-        self._processor.pending.difference_update(self._numbers(place, value))
+        processor = self._processor
+        gone = {one for one in self._numbers(place, value) if not processor.stands(one)}
+        processor.pending.difference_update(gone)
 
     def iabr(self, place: int) -> int:
         """Which interrupts are active."""

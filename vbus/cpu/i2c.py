@@ -1,20 +1,22 @@
-"""I2C1 and I2C2 of an STM32F1 or F4 as a master that is polled, a bit each at its instants.
+"""I2C1 and I2C2 of an STM32F1 or F4 as a master, a bit each at its instants.
 
 Registers and flags: ST's reference manuals RM0008 (F1, chapter 26) and RM0090 (F4, chapter 27).
-Interrupts, DMA, slave addresses, 10-bit addresses and stretched clocks are not there.
+Slave addresses, 10-bit addresses and stretched clocks are not there.
 """
 
 import ctypes
 from collections.abc import Callable, Generator, Iterator
 from typing import Final
 
+from vbus.cpu.cortex_m import IRQ, CortexM
+from vbus.cpu.dma import Dma
 from vbus.cpu.machine import CpuMachine, PortBits
 from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
 PE, START, STOP, ACK, POS, RESET = (1 << bit for bit in (0, 8, 9, 10, 11, 15))
 SB, ADDR, BTF, RXNE, TXE, AF = (1 << bit for bit in (0, 1, 2, 6, 7, 10))
 MASTER, BUSY, SENDS = 1, 2, 4
-_ASKS: Final = 0xF00
+ITERREN, ITEVTEN, ITBUFEN, DMAEN, LAST = (1 << bit for bit in range(8, 13))
 """Bits of CR2 that ask for interrupts and DMA."""
 
 Moves = Iterator[tuple[int, int]]
@@ -30,7 +32,7 @@ class I2cMaster(RegisterBlock):
 
     REGISTERS = (
         IoRegister("CR1", 0x00, 0, "PE, START, STOP, ACK, POS, SWRST", write="put_cr1"),
-        IoRegister("CR2", 0x04, 0, "FREQ: the bus clock in MHz", write="put_cr2"),
+        IoRegister("CR2", 0x04, 0, "FREQ: the bus clock in MHz; interrupts and DMA"),
         *stored("OAR1", "OAR2", first=0x08),
         IoRegister("DR", 0x10, 0, "the byte to send, or received", "dr", "put_dr"),
         IoRegister("SR1", 0x14, 0, "SB, ADDR, BTF, RXNE, TXE, AF", "sr1", "put_sr1"),
@@ -40,9 +42,15 @@ class I2cMaster(RegisterBlock):
 
     def __init__(
         self, machine: CpuMachine, name: str, base: int, bits: PortBits,
-        lend: Callable[[int, bool], None], scl: int, sda: int,
+        lend: Callable[[int, bool], None], scl: int, sda: int, number: int,
+        processor: CortexM, dma: Dma,
     ) -> None:  # fmt: skip
         super().__init__(machine, name, base)
+        self._processor: Final = processor
+        self._number: Final = IRQ + number
+        """Of its event interrupt; the error interrupt has the next."""
+        self._dma: Final = dma
+        dma.asks.append(self._ask)
         self._bits: Final = bits
         self._lend: Final = lend
         self._scl: Final = scl
@@ -104,6 +112,9 @@ class I2cMaster(RegisterBlock):
         # With POS, ACK is meant for the second byte; the first is acknowledged.
         first = bool(self.of("CR1") & POS) and self._bytes == 0
         more = first or bool(self.of("CR1") & ACK)
+        # RM0008, 26.3.7: with LAST the last byte that DMA has room for is not acknowledged.
+        if self.of("CR2") & (DMAEN | LAST) == DMAEN | LAST:
+            more = more and self._dma.left(f"{self.name}_RX") != 1
         self._bytes += 1
         yield 0, int(not more)
         yield 1, int(not more)
@@ -164,6 +175,7 @@ class I2cMaster(RegisterBlock):
         if levels is None:
             self._moves = None
             self._go_on()
+            self._ask()
             return
         self._drive(*levels)
         clocks = self.of("CCR") & 0xFFF or 1
@@ -174,6 +186,33 @@ class I2cMaster(RegisterBlock):
         half = max(clocks * self.machine.section.clock // frequency, 1)
         self.machine.events[self] = (self.machine.shared.clock + half, self._move)
         self.machine.look()
+
+    # -- requests -----------------------------------------------------------------------------
+
+    def _ask(self) -> None:
+        """Ask for transfers by DMA, and interrupt as long as a flag stands."""
+        control = self.of("CR2")
+        while control & DMAEN and self._flags & TXE and self._dma.serve(f"{self.name}_TX"):
+            pass
+        while control & DMAEN and self._flags & RXNE and self._dma.serve(f"{self.name}_RX"):
+            pass
+        # RM0008, 26.4: ITBUFEN adds TXE and RXNE to the events that ITEVTEN lets interrupt.
+        events = SB | ADDR | BTF | (TXE | RXNE if control & ITBUFEN else 0)
+        event = bool(control & ITEVTEN and self._flags & events)
+        self._processor.request(self._number, self, event)
+        error = bool(control & ITERREN and self._flags & AF)
+        self._processor.request(self._number + 1, self, error)
+
+    def read(self, offset: int, size: int) -> int:
+        """Return what is read; that may end what it asks for."""
+        value = super().read(offset, size)
+        self._ask()
+        return value
+
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written."""
+        super().write(offset, size, value)
+        self._ask()
 
     # -- registers ----------------------------------------------------------------------------
 
@@ -190,14 +229,6 @@ class I2cMaster(RegisterBlock):
         elif self._moves is None and not self._state & BUSY:
             self._drive(1, 1)
         self._go_on()
-
-    def put_cr2(self, _: int, value: int) -> None:
-        """Take the frequency; say that nothing interrupts."""
-        self.values[0x04] = value
-        if value & _ASKS:
-            self.machine.once(
-                self.name, f"{self.name} makes no interrupts or DMA (CR2 = {value:04X}h): poll SR1"
-            )
 
     def dr(self, _: int) -> int:
         """The byte received; the one behind it comes after that."""

@@ -67,7 +67,7 @@ class _Window(ctypes.Structure):
 
 _READ: Final = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint32)
 _WRITE: Final = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint64)
-_NOBODY: Final = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint32)
+_UNCLAIMED: Final = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint32)
 
 
 class _NativeCpu(ctypes.Structure):
@@ -78,7 +78,7 @@ class _NativeCpu(ctypes.Structure):
         ("stop", ctypes.c_void_p),
         ("read", _READ),
         ("write", _WRITE),
-        ("nobody", _NOBODY),
+        ("unclaimed", _UNCLAIMED),
         *((name, ctypes.c_uint32) for name in ("masked", "moved", "big_endian", "port_count")),
         ("counter_count", ctypes.c_uint32),
         ("error", ctypes.c_int32),
@@ -226,9 +226,9 @@ class CpuMachine:
         self._callbacks: Final = (
             _READ(self.peripheral_read),
             _WRITE(self.peripheral_write),
-            _NOBODY(self.nobody),
+            _UNCLAIMED(self.unclaimed),
         )
-        self.shared.read, self.shared.write, self.shared.nobody = self._callbacks
+        self.shared.read, self.shared.write, self.shared.unclaimed = self._callbacks
         self._uclib: Final = uclib
         self._kept: Final[list[Any]] = []
         self.memories: Final[list[tuple[int, int, Any]]] = []
@@ -494,7 +494,7 @@ class CpuMachine:
         self.once(what, f"{what} is not modelled: it {then}; the instruction at {self.at()}")
         return 0
 
-    def nobody(self, address: int, written: int) -> None:
+    def unclaimed(self, address: int, written: int) -> None:
         """Say that no chip of the card answers."""
         then = "is written, to no effect" if written else "is read; the answer is FFh"
         text = f"no chip of the card answers at {address:X}h: it {then}"

@@ -5,11 +5,12 @@ clock of the processor.
 """
 
 import ctypes
-from typing import Final
+from typing import ClassVar, Final
 
 from msgspec import Struct
 
 from vbus.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
+from vbus.cpu.dma import Dma, Dma4
 from vbus.cpu.i2c import I2cMaster
 from vbus.cpu.machine import CpuMachine, PortBits
 from vbus.cpu.registers import IoRegister, RegisterBlock, stored
@@ -221,6 +222,11 @@ class Choice(RegisterBlock):
 class ExternalInterrupts(ExtiLines):
     """EXTI: edges at port bits."""
 
+    VECTORS: ClassVar[dict[int, int]] = {
+        **{6 + line: 1 << line for line in range(5)}, 23: 0x03E0, 40: 0xFC00
+    }  # fmt: skip
+    """The lines that share an interrupt."""
+
     REGISTERS = (
         *stored("IMR", "EMR", "RTSR", "FTSR"),
         IoRegister("SWIER", 0x10, 0, "as if an edge came", write="put_swier"),
@@ -260,12 +266,9 @@ class ExternalInterrupts(ExtiLines):
         self._came((up & self.of("RTSR")) | (down & self.of("FTSR")))
 
     def _came(self, lines: int) -> None:
-        lines &= self.of("IMR")
-        self.values[0x14] |= lines
-        for line in range(16):
-            if lines >> line & 1:
-                # Lines 0 to 4 have interrupts 6 to 10, lines 5 to 9 share 23, the others 40.
-                self._processor.pend(IRQ + (6 + line if line < 5 else 23 if line < 10 else 40))
+        self.values[0x14] |= lines & self.of("IMR")
+        for number, shared in self.VECTORS.items():
+            self._processor.request(IRQ + number, self, bool(self.values[0x14] & shared))
 
     def put_swier(self, _: int, value: int) -> None:
         """Let lines come."""
@@ -274,6 +277,7 @@ class ExternalInterrupts(ExtiLines):
     def put_pr(self, _: int, value: int) -> None:
         """Forget lines."""
         self.values[0x14] &= ~value
+        self._came(0)
 
 
 class SerialPort(RegisterBlock):
@@ -284,6 +288,26 @@ class SerialPort(RegisterBlock):
         IoRegister("DR", 0x04, 0, "the byte to send", write="send"),
         *stored("BRR", "CR1", "CR2", "CR3", "GTPR", first=0x08),
     )
+
+    def __init__(
+        self, machine: CpuMachine, name: str, base: int, processor: CortexM, number: int, dma: Dma
+    ) -> None:
+        super().__init__(machine, name, base)
+        self._processor: Final = processor
+        self._number: Final = IRQ + number
+        self._dma: Final = dma
+        dma.asks.append(self._ask)
+
+    def _ask(self) -> None:
+        """Let DMA send (DMAT of CR3), and interrupt (TXEIE and TCIE of CR1)."""
+        while self.of("CR3") & 0x80 and self._dma.serve(f"{self.name}_TX"):
+            pass
+        self._processor.request(self._number, self, bool(self.of("CR1") & 0xC0))
+
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written."""
+        super().write(offset, size, value)
+        self._ask()
 
     def nothing(self, _: int, __: int) -> None:
         """Flags are cleared, which are never set."""
@@ -330,12 +354,16 @@ class Stm32Timer(RegisterBlock):
             return
         counter.zero += past * round_
         self.values[0x10] |= 1
-        if self.of("DIER") & 1:
-            self._processor.pend(IRQ + self._number)
+        self._ask()
         # OPM: the timer stops at its update.
         if self.of("CR1") & 8:
             self.values[0x00] &= ~1
             self._held = counter.on = 0
+
+    def _ask(self) -> None:
+        """Interrupt as long as UIF stands and UIE lets it."""
+        stands = bool(self.values[0x10] & self.of("DIER") & 1)
+        self._processor.request(IRQ + self._number, self, stands)
 
     def _change(self, offset: int, value: int, count: int | None = None) -> None:
         """Put a value where it belongs, from now on."""
@@ -346,6 +374,7 @@ class Stm32Timer(RegisterBlock):
         counter.divider, counter.period = self.of("PSC") + 1, self.of("ARR") + 1
         self._held, counter.on = count, self.of("CR1") & 1
         counter.zero = self.machine.shared.clock - count * counter.divider
+        self._ask()
         self._plan()
 
     def _plan(self) -> None:
@@ -374,12 +403,14 @@ class Stm32Timer(RegisterBlock):
         """A 0 clears."""
         self._catch_up()
         self.values[0x10] &= value
+        self._ask()
 
     def put_egr(self, _: int, value: int) -> None:
         """Begin again; UIF comes, unless URS is set."""
         if value & 1:
             self._change(0x14, 0, 0)
             self.values[0x10] |= not self.of("CR1") & 4
+            self._ask()
 
     def put_cr1(self, _: int, value: int) -> None:
         """Start or stop."""
@@ -424,19 +455,21 @@ class Stm32Family(Struct, frozen=True):
 
     Attributes:
         timers: base and interrupt of each, by its name.
-        uarts: base of each.
+        uarts: the same of each.
         storage: base of what is accepted, and does nothing.
         named: base of what is not modelled; accesses there name it.
         places: base of RCC, EXTI, AFIO or SYSCFG, the first port, and what the factory wrote.
         ports: how many ports there are.
+        dma: base of DMA1.
     """
 
     timers: dict[str, tuple[int, int]]
-    uarts: dict[str, int]
+    uarts: dict[str, tuple[int, int]]
     storage: dict[str, int]
     named: dict[str, int]
     places: tuple[int, int, int, int, int]
     ports: int
+    dma: int
 
 
 _TIMERS: Final = {
@@ -444,26 +477,29 @@ _TIMERS: Final = {
     "TIM5": (0x40000C00, 50), "TIM6": (0x40001000, 54), "TIM7": (0x40001400, 55),
 }  # fmt: skip
 _UARTS: Final = {
-    "USART2": 0x40004400, "USART3": 0x40004800, "UART4": 0x40004C00, "UART5": 0x40005000,
+    "USART2": (0x40004400, 38), "USART3": (0x40004800, 39), "UART4": (0x40004C00, 52),
+    "UART5": (0x40005000, 53),
 }  # fmt: skip
 _NAMED: Final = {
     "RTC": 0x40002800, "WWDG": 0x40002C00, "SPI2": 0x40003800, "SPI3": 0x40003C00,
     "CAN1": 0x40006400, "CAN2": 0x40006800,
     "DAC": 0x40007400, "SPI1": 0x40013000, "CRC": 0x40023000,
 }  # fmt: skip
-_I2C: Final = (("I2C1", 0x40005400, 6, 7), ("I2C2", 0x40005800, 10, 11))
-"""Name, base, and the bits of port B for SCL and SDA, which are not moved elsewhere (AFIO)."""
+_I2C: Final = (("I2C1", 0x40005400, 6, 7, 31), ("I2C2", 0x40005800, 10, 11, 33))
+"""Name, base, the bits of port B for SCL and SDA, which are not moved elsewhere (AFIO), and the
+interrupt of events."""
 FAMILIES: Final = {
     "stm32f1": Stm32Family(
         {**_TIMERS, "TIM1": (0x40012C00, 25), "TIM8": (0x40013400, 44)},
-        {**_UARTS, "USART1": 0x40013800},
+        {**_UARTS, "USART1": (0x40013800, 37)},
         {"IWDG": 0x40003000, "PWR": 0x40007000, "BKP": 0x40006C00, "FLASH": 0x40022000},
         {
             **_NAMED, "USB": 0x40005C00, "ADC1": 0x40012400, "ADC2": 0x40012800,
-            "ADC3": 0x40013C00, "DMA1": 0x40020000, "DMA2": 0x40020400,
+            "ADC3": 0x40013C00, "DMA2": 0x40020400,
         },
         (0x40021000, 0x40010400, 0x40010000, 0x40010800, 0x1FFFF400),
         7,
+        0x40020000,
     ),
     "stm32f4": Stm32Family(
         {
@@ -471,15 +507,16 @@ FAMILIES: Final = {
             "TIM9": (0x40014000, 24), "TIM10": (0x40014400, 25), "TIM11": (0x40014800, 26),
             "TIM12": (0x40001800, 43), "TIM13": (0x40001C00, 44), "TIM14": (0x40002000, 45),
         },
-        {**_UARTS, "USART1": 0x40011000, "USART6": 0x40011400},
+        {**_UARTS, "USART1": (0x40011000, 37), "USART6": (0x40011400, 71)},
         {"IWDG": 0x40003000, "PWR": 0x40007000, "FLASH": 0x40023C00},
         {
             **_NAMED, "I2C3": 0x40005C00, "ADC": 0x40012000, "SDIO": 0x40012C00,
-            "SPI4": 0x40013400, "SPI5": 0x40015000, "SPI6": 0x40015400, "DMA1": 0x40026000,
-            "DMA2": 0x40026400, "ETH": 0x40028000,
+            "SPI4": 0x40013400, "SPI5": 0x40015000, "SPI6": 0x40015400, "DMA2": 0x40026400,
+            "ETH": 0x40028000,
         },
         (0x40023800, 0x40013C00, 0x40013800, 0x40020000, 0x1FFF7800),
         9,
+        0x40026000,
     ),
 }  # fmt: skip
 
@@ -493,6 +530,8 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     family, f4 = FAMILIES[name], name == "stm32f4"
     rcc, exti, sources, ports, device = family.places
     clocks = (Clocks4 if f4 else Clocks)(machine, "RCC", rcc)
+    dma = (Dma4 if f4 else Dma)(machine, "DMA1", family.dma, processor)
+    machine.add(dma)
     choice = Choice(machine, "SYSCFG" if f4 else "AFIO", sources)
     for name, base in family.named.items():
         machine.add(Unmodelled(machine, name, base))
@@ -501,13 +540,16 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
         base = ports + 0x400 * number
         port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
         machine.add(port)
-        for name, place, scl, sda in _I2C if letter == "B" else ():
-            machine.add(I2cMaster(machine, name, place, port.bits, port.lend, scl, sda))
+        for name, place, scl, sda, number in _I2C if letter == "B" else ():
+            master = I2cMaster(
+                machine, name, place, port.bits, port.lend, scl, sda, number, processor, dma
+            )
+            machine.add(master)
     for name, (base, number) in family.timers.items():
         wide = f4 and name in ("TIM2", "TIM5")
         machine.add(Stm32Timer(machine, name, base, processor, number, wide))
-    for name, base in family.uarts.items():
-        machine.add(SerialPort(machine, name, base))
+    for name, (base, number) in family.uarts.items():
+        machine.add(SerialPort(machine, name, base, processor, number, dma))
     for name, base in family.storage.items():
         machine.add(Storage(machine, name, base))
     machine.add(clocks)

@@ -152,7 +152,7 @@ class Names:
                 names = [_plain(bit.name) for bit in row.fields]
                 hint = suggestion(_plain(parts[-1]), names)
                 return f"{hint}{chip.name}.{parts[1]} has {listed(names)}"
-        values = [_plain(key) for key in chip.VALUES.told(chip.axis_count)]
+        values = [_plain(key) for key in chip.VALUES.by_key(chip.axis_count)]
         has = f"{hint}{chip.name} has the values {listed(values)}; the pins {listed(chip.pins)}"
         registers = [row.name for row in plugins.family(chip.FAMILY).registers]
         return f"{has}; the registers {listed(registers)}" if registers else has
@@ -168,9 +168,9 @@ class Names:
 
 def _values(chip: Chip) -> dict[str, tuple[Value, int]]:
     """Return what a chip tells and its registers, row and axis (0-based), by name."""
-    told = chip.VALUES.told(chip.axis_count).items()
+    keyed = chip.VALUES.by_key(chip.axis_count).items()
     registers = {name: (row, 0) for name, row in chip.VALUES.registers.items()}
-    return registers | {_plain(key): found for key, found in told}
+    return registers | {_plain(key): found for key, found in keyed}
 
 
 def _bit(rows: tuple[Bit, ...], name: str) -> Bit | None:

@@ -36,15 +36,10 @@ _IGNORED = re.compile(
 )
 _PLAIN = re.compile("include|define|undef|if|ifn?def|elif|else|endif|error|warning|pragma|line")
 _FIRST = (("PORT", 0xF80), ("LAT", 0xF89), ("TRIS", 0xF92), ("PORT", 5), ("TRIS", 0x85))
+# Addresses of a PIC18's seven ports, and of a PIC16's five.
 _REGISTERS = {
     number: f"{name}{port}"
-    for name, first in (
-        ("PORT", 0xF80),
-        ("LAT", 0xF89),
-        ("TRIS", 0xF92),
-        ("PORT", 5),
-        ("TRIS", 0x85),
-    )
+    for name, first in _FIRST
     for number, port in enumerate("ABCDEFG"[: 5 if first < 0x100 else 7], first)
 }
 
@@ -60,11 +55,14 @@ def _use(text: str, line: int) -> str:
         found = re.search(r"(\d[\d,]*)\s*([km]?)", argument)
         if found is not None:
             hertz = int(found[1].replace(",", "")) * {"": 1, "k": 1000, "m": 10**6}[found[2]]
+            # A name for each line: a header may be included by several sources.
             clock = f"vbus_clock_{line} __attribute__((unused)) = vbus_ccs_clock({hertz})"
             return f"namespace {{ const bool {clock}; }}"
     elif name in ("fast_io", "standard_io") and re.fullmatch("[a-g]", argument):
+        # A macro: with fast_io no access sets the direction, from this line on.
         fast = f"vbus_fast_{argument}"
         return f"\n#undef {fast}\n#define {fast} {int(name == 'fast_io')}\n#line {line + 1}"
+    # The console of the PC takes its place.
     elif name == "rs232":
         return ""
     return _refused(f"use {name}")
@@ -75,6 +73,7 @@ def _named(kind: str, text: str) -> str:
     found = re.fullmatch(r"(\w+)\s*=\s*(\w+)(?:\.(\d))?\s*(?://.*|/\*.*)?", text.strip())
     if found is not None and (found[3] is not None) == (kind == "bit"):
         where = found[2]
+        # A register's name is the device header's: the shim has it in capitals.
         number = int(where, 0) if re.fullmatch(r"0x[0-9a-fA-F]+|[1-9]\d*", where) else -1
         register = _REGISTERS.get(number, where.upper() if number < 0 else "")
         if register and kind == "byte":
@@ -110,6 +109,7 @@ class Translator:
             lines = [self._line(row, number, source.parent)
                      for number, row in enumerate(text.splitlines(), 1)]  # fmt: skip
             body = "\n".join(lines) + "\n"
+            # C18 tells letters apart, and has the widths of the shim's types.
             if self._dialect == "ccs":
                 body = _folded(body)
             made.write_text(f'#line 1 "{source}"\n{body}', encoding="latin-1")
@@ -128,6 +128,8 @@ class Translator:
             return _named(name, rest)
         if name == "use":
             return _use(rest.strip().lower(), number)
+        # What only the device's programmer or linker heeds is left out; any other directive changes
+        # code.
         return "" if _IGNORED.fullmatch(name) else _refused(name)
 
     def _include(self, row: str, what: str, here: Path) -> str:
@@ -146,8 +148,10 @@ def _type(found: re.Match[str]) -> str:
     width = 1 if short else 32 if long_long else _WIDTHS[plain] if plain else 16
     if width == 1:
         return "vbus_int1"
+    # Texts are of char: a width of its own would not fit the library.
     if plain == "char" and sign is None:
         return "char"
+    # Plain types of CCS are unsigned.
     return f"{'' if sign == 'signed' else 'u'}int{width}_t"
 
 
@@ -165,6 +169,7 @@ def _folded(text: str) -> str:
     """Fold the case of letters and give types their widths, but in texts and comments."""
     done, place = [], 0
     for atom in _ATOM.finditer(text):
+        # Texts and comments stay as they are between the parts that are folded.
         done += [_code(text[place : atom.start()]), atom[0].strip(_DONE)]
         place = atom.end()
     return "".join([*done, _code(text[place:])])
@@ -175,11 +180,13 @@ def main(dialect: str, command: list[str]) -> int:
     ours = Path(__file__).parent.resolve()
     searched = [Path(word[2:]) for word in command if word.startswith("-I") and len(word) > 2]
     searched += [Path(word) for before, word in itertools.pairwise(command) if before == "-I"]
+    # The shim's own headers are C++ already.
     searched = [folder for folder in searched if not folder.resolve().is_relative_to(ours)]
     with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
         translator = Translator(dialect, Path(folder), searched)
         for place, word in enumerate(command):
             source = Path(word)
+            # Sources of the compiler proper: not names of outputs, and not the shim's files.
             if (
                 "cc1" in Path(command[0]).name
                 and source.suffix in (".c", ".h", ".cpp")

@@ -156,7 +156,7 @@ def serves(right: str) -> bool:
     return right.startswith(SERVE) or right == "**" or "/@nodes/" in f"{right}/"
 
 
-def told(allow: Mapping[str, tuple[str, ...]]) -> list[str]:
+def rights_in_words(allow: Mapping[str, tuple[str, ...]]) -> list[str]:
     """Return in words what each name may do, and in which direction."""
     lines = []
     for name, rights in allow.items():

@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from mypy_extensions import i64
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.core.options import Option, Settings
 from vbus.core.signals import Plant
@@ -93,6 +93,7 @@ class Encoder:
         self._above = self._below + self._turn
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class EncodedPlant(Plant):
     """A plant whose shaft carries an encoder, and that remembers its course through a period.
 

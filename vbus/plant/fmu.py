@@ -3,7 +3,7 @@
 import logging
 import shutil
 import weakref
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, ClassVar, Final
 
@@ -12,52 +12,56 @@ from mypy_extensions import i64
 from vbus.core.errors import PluginError
 from vbus.core.kernel import SECOND
 from vbus.core.options import Option, Settings
-from vbus.core.signals import Plant, Value, ValueTable
+from vbus.core.signals import Value, ValueTable
+from vbus.core.signals.axis import DRIVES
 from vbus.core.state import Names
-from vbus.plant.encoder import ENCODER_OPTIONS, MOST_TURNED, Encoder, floor
+from vbus.plant.encoder import ENCODER_OPTIONS, MOST_TURNED, EncodedPlant
 
 log: Final = logging.getLogger("vbus.plant.fmu")
 _NUMBERS: Final = ("Real", "Integer", "Float64", "Float32", "Int64", "Int32")
 """Types of variables that a drive or a position may have."""
 _STATE: Final = ("canGetAndSetFMUstate", "canSerializeFMUstate")
-_FINEST: Final = 2.220446049250313e-16
+"""What a unit must be able to do before a snapshot can hold it (FMI 2.0, 4.3.1)."""
+_INPUTS: Final = {"drive": (1,), "pulses": (1,), "phases": (2, 3)}
+"""How many inputs each kind of drive has."""
 
 
-class FmuPlant(Plant):
-    """A unit whose one input takes the drive and whose one output is the place of the shaft.
+class FmuPlant(EncodedPlant):
+    """A unit whose inputs take what a chip drives, and whose one output is the place of the shaft.
 
     The unit is stepped by one length from its beginning to its end: ``step``, or the first period
     of its chip. In a period of the chip as many steps are made as end in it; the drive holds for
     them, and between them the shaft goes straight. A unit whose step fails stands from then on.
     """
 
-    TAKES: ClassVar[tuple[str, ...]] = ("drive",)
+    TAKES: ClassVar[tuple[str, ...]] = tuple(_INPUTS)
     OPTIONS: ClassVar[tuple[Option, ...]] = (
         *ENCODER_OPTIONS,
         Option("file", "text", "", 'the unit; model = "fmu:FILE.fmu" says the same'),
-        Option("drive", "text", "drive", "its input that takes the drive"),
-        Option("full_drive", "ratio", 1.0, "what that input is given at full command"),
+        Option("takes", "choice", "drive", "what drives it: a servo command, the place to which"
+               " step pulses have led, or phase commands", choices=tuple(_INPUTS)),
+        Option("drive", "text", "drive", 'its input for that; of phases two or three, as "ia, ib"'),
+        Option("full_drive", "ratio", 1.0, "what that input is given at full command, or for each"
+               " step pulse"),
         Option("position", "text", "position", "its output that is the place of the shaft"),
         Option("counts_per_unit", "ratio", 1.0, "counts for each unit of that output"),
         Option("start", "text", "", 'values of other variables, such as "mass=2.5, load=0.1"'),
         Option("step", "s", 0, "its communication step; 0 s: the first period of the chip", low=0),
-    )
+    )  # fmt: skip
     VALUES: ClassVar[ValueTable] = ValueTable(
         Value("position of the unit", "_place", key="unit", lane="unit", step=1e-6)
     )
     STATE: ClassVar[Names] = (
-        "count", "_steps", "_now", "_step", "_from: float", "_to: float", "_place: float",
-        "_failed: bool", "_unit: bytes[...]",
+        "_steps", "_now", "_step", "_pulsed", "_place: float", "_failed: bool", "_unit: bytes[...]",
+        *EncodedPlant.STATE,
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("encoder", "_name", "_fmu", "_in", "_out", "_loads", "_origin")
+    WIRING: ClassVar[Names] = ("TAKES", "_name", "_fmu", "_in", "_out", "_loads", "_origin")
     DERIVED: ClassVar[Names] = ("_period",)
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
-        self.encoder: Encoder = Encoder(
-            int(self.settings["encoder_lines"]), bool(self.settings["index"]),
-            int(self.settings["index_offset"]),
-        )  # fmt: skip
+        # A class takes all three; a unit what its input is for, so that a chip refuses another.
+        vars(self)["TAKES"] = (str(self.settings["takes"]),)
         self._name: str = str(self.settings["file"])
         if not self._name:
             raise ValueError('a unit is missing: write model = "fmu:FILE.fmu"')
@@ -67,6 +71,8 @@ class FmuPlant(Plant):
         """Steps since power-on."""
         self._now: int = 0
         """Chip time since power-on (ps)."""
+        self._pulsed: int = 0
+        """Step pulses since power-on."""
         self._failed: bool = False
         self._unit: bytes = b""
         try:
@@ -77,8 +83,6 @@ class FmuPlant(Plant):
             raise ValueError(f"{self._name}: this unit cannot be used: {error}") from error
         self._place: float = self._read()
         self._origin: float = self._place
-        self._from: float = 0.5
-        self._to: float = 0.5
 
     # -- the unit -----------------------------------------------------------------------------
 
@@ -97,8 +101,17 @@ class FmuPlant(Plant):
                 " as a co-simulation unit of FMI 2.0 or 3.0"
             )
         variables = {one.name: one for one in about.modelVariables}
-        self._in: Any = self._variable(variables, "drive", "input")
-        self._out: Any = self._variable(variables, "position", "output")
+        (takes,) = self.TAKES
+        names = [name.strip() for name in str(self.settings["drive"]).split(",")]
+        if len(names) not in _INPUTS[takes]:
+            many = " or ".join(map(str, _INPUTS[takes]))
+            raise ValueError(
+                f'drive = "{", ".join(names)}": {DRIVES[takes]} go to {many} inputs of a unit;'
+                " write their names with commas between them"
+            )
+        self._in: list[Any] = [self._variable(variables, "drive", "input", one) for one in names]
+        out = str(self.settings["position"])
+        self._out: Any = self._variable(variables, "position", "output", out)
         folder = fmpy.extract(self._name)
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         self._fmu: Any = fmpy.instantiate_fmu(
@@ -128,13 +141,13 @@ class FmuPlant(Plant):
         self._fmu.enterInitializationMode()
         self._fmu.exitInitializationMode()
 
-    def _variable(self, variables: dict[str, Any], key: str, causality: str) -> Any:
+    def _variable(self, variables: dict[str, Any], key: str, causality: str, name: str) -> Any:
         """Return the variable that a setting names."""
-        one = variables.get(str(self.settings[key]))
+        one = variables.get(name)
         if one is None or one.causality != causality or one.type not in _NUMBERS:
             there = _names(v for v in variables.values() if v.causality == causality)
             raise ValueError(
-                f'{key}: {self._name} has no {causality} "{self.settings[key]}" that is a number;'
+                f'{key}: {self._name} has no {causality} "{name}" that is a number;'
                 f" there are {there}"
             )
         return one
@@ -152,8 +165,9 @@ class FmuPlant(Plant):
         try:
             self._fmu.doStep(self._steps * self._step / SECOND, self._step / SECOND)
             place = self._read()
-            counts = (place - self._origin) * float(self.settings["counts_per_unit"])
-            if not abs(counts - self._to) <= MOST_TURNED:
+            # The shaft begins in the middle of count 0, as that of any plant.
+            counts = (place - self._origin) * float(self.settings["counts_per_unit"]) + 0.5
+            if not abs(counts - self._base) <= MOST_TURNED:
                 raise ValueError(f"it has gone to {place:g}")
         except Exception as error:  # of FMPy: the unit returned an error
             self._failed = True
@@ -164,55 +178,47 @@ class FmuPlant(Plant):
             )  # fmt: skip
             return
         self._place = place
-        self._to = 0.5 + counts
+        self._points[1] = counts - self._base
         self._steps += 1
 
     # -- periods ------------------------------------------------------------------------------
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
+        self._forget_course()
         self._period = round(period * SECOND)
         self._step = self._step or self._period
-        self._from = self._to
 
     def drive(self, command: float, error: i64) -> i64:
         """Run the steps that end in this period with ``command`` of full scale."""
-        self._from = self._to
+        return self._run("drive", lambda _: (command,))
+
+    def pulses(self, steps: i64) -> i64:
+        """Run them with the place that the pulses so far have led to at the end of each."""
+        way, before = 1 if steps >= 0 else -1, self._pulsed
+        self._pulsed += steps
+        # Pulse j of n comes at j/n of the period, as a stepper motor has it.
+        return self._run(
+            "pulses", lambda past: (before + way * (abs(steps) * past // self._period),)
+        )
+
+    def phases(self, a: float, b: float, c: float) -> i64:
+        """Run them with phase commands; without a third input ``c`` is not connected."""
+        return self._run("phases", lambda _: (a, b, c))
+
+    def _run(self, kind: str, given: Callable[[int], tuple[float, ...]]) -> i64:
+        """Run the steps that end in this period; ``given`` is what drives each, by its end."""
+        if kind not in self.TAKES:
+            raise TypeError(f"{self._name} takes {self.TAKES}, not {kind}")
+        self._begin(1)
+        self._points[1] = self._first
+        begun = self._now
         self._now += self._period
-        if not self._failed:
-            self._set(self._in, command * float(self.settings["full_drive"]))
-        while not self._failed and (self._steps + 1) * self._step <= self._now:
+        while not self._failed and (end := (self._steps + 1) * self._step) <= self._now:
+            for one, value in zip(self._in, given(end - begun), strict=False):
+                self._set(one, value * float(self.settings["full_drive"]))
             self._make_step()
-        self.count = floor(self._to)
-        return self.count
-
-    def count_at(self, fraction: float) -> i64:
-        """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
-        if fraction >= 1.0:
-            return self.count
-        return floor(self._from + (self._to - self._from) * max(fraction, 0.0))
-
-    def fraction_at(self, count: i64) -> float:
-        """Return when, as a fraction of the last period, the encoder first reached ``count``."""
-        start = floor(self._from)
-        if count == start or self._to == self._from:
-            return 0.0 if count == start else 1.0
-        rising = count > start
-        # Going down, a count is reached when the shaft leaves the one above it.
-        border = float(count) if rising else float(count) + 1.0
-        fraction = (border - self._from) / (self._to - self._from)
-        step = _FINEST  # the border itself may be missed by a rounding error
-        while 0.0 <= fraction < 1.0:
-            here = self.count_at(fraction)
-            if (here >= count) if rising else (here <= count):
-                return fraction
-            fraction += step
-            step *= 2.0
-        return 1.0
-
-    def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
-        """Tell whether moving from ``start`` to ``end`` enters an index position, and which."""
-        return self.encoder.index_between(start, end)
+        return self._end()
 
     # -- state --------------------------------------------------------------------------------
 
@@ -227,6 +233,7 @@ class FmuPlant(Plant):
 
     def before_save(self) -> None:
         """Ask the unit for its state, if it has one to give."""
+        super().before_save()
         if self._loads:
             state = self._fmu.getFMUState()
             self._unit = self._fmu.serializeFMUState(state)
@@ -234,6 +241,7 @@ class FmuPlant(Plant):
 
     def after_load(self) -> None:
         """Give the unit its state back."""
+        super().after_load()
         if not self._loads:
             raise ValueError(self.unsaved())
         state = self._fmu.deserializeFMUState(self._unit)

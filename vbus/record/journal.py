@@ -5,8 +5,6 @@ import platform
 from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
-from msgspec.structs import astuple
-
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.circuit.stream import settings_for_decoders
@@ -101,7 +99,7 @@ class Journal(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
-        self._note("violation", [*astuple(violation)])
+        self._note("violation", [*violation])
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Write the evidence of a fault down."""

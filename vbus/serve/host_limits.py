@@ -441,9 +441,9 @@ class HostWatch(Observer):
         """
         __tracebackhide__ = True
         if self.ended:
-            raise HostStuck(self.told())
+            raise HostStuck(self.report())
 
-    def told(self) -> str:
+    def report(self) -> str:
         """Return the report about a host that hangs."""
         return "\n".join([self.verdict("the host hangs"), *self.details])
 

@@ -69,7 +69,7 @@ class Recording:
         journal: the one that is written, if any.
         settle: called before a host gets its answer; tells whether the journal holds what is
             answered. None where it need not.
-        told: what ``vbus ls --json`` shows of the journal.
+        about: what ``vbus ls --json`` shows of the journal.
         failures: why files have not all they should have, a sentence each.
         others: what else is recorded, as people call it.
     """
@@ -77,7 +77,7 @@ class Recording:
     def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
-        self.told: dict[str, str] = {}
+        self.about: dict[str, str] = {}
         self.others: list[str] = []
         self._board: Board = board
         self._text: str = text
@@ -140,7 +140,7 @@ class Recording:
             if durable != "no":
                 sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
                 self.settle = partial(self.journal.settle, sync)
-            self.told = {"file": path, "durable": durable}
+            self.about = {"file": path, "durable": durable}
 
         return begin
 
@@ -221,7 +221,7 @@ class Recording:
         board = self._board
         path = journal_path(board.name, board.now)
         ending = self.journal.ending()
-        with output(path) as copy, write_errors(path), open(self.told["file"], "rb") as journal:
+        with output(path) as copy, write_errors(path), open(self.about["file"], "rb") as journal:
             file = copy.begin()
             # Copied by the system: a journal of gigabytes does not go through this process.
             while os.sendfile(file.fileno(), journal.fileno(), None, LARGEST):

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from vbus.core.errors import NameInUseError, TransportError, VbusError
 from vbus.core.runtime import is_trusted, lock_of, lock_state, subdirectory
+from vbus.core.values.settings import suggestion
 from vbus.core.wall_clock import monotonic
 from vbus.transports.runtime import NameLock, socket_address, sweep
 
@@ -68,8 +69,11 @@ def own_board(board: str) -> Iterator[None]:
 
 def runs_already(board: str, error: NameInUseError) -> NameInUseError:
     """Return the error that says so of a board."""
+    # What the lock says to do is for any name; of a board there is a verb.
+    owner, _, _ = str(error).partition("; ")
     return NameInUseError(
-        f'a board called "{board}" runs already ({error}); stop it, or give this one another name'
+        f'a board called "{board}" runs already ({owner}); "vbus stop {board}" stops it, or give'
+        " this one another name"
     )
 
 
@@ -173,16 +177,29 @@ def missing_of(nodes: Mapping[str, dict[str, Any]]) -> list[str]:
     return sorted({name for node in nodes.values() for name in node["others"]} - {*nodes})
 
 
-def not_there(board: str, does: str, reason: str) -> str:
-    """Say that no board of a name does something; of a machine, which nodes it has here."""
+def not_there(board: str, does: str, error: Exception | None = None) -> str:
+    """Return that no board of a name does something, and what the name may have been meant for.
+
+    Args:
+        board: the name.
+        does: what a board of this name would do.
+        error: why it does not; that there is no such name needs no word.
+    """
     nodes = [f"{board}.{name}" for name in nodes_of(board)]
     if nodes:
         return f'"{board}" is a machine of nodes; name one of them: {", ".join(nodes)}'
-    if Path(board).is_dir():
+    path = Path(board)
+    if path.is_dir():
         return f'"{board}" is a directory, and no board; name a file in it, or a board ("vbus ls")'
+    known = error is None or isinstance(error, FileNotFoundError)
+    reason = "" if known else f" ({getattr(error, 'strerror', None) or error})"
+    is_file = f"; {board} is a file" if path.is_file() else ""
+    # A journal or a board file that is not there: its name was meant, not that of a board.
+    no_file = f"there is no file {board}, and " if path.suffix and not is_file else ""
+    hint = suggestion(board, [found.stem for found in boards_directory().glob("*.sock")])
     return (
-        f'no board called "{board}" {does} ({reason}); "vbus ls" shows which run, "vbus run FILE"'
-        " starts one"
+        f'{no_file}no board called "{board}" {does}{reason}{is_file}; {hint}"vbus ls" shows which'
+        ' run, "vbus run FILE" starts one'
     )
 
 
@@ -196,8 +213,7 @@ def order(board: str, do: str, **values: Any) -> Any:
     try:
         return _exchange(socket_path(board), do, ORDER_SECONDS, **values)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise TransportError(not_there(board, "takes orders", reason)) from error
+        raise TransportError(not_there(board, "takes orders", error)) from error
     except VbusError as error:
         raise VbusError(f"{board}: {error}") from error
 

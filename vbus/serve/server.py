@@ -141,8 +141,8 @@ class Server:
 
     def keep(self, recording: Recording) -> None:
         """Tell of what is recorded of the board, save its journal, and go back in it, if asked."""
-        if recording.told:
-            self.details = partial(dict, journal=recording.told)
+        if recording.about:
+            self.details = partial(dict, journal=recording.about)
             self.control.orders["journal.save"] = recording.save
             self._recording = recording
 

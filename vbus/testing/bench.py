@@ -102,12 +102,14 @@ class Bench:
         self.variant = variant
         self.budget: Limits = budget_of("vbus", keywords.get("budget", {}), budget)
         self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), tolerance)
-        self.judge: Judge = (judge or Judge()).told("vbus", keywords)
+        self.judge: Judge = (judge or Judge()).configured("vbus", keywords)
         of_test = ("budget", "golden", *CHOICES)
         keywords = {key: value for key, value in keywords.items() if key not in of_test}
         _check_keywords(keywords, ("accept", *of_test))
         self.folders = list(folders)
         self.folder = folder
+        self.named: list[Path] = []
+        """Files that the test has named: programs, sources."""
         self.boards: list[TestedBoard] = []
         self._keywords = keywords
         self._seed = seed
@@ -278,9 +280,9 @@ class Bench:
 
     def find(self, name: str | Path) -> Path:
         """Return the path of a file beside the test, or relative to where pytest runs."""
-        return next(
-            (path for folder in self.folders if (path := folder / name).exists()), Path(name)
-        )
+        paths = (path for folder in self.folders if (path := folder / name).exists())
+        self.named.append(next(paths, Path(name)))
+        return self.named[-1]
 
     def find_file(self, name: str | Path) -> Path:
         """Return the path of a file that must be there.

@@ -79,7 +79,7 @@ class Interrupt:
         for thread in working:
             if self._watch.cycles >= self._at.get(thread, -_AGAIN) + _AGAIN:
                 self._at[thread] = self._watch.cycles
-                _raise_in(thread, self._watch.told())
+                _raise_in(thread, self._watch.report())
         # One at a time: none may come while the last one is being answered.
         if not working and not self._sent and self._main.ident is not None:
             self._sent = True

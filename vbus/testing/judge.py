@@ -55,7 +55,7 @@ class Judge:
     after_fault: str = REPORT
     accepted: Sequence[Suppression] = ()
 
-    def told(self, where: str, table: Mapping[str, Any]) -> "Judge":
+    def configured(self, where: str, table: Mapping[str, Any]) -> "Judge":
         """Return one that goes by what a table says of :data:`CHOICES`.
 
         Raises:

@@ -236,7 +236,7 @@ class PtyTransport(Transport):
             temporary.unlink(missing_ok=True)
             temporary.symlink_to(terminal.name)
             made.callback(temporary.unlink)
-            # In one step: whoever opens the name finds the old terminal or the new one.
+            # In one step: a program that opens the name finds the old terminal or the new one.
             temporary.replace(self._link_path)
             made.pop_all()
         self._terminals.append(terminal)

@@ -14,7 +14,7 @@ int main(void);
 UNUSED void put(const char *text)
 {
     while (*text != '\0')
-        R(0x40013804) = (uint8_t)*text++;
+        R(0x40004404) = (uint8_t)*text++; /* USART2, at one place in both families */
 }
 
 UNUSED void number(uint32_t value)

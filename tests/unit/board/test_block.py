@@ -2,21 +2,11 @@
 
 import pytest
 
+from tests.boards import AXIS
 from vbus.board.block import READ, WRITE, BlockVariable, BoardBlock
 from vbus.board.build import load_board_text
 from vbus.core.kernel import US
 
-BOARD = """
-[board]
-time = "slaved"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "{}"
-"""
 LFIL = [(0, 0x1E), *((1, byte) for byte in (0x00, 0x0A, 0x01, 0x2C, 0x07, 0xD0)), (0, 0x04)]
 MOVE = [
     (0, 0x1F), *((1, byte) for byte in (0, 0x2A, 0, 0, 1, 0x90, 0, 4, 0, 0, 0, 0, 1, 0xF4)),
@@ -26,7 +16,7 @@ STEP = 100 * US
 
 
 def made(model: str = "dc_motor") -> tuple[BoardBlock, dict[str, BlockVariable]]:
-    block = BoardBlock(BOARD.format(model), "board.toml", US)
+    block = BoardBlock(AXIS.format(time="slaved", model=model), "board.toml", US)
     return block, {one.name: one for one in block.variables}
 
 
@@ -39,7 +29,7 @@ def put(variables: dict[str, BlockVariable], **values: int) -> None:
 
 def test_a_run_of_a_block_is_the_native_run() -> None:
     block, variables = made()
-    native = load_board_text(BOARD.format("dc_motor"))
+    native = load_board_text(AXIS.format(time="slaved", model="dc_motor"))
     native.start_trace()
     port = native.open_port("h")
     now = 0

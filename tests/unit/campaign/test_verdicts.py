@@ -105,7 +105,7 @@ def again(one: PlannedWorld) -> str:
 
 
 def test_the_table_has_each_way_with_its_coverage_and_what_was_not_tried() -> None:
-    assert [" ".join(line.split()) for line in lines(campaign(), (), again, None)] == [
+    assert [" ".join(line.split()) for line in lines(campaign(), None, again, None)] == [
         "detected no effect hang finding silent tried not tried coverage",
         "cycle flip 0 0 0 0 2 2 0 0 %",
         "cycle lost 1 1 0 0 0 2 8 100 %",
@@ -125,8 +125,8 @@ def test_a_baseline_excuses_what_it_names() -> None:
 
 def test_a_file_of_results_is_json_and_the_same_whatever_came_first() -> None:
     results = {"b": Result(SILENT, "x"), "a": Result(NO_EFFECT)}
-    saved = Saved("0", results)
-    back = Saved("0", dict(reversed(results.items())))
+    saved = Saved({"": "0"}, results)
+    back = Saved({"": "0"}, dict(reversed(results.items())))
     assert as_json(saved) == as_json(back)
     assert json.loads(as_json(saved))["results"]["b"]["verdict"] == SILENT
 

@@ -272,7 +272,7 @@ def test_a_board_that_never_answers_is_not_connected_to(pty_served: Served) -> N
         ("{}/plain", "not a PTY"),
         ("unix:{}/plain", "no process listens there; is the board running? (vbus ls)"),
         ("serial:{}/none", ""),
-        ("tcp:127.0.0.1:{port}", "Connection refused"),
+        ("tcp:127.0.0.1:{port}", "no process listens there; is the board running? (vbus ls)"),
     ],
 )
 def test_a_link_that_cannot_be_opened_says_why(tmp_path: Path, where: str, reason: str) -> None:

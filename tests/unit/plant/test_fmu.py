@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import AXIS
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
 from vbus.core.errors import ConfigError, PluginError, SnapshotError
@@ -29,6 +30,7 @@ TWO = """<?xml version="1.0"?>
 <Real start="1"/></ScalarVariable>
 <ScalarVariable name="wall" valueReference="3" causality="parameter" variability="fixed">
 <Real start="1e9"/></ScalarVariable>
+<ScalarVariable name="b" valueReference="5" causality="input"><Real start="0"/></ScalarVariable>
 </ModelVariables><ModelStructure><Outputs><Unknown index="2"/></Outputs></ModelStructure>
 </fmiModelDescription>"""
 THREE = """<?xml version="1.0"?>
@@ -39,21 +41,10 @@ THREE = """<?xml version="1.0"?>
 <Float64 name="x" valueReference="1" causality="output"/>
 <Float64 name="time" valueReference="9" causality="independent" variability="continuous"/>
 <Float64 name="gain" valueReference="2" causality="parameter" variability="fixed" start="1"/>
+<Float64 name="b" valueReference="5" causality="input" start="0"/>
 </ModelVariables><ModelStructure><Output valueReference="1"/></ModelStructure>
 </fmiModelDescription>"""
-BOARD = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "fmu:{}"
-position = "x"
-counts_per_unit = 20000
-"""
+BOARD = AXIS.format(time="lockstep", model="fmu:{}") + 'position = "x"\ncounts_per_unit = 20000\n'
 
 
 @pytest.fixture(scope="session")
@@ -105,8 +96,53 @@ def test_a_unit_that_is_not_driven_stays_at_the_count_it_began_at(units: list[Pa
     assert [plant.drive(0.0, 0) for _ in range(5)] == [0] * 5
 
 
-def test_a_unit_keeps_the_contract_of_plants(units: list[Path]) -> None:
-    check_plant(lambda: FmuPlant(settings(units[0])), periods=120)
+@pytest.mark.parametrize("takes", ["drive", "pulses", "phases"])
+def test_a_unit_keeps_the_contract_of_plants(units: list[Path], takes: str) -> None:
+    drive = "drive, b" if takes == "phases" else "drive"
+    check_plant(lambda: FmuPlant(settings(units[0], takes=takes, drive=drive)), periods=120)
+
+
+def test_step_pulses_are_the_place_they_lead_to_and_phases_an_input_each(units: list[Path]) -> None:
+    def driven(**given: float | str) -> tuple[FmuPlant, list[float]]:
+        plant = FmuPlant(settings(units[0], step=64_000_000, **given))
+        plant.prepare(256e-6)
+        taken: list[float] = []
+        put = plant._fmu.setReal
+        plant._fmu.setReal = lambda at, values: (taken.extend(values), put(at, values))
+        return plant, taken
+
+    plant, taken = driven(takes="pulses", full_drive=0.5)
+    plant.pulses(8)
+    plant.pulses(-3)
+    # Pulse j of n comes at j/n of the period: after quarters of it 2, 4, 6, 8, then 0, -1, -2, -3.
+    assert taken == [1.0, 2.0, 3.0, 4.0, 4.0, 3.5, 3.0, 2.5]
+    plant, taken = driven(takes="phases", drive="drive,b", full_drive=2.0)
+    assert plant.phases(0.5, -0.25, 0.125) == 0
+    assert taken == [1.0, -0.5] * 4
+
+
+@pytest.mark.parametrize(
+    ("part", "takes", "says"),
+    [
+        ("MC1141A", "phases", ""),
+        ("MCP-1200", "pulses", ""),
+        ("MC1141A", "pulses", "gives phase commands; this plant takes step pulses"),
+        ("LM629N-8", "phases", "gives servo commands; this plant takes phase commands"),
+        ("MC1141A", "drive", "gives phase commands; this plant takes servo commands"),
+    ],
+)
+def test_a_chip_drives_a_unit_that_takes_what_it_gives(
+    units: list[Path], part: str, takes: str, says: str
+) -> None:
+    drive = "drive, b" if takes == "phases" else "drive"
+    text = BOARD.format(units[0]).replace("LM629N-8", part)
+    text += f'takes = "{takes}"\ndrive = "{drive}"\n'
+    if says:
+        with pytest.raises(ConfigError, match=says):
+            load_board_text(text)
+    else:
+        plant = load_board_text(text).axes["x.1"]
+        assert (takes,) == plant.TAKES
 
 
 def test_a_step_longer_than_a_period_is_made_when_it_ends(units: list[Path]) -> None:
@@ -147,9 +183,12 @@ def test_a_unit_without_states_refuses_to_be_saved_and_to_go_back(units: list[Pa
         ({"file": ""}, 'write model = "fmu:FILE.fmu"'),
         ({"file": "nowhere.fmu"}, "nowhere.fmu: this unit cannot be used: .*No such file"),
         ({"position": "y"}, 'has no output "y" that is a number; there are x'),
-        ({"drive": "gain"}, 'has no input "gain" that is a number; there are drive'),
-        ({"start": "mass=1"}, '"mass=1" is no number of a variable .* drive, x, gain, wall'),
+        ({"drive": "gain"}, 'has no input "gain" that is a number; there are drive, b'),
+        ({"start": "mass=1"}, '"mass=1" is no number of a variable .* drive, x, gain, wall, b'),
         ({"start": "gain=big"}, '"gain=big" is no number'),
+        ({"takes": "phases"}, 'drive = "drive": phase commands go to 2 or 3 inputs of a unit;'),
+        ({"drive": "drive, b"}, 'drive = "drive, b": servo commands go to 1 inputs of a unit;'),
+        ({"takes": "phases", "drive": "drive, c"}, 'no input "c" that is a number; there are dri'),
     ],
 )
 def test_a_unit_that_does_not_fit_is_refused(
@@ -177,7 +216,7 @@ def test_a_board_has_the_unit_of_its_model_and_goes_back(units: list[Path]) -> N
 
 def test_a_model_without_a_file_takes_none() -> None:
     with pytest.raises(ConfigError, match='"dc_motor" has no file; write model = "dc_motor"'):
-        load_board_text(BOARD.replace("fmu:{}", "dc_motor:x"))
+        load_board_text(AXIS.format(time="lockstep", model="dc_motor:x"))
 
 
 def test_what_is_missing_is_named(units: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-/* A carriage for both versions of FMI: dv/dt = (gain * drive - v) / 10 ms, dx/dt = v. It fails
+/* A carriage for both versions of FMI: dv/dt = (gain * drive + b - v) / 10 ms, dx/dt = v. It fails
    beyond "wall". */
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,12 +10,12 @@
 #endif
 
 typedef struct {
-    double drive, x, gain, wall, v;
+    double drive, x, gain, wall, v, b;
 } Unit;
 
 static int advance(Unit *unit, double step) {
     for (int n = 0; n < 16; n++) {
-        unit->v += (unit->gain * unit->drive - unit->v) * step / 16 / 0.01;
+        unit->v += (unit->gain * unit->drive + unit->b - unit->v) * step / 16 / 0.01;
         unit->x += unit->v * step / 16;
     }
     return unit->x > unit->wall;

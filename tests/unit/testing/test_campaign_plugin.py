@@ -78,6 +78,39 @@ def test_a_campaign_leaves_the_files_of_the_verb(
     assert Path("c.json").read_bytes() == before
 
 
+def test_a_campaign_goes_on_and_has_a_baseline(suite: pytest.Pytester) -> None:
+    path = suite.makepyfile(LOADS.format(look=""))
+    words = ("-q", "-p", "no:cacheprovider", "--vbus-campaign-only=cycle",
+             "--vbus-campaign-json=c.json")  # fmt: skip
+    summary = r"^vbus: 1 test in (\d+) worlds: (.*)$"
+    runs, lines = [], []
+
+    def run(*more: str) -> pytest.RunResult:
+        result = suite.runpytest(*words, *more)
+        result.assert_outcomes(passed=1)
+        ((worlds, line),) = re.findall(summary, result.stdout.str(), re.MULTILINE)
+        runs.append(int(worlds) - 3)  # it runs twice before, and once at the end
+        lines.append(line)
+        return result
+
+    run("--vbus-campaign=3")
+    assert run("--vbus-campaign=8").ret == 0
+    before = Path("c.json").read_bytes()
+    Path("base.json").write_bytes(before)
+    assert run("--vbus-campaign=8", "--vbus-campaign-baseline=base.json").ret == 0
+    assert (runs, lines[1]) == ([3, 5, 0], lines[2])
+    assert Path("c.json").read_bytes() == before
+    saved = json.loads(before)
+    saved["keys"] = saved["keys"][1:]
+    Path("base.json").write_text(json.dumps(saved))
+    new = run("--vbus-campaign=8", "--vbus-campaign-baseline=base.json")
+    assert (new.ret, runs[-1]) == (pytest.ExitCode.TESTS_FAILED, 0)
+    assert new.stdout.str().count(" (new): test_a_campaign") == 1
+    path.write_text(path.read_text() + "# another driver\n")
+    run("--vbus-campaign=2", "--vbus-campaign-seed=5")
+    assert runs[-1] == 2
+
+
 def test_a_test_that_looks_fails_in_the_world_in_which_another_passes(
     suite: pytest.Pytester,
 ) -> None:
@@ -109,13 +142,18 @@ def test_what_makes_no_campaign_is_told(suite: pytest.Pytester) -> None:
         ("--vbus-campaign=0", "write a number of worlds"),
         ("--vbus-world=cycle:x", "DIMENSION:WHERE:HOW"),
         ("--vbus-campaign-json=x.json", "goes with --vbus-campaign"),
+        ("--vbus-campaign-all", "goes with --vbus-campaign"),
+        ("--vbus-campaign=5 --vbus-campaign-only=cycles", 'did you mean "cycle"'),
+        ("--vbus-campaign=5 --vbus-campaign-only=threads", "only threads of a program"),
+        ("--vbus-campaign=5 --vbus-campaign-phases=1", "is 2 to 4096"),
+        ("--vbus-campaign=5 --vbus-campaign-baseline=no.json", "no.json"),
     ],
 )
 def test_an_option_that_cannot_be_is_refused(
     suite: pytest.Pytester, option: str, message: str
 ) -> None:
     suite.makepyfile("def test_a(vbus_board): pass\n")
-    result = suite.runpytest("-q", option)
+    result = suite.runpytest("-q", *option.split())
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert message in result.stderr.str()
 

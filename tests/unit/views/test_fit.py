@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from tests.boards import AXIS
 from tests.unit.views.conftest import lm629_command, record
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
@@ -22,17 +23,7 @@ from vbus.views.fit.fit import Fit, MotorFit
 from vbus.views.fit.moves import Driven, RecordedMove, capture_move, table_move
 from vbus.views.silicon.capture import Capture
 
-BOARD = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "dc_motor"
-"""
+BOARD = AXIS.format(time="lockstep", model="dc_motor")
 TRUE = {
     "inertia": 9e-6, "torque_constant": 0.035, "back_emf": 0.035, "viscous_friction": 2e-5,
     "coulomb_friction": 0.003, "static_friction": 0.00375, "load_torque": 0.001,
@@ -77,7 +68,7 @@ def test_what_a_noisy_run_tells_is_within_two_percent(seed: int) -> None:
     true["back_emf"] = true["torque_constant"] = 0.03 * (rng.uniform(0.8, 1.3) if current else 1)
     true["static_friction"] = 1.25 * true["coulomb_friction"]
     fit = fitted(made_up(seed, true, current=current))
-    told = [one for one in fit.found if one.told]
+    told = [one for one in fit.found if one.sure]
     assert "inertia" in {one.name for one in told}
     for one in told:
         size = true["coulomb_friction"] if one.name == "load_torque" else true[one.name]
@@ -98,16 +89,16 @@ def test_without_a_current_inertia_is_known_beside_the_torque_constant() -> None
 def test_a_run_that_never_turns_back_cannot_tell_dry_friction_from_load() -> None:
     fit = fitted(made_up(3, TRUE, low=0.3), torque_constant=0.035, back_emf=0.035)
     by_name = {one.name: one for one in fit.found}
-    assert by_name["inertia"].told
+    assert by_name["inertia"].sure
     for name in ("coulomb_friction", "load_torque"):
-        assert not by_name[name].told
+        assert not by_name[name].sure
         assert "never turns back" in by_name[name].why
 
 
 def test_a_run_shorter_than_the_time_constant_says_so() -> None:
     move = made_up(5, {**TRUE, "inertia": 1e-4}, seconds=0.05, period=250e-6)
     fit = fitted(move, inertia=1e-4, torque_constant=0.035, back_emf=0.035)
-    assert any("mechanical time constant" in one.why for one in fit.found if not one.told)
+    assert any("mechanical time constant" in one.why for one in fit.found if not one.sure)
 
 
 def test_a_search_that_has_not_settled_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +106,7 @@ def test_a_search_that_has_not_settled_tells_nothing(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("vbus.views.fit.fit.SEARCHES", 1)
     monkeypatch.setattr("vbus.views.fit.fit.ASTRAY", 1e30)
     fit = fitted(made_up(0, TRUE), inertia=9e-5)
-    assert not any(one.told for one in fit.found)
+    assert not any(one.sure for one in fit.found)
     assert any("the search has not settled" in one.why for one in fit.found)
 
 
@@ -228,7 +219,7 @@ def test_the_verb_fits_a_journal_and_prints_lines_for_the_board_file(tmp_path: P
     )  # fmt: skip
     for one in found["found"]:
         assert abs(one["value"] - TRUE[one["name"]]) <= 2 * one["error"]
-    assert "inertia" in {one["name"] for one in found["found"] if one["told"]}
+    assert "inertia" in {one["name"] for one in found["found"] if one["sure"]}
 
 
 def test_the_verb_says_what_it_cannot_use(tmp_path: Path) -> None:

@@ -172,7 +172,10 @@ def test_a_run_is_seen_with_the_eyes_of_a_driver_for_another_part() -> None:
     assert found == [("y", "mcp1200.hctl-1100.commutator")]
     with pytest.raises(ConfigError) as caught:
         Compatibility("z80", families, report)
-    assert str(caught.value) == 'no chip of this run stands in for "z80"; known are hctl-1100'
+    assert (
+        str(caught.value)
+        == 'no chip of this run stands in for the part "z80"; they stand in for hctl-1100'
+    )
 
 
 def test_an_accepted_violation_is_shown_with_its_reason_in_every_format() -> None:

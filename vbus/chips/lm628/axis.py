@@ -17,6 +17,7 @@ START_STOP: Final = 1
 START_FULL: Final = 2
 
 _HALF: Final = ds.POSITION_MAX + 1
+# LM-CMD-12: RDRV reads C000h to 3FFFh, and no change beyond.
 _VELOCITY_MIN: Final = -0x4000
 _VELOCITY_MAX: Final = 0x3FFF
 
@@ -61,7 +62,7 @@ class ServoAxis:
         "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_settings", "stuck_part")
-    DERIVED: ClassVar[Names] = ("interrupts_wanted",)
+    DERIVED: ClassVar[Names] = ("interrupts_wanted", "reads")
 
     def __init__(self, settings: Settings) -> None:
         self._settings: Settings = settings
@@ -91,11 +92,15 @@ class ServoAxis:
         self.stuck: bool = False
         self.interrupts_wanted: bool = False
         """MSKI has enabled a flag, and no RSTI has let HI fall since; no part of saved state."""
+        self.reads: i64 = 0
+        """By their codes, which commands the host has read with; no part of saved state."""
 
     # -- what the host sees -------------------------------------------------------------------
 
     def interrupt(self) -> bool:
         """Level of HI: any flag that is enabled (LM-STA-7)."""
+        # LM-STA-7, LM-AMB-13: a level, no latch: a driver masks around long packets, and the flags
+        # raise HI again.
         return self.flags & self.mask != 0
 
     def may_interrupt(self) -> bool:
@@ -134,13 +139,14 @@ class ServoAxis:
         fresh = ServoAxis(self._settings)
         fresh.count = self.count
         state.load(self, state.save(fresh))
-        self.interrupts_wanted = False
+        self.interrupts_wanted, self.reads = False, 0
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-2)."""
         self.count = count
         self.stuck = self.stuck_part
-        # LM-RST-5, LM-STA-4: motor-off has just risen.
+        # LM-RST-5, LM-RST-7, LM-STA-4, LM-AMB-3: motor-off has just risen, which latches bit 2; it
+        # is enabled, so HI rises.
         self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
 
     def mask_interrupts(self, enable: int) -> None:
@@ -150,6 +156,7 @@ class ServoAxis:
 
     def kept_flags(self, keep: int) -> int:
         """Return what RSTI with ``keep`` leaves of the flags (LM-CMD-18, LM-RST-6)."""
+        # LM-STA-3, LM-CMD-18: a 0 clears the flag of its number; nothing else but a reset does.
         flags = self.flags & keep
         return flags | ds.BREAKPOINT if self.stuck else flags
 
@@ -158,6 +165,7 @@ class ServoAxis:
         self.breakpoint = wrap(position, ds.POSITION_BITS)
         self._look_at_breakpoint()
         self.breakpoint_armed = True
+        # LM-RST-5: the flag asserts itself until a breakpoint has been loaded.
         self.stuck = False
 
     def set_relative_breakpoint(self, offset: int) -> None:
@@ -169,6 +177,8 @@ class ServoAxis:
 
     def define_home(self) -> None:
         """DFH: here is 0; desired position and active target move along (LM-POS-4)."""
+        # LM-POS-4: all by the same number, so that neither loop nor move notices; the buffered
+        # position stays.
         self.profile.shift(self.real)
         self.real = 0
         # The number of the breakpoint stays, so it may lie on the other side now (LM-POS-5).
@@ -176,7 +186,9 @@ class ServoAxis:
 
     def capture(self, position: int) -> None:
         """The index pulse has come at ``position`` (LM-POS-3)."""
+        # LM-AMB-10: here the register changes, and not when SIP is given.
         self.index = wrap(position, ds.POSITION_BITS)
+        # LM-POS-3: further pulses do nothing until SIP is given again.
         self.sip = False
         self.flags |= ds.INDEX
 
@@ -185,11 +197,16 @@ class ServoAxis:
         profile = self.profile
         if profile.accel_loaded and self.moving():
             stops = profile.control & ds.STOPS
+            # LM-TRJ-4: an acceleration that was changed waits until the motion is over, with bit 14
+            # up.
             if not stops:
+                # LM-AMB-12: beside the wrong direction of data, this sets the flag.
                 self.flags |= ds.COMMAND_ERROR
                 return False
+            # Stop bits of an STT that still waits for its sample count beside those of this one.
             profile.started = profile.started | stops if self.start else stops
             profile.control &= ~ds.STOPS
+            # LM-TRJ-4: a stop is carried out all the same, or the error could never be left.
             self.start = max(self.start, START_STOP)
         else:
             profile.start()
@@ -209,14 +226,17 @@ class ServoAxis:
         self.count = count
         self.real_change = change
         real = self.real + change
+        # LM-POS-2: positions have 31 bits and come round, which bit 4 tells.
         if real < ds.POSITION_MIN or real > ds.POSITION_MAX:
             real = wrap_word(real, _HALF)
             self.flags |= ds.WRAPAROUND
             self._wrap(real, change)
         self.real = real
 
+        # LM-STA-9: bits 12 and 11 of RDSIGS change in this sample, not when STT is written.
         if self.start:
             self._take_start()
+        # LM-CMD-5: coefficients change between two filter computations; bit 13 falls.
         if self.udf:
             self.pid.update()
             self.udf = False
@@ -226,28 +246,34 @@ class ServoAxis:
             self.error = self.following = 0
         else:
             profile = self.profile
+            # LM-TRJ-14: the desired position goes on, however far the motor lags.
             if profile.step():
-                self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4
+                self.flags |= ds.TRAJECTORY_COMPLETE  # LM-STA-4, LM-AMB-2: latched
             # LM-PID-2: a difference of 31 bits.
             error = (profile.position >> 16) - real
             if error < ds.POSITION_MIN or error > ds.POSITION_MAX:  # LM-PID-2
                 error = wrap_word(error, _HALF)
             self.following = error
+            # LM-PID-2: the filter sees 16 bits of the error; a plant that follows exactly sees all
+            # of it.
             if error > 32767:
                 error = 32767
             elif error < -32768:
                 error = -32768
             self.error = error
             size = error if error >= 0 else -error
+            # LM-POS-6: judged in every sample, so RSTI alone does not keep the flag down; a motor
+            # that is turned off has no output in this very sample.
             if size <= self.threshold or not self._stray():
                 command = self.pid.step(error)
         self.command = command
 
-        # LM-POS-5: reached or passed.
+        # LM-POS-5, LM-AMB-6: reached or passed, from either side.
         if self.breakpoint_armed:
             ahead = (self.breakpoint > real) - (self.breakpoint < real)
             if ahead == 0 or ahead != self.breakpoint_side:
                 self.flags |= ds.BREAKPOINT
+                # LM-POS-5: it fires once.
                 self.breakpoint_armed = False
         if self.profile.wrapped:  # LM-POS-2
             self.profile.wrapped = False
@@ -269,11 +295,14 @@ class ServoAxis:
 
     def _stray(self) -> bool:
         """The error is beyond its limit: tell whether that turns the motor off."""
+        # LM-PID-2: the size of an error is 7FFFh at most here, which the threshold after reset is
+        # not below.
         if self.error == -32768 and self.threshold == 32767:
             return False
         self.flags |= ds.POSITION_ERROR
         if not self.stop_on_error:
             return False
+        # LM-STA-4: bit 7 rises while bit 10 is 0, so the OR of the two does.
         if not self.profile.done:
             self.flags |= ds.TRAJECTORY_COMPLETE
         self._turn_off()
@@ -282,6 +311,7 @@ class ServoAxis:
 
     def _turn_off(self) -> None:
         """LM-TRJ-10: no drive, no profile, no integral; the position is still tracked."""
+        # LM-STA-6: by LPES, and by STT with bit 8; a reset has it set from the beginning.
         self.motor_off = True
         self.profile.velocity = 0
         self.pid.clear()
@@ -289,10 +319,12 @@ class ServoAxis:
     def _take_start(self) -> None:
         """Take an accepted STT (LM-TRJ-5 to LM-TRJ-9)."""
         profile = self.profile
+        # LM-TRJ-4: of an STT that was refused but for its stop the buffers stay where they are.
         if self.start == START_FULL:
             profile.take_buffers()
         self.start = START_NONE
         stops = profile.started & ds.STOPS
+        # LM-TRJ-5: of several stop bits 8 counts before 9, and 9 before 10.
         if stops & ds.TURN_OFF:
             if not self.motor_off and not profile.done:
                 self.flags |= ds.TRAJECTORY_COMPLETE
@@ -300,10 +332,14 @@ class ServoAxis:
             return
         if self.motor_off:
             # The filter was cleared when the motor went off.
+            # LM-STA-6, LM-TRJ-7: any other STT turns the motor on, from where the axis stands.
             self.motor_off = False
             profile.hold(self.real)
         profile.stopping = False
+        # LM-STA-5: bit 10 falls with the next STT that is accepted.
         profile.done = False
+        # LM-TRJ-8, LM-AMB-8: the target becomes the real position, not the desired one; the loop
+        # stays closed.
         if stops & ds.STOP_ABRUPTLY:
             profile.hold(self.real)
             profile.target = self.real

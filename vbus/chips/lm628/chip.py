@@ -58,8 +58,10 @@ def judge_clock(chip: Chip, duty: float) -> None:
     shortest_pulse, shortest = ds.CLOCK_LIMITS[chip.part[-1]]
     longest = ds.AC["T5"].max_ps
     t4, t5 = ds.AC.rules["T4"], ds.AC.rules["T5"]
+    # LM-TIM-4: CLK is high, and low, for 78 ns (-6) or 57 ns (-8) at least.
     if pulse < shortest_pulse:
         chip.report(t4, pulse, shortest_pulse, f"CLK high or low for {pulse} ps only")
+    # LM-TIM-5: the grades end at 6 and 8 MHz, and both begin at 1 MHz.
     if period < shortest:
         chip.report(t5, period, shortest, f"{hz} Hz is above the grade of a {chip.part}")
     elif longest * hz < PS_PER_SECOND:
@@ -158,6 +160,7 @@ class LM628(FrontEndHost):
         """Let so many resets fail; tell whether one that runs is the first of them."""
         runs = self._reset_end != NEVER
         if runs:
+            # LM-RST-9: the status byte stays 00h, whatever began the reset.
             self._mode, self._reset_end = _RESET_BY_PIN, NEVER
             self.touched()
         self._fails_left += times - runs
@@ -170,6 +173,7 @@ class LM628(FrontEndHost):
             host.busy_end = shift(host.busy_end, now)
             self._reset_end = shift(self._reset_end, now)
             encoder.index_at = shift(encoder.index_at, now)
+        # The instant of the next edge of the outputs was that of the clock before.
         self._outputs.due = 0
         if self.powered:
             self._place_sample()
@@ -183,6 +187,7 @@ class LM628(FrontEndHost):
         now = self._when = self.kernel.now
         judge_clock(self, float(self.settings["clk_duty"]))
         self._encoder_pins.preset()
+        # The phase of the samples is that of power-on: no reset moves it (NOTES 2).
         self._cycle = self._cycle_from(now)
         self._outputs.begin(self._cycle)
         self.axis.reset()
@@ -190,6 +195,7 @@ class LM628(FrontEndHost):
         self.encoder.run(self.output.command, self.axis.following)
         self._place_sample()
         self._reset_end = NEVER
+        # LM-RST-1: with /RST low nothing begins before it rises.
         if self.pins["/RST"].value == LOW:
             self._mode = _RESET_BY_PIN
         elif done:
@@ -212,10 +218,12 @@ class LM628(FrontEndHost):
             self._fails_left -= 1
             self._mode, self._reset_end = _RESET_BY_PIN, NEVER
         else:
+            # Without a clock a reset does not end: its time counts from when the clock comes back.
             since = HELD if self.clock.stopped else self._when
             self._reset_end = since + int(self.settings["reset_time"])
         self.host.reset()
         self.axis.reset()
+        # A reset disarms SIP: no index of the sample under way is waited for.
         self.encoder.index_at = NEVER
         self.output.zero()
         self._outputs.begin(self._cycle_from(self._when))  # LM-RST-3
@@ -231,8 +239,11 @@ class LM628(FrontEndHost):
         if self.pins["/RST"].value == LOW:
             self._reset_fell = now
             return
+        # Without supply an edge resets nothing: power_on() looks at the level.
         if self._mode == _UNPOWERED:
             return
+        # LM-TIM-6: the pulse is low for 8 clock periods; under the strict policy a shorter one
+        # resets nothing.
         low = now - self._reset_fell
         if self.judged and self.ac.short("T6", low):
             return
@@ -254,6 +265,7 @@ class LM628(FrontEndHost):
         if host.reading_status():
             self._unseen = False
             return self.status()
+        # LM-BUS-12: the flag rises with the strobe, not when busy falls: no busy follows.
         if host.unasked():
             self.axis.flags |= ds.COMMAND_ERROR
         data = host.end_data(self.kernel.now)
@@ -268,10 +280,12 @@ class LM628(FrontEndHost):
         """A byte is latched."""
         self.advance()
         now = self._when = self.kernel.now
+        # LM-RST-4: every write is ignored, and reported, until the reset is over.
         if self._mode != _RUNNING:
             self.report(ds.RESET_WRITE)
             return
         if address:
+            # LM-BUS-12: data that no command wants is a command error at once.
             if not self.host.write_data(data, now):
                 self.axis.flags |= ds.COMMAND_ERROR
         else:
@@ -282,6 +296,7 @@ class LM628(FrontEndHost):
         """Return the status byte (LM-STA-1, LM-RST-4)."""
         if self._mode == _RUNNING:
             return self.axis.status() | self.host.busy
+        # LM-AMB-4: busy for longer than 100 us in a reset by command alone, where hosts poll it.
         return ds.BUSY if self._mode == _RESET_BY_COMMAND else 0
 
     def ready_at(self) -> int:
@@ -295,6 +310,8 @@ class LM628(FrontEndHost):
         flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
         if flags == UNKNOWN or self.host.busy_end != when:
             return None
+        # A sample or an index may raise a flag; strict T10 hides the byte; an output edge wakes the
+        # chip.
         until = min(self._sample_at, self.encoder.due())
         until = min(until, self._front.show_at)
         until = min(until, self._outputs.edge())
@@ -334,6 +351,8 @@ class LM628(FrontEndHost):
             self._course, self._still = (), False
             if self.host.busy_end == when:
                 self.host.finish()
+                # LM-POS-3: an index counts from the end of SIP's busy time on, within the sample
+                # under way too.
                 if self.axis.sip and self.encoder.index_at == NEVER:
                     self.encoder.seek(when)
             elif self._reset_end == when:
@@ -365,6 +384,8 @@ class LM628(FrontEndHost):
         running, still, rested = self._mode == _RUNNING, self._still, self._course != ()
         count = encoder.count()  # each block hands on what it has found out
         while left > 0:
+            # An axis at rest is one addition for all its samples: a second of rest has 3,906 of
+            # them.
             if still:
                 self._cycle = cycle + left * ds.SAMPLE_CLK
                 if running:
@@ -375,11 +396,13 @@ class LM628(FrontEndHost):
             self._cycle = cycle
             level = output.put(axis.sample(count), axis.port8) if running else output.command
             count = encoder.run(level, axis.following)
+            # Whether the sample has an index is known now that the plant has run through all of it.
             if axis.sip:
                 self._place_sample()
                 encoder.seek(self.clock.ps(self._cycle) - 1)
                 if encoder.index_at != NEVER:
                     break
+            # Only an axis that stands can repeat its sample: none that moves is compared.
             if axis.profile.velocity == 0 and encoder.resting():
                 course = axis.course()
                 still = course == self._course and axis.steady()
@@ -393,6 +416,7 @@ class LM628(FrontEndHost):
 
     def _place_sample(self) -> None:
         """Say from when to when the present sample lasts."""
+        # From the number of the cycle: no rounding adds up.
         self._sample_at = self.clock.ps(self._cycle + ds.SAMPLE_CLK)
         self.encoder.lasts(self.clock.ps(self._cycle), self._sample_at)
 
@@ -427,6 +451,7 @@ class LM628(FrontEndHost):
         heard = self._outputs.heard()
         if heard:
             due = min(due, self._outputs.due)
+        # A sample is seen at once on outputs that are observed, in a read under way, and on HI.
         shows = heard or self._front.driving or self.axis.may_interrupt()
         if (shows and not self._still) or (heard and self.output.emits()):
             due = min(due, self._sample_at)
@@ -447,7 +472,7 @@ class LM628(FrontEndHost):
         )
 
     def left_over(self) -> list[tuple[Rule, str]]:
-        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
+        """Return that HI stands, what was loaded in vain, and that no real position was read."""
         self.advance()
         axis, host = self.axis, self.host
         # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
@@ -462,10 +487,14 @@ class LM628(FrontEndHost):
         errors = flag_names(flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
         if errors:
             found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
+        # The command that would take it may be in its busy time: then it is not left.
         if code != ds.UDF and (axis.pid.waits() or (code == ds.LFIL and step > 1)):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
         if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        if axis.reads & (1 << ds.RDDP) and not axis.reads & (1 << ds.RDRP):
+            text = "RDDP was read, which the motor does not change, and RDRP never"
+            found.append((ds.DESIRED_ALONE, text))
         return found
 
     def after_load(self) -> None:
@@ -476,5 +505,6 @@ class LM628(FrontEndHost):
     def overdue(self) -> bool:
         """Tell whether a sample began long ago, or something else was due then."""
         now = self.kernel.now
+        # Two samples: one is under way, and one may be due at this very instant.
         late = self._cycle < self.clock.cycle_at(now) - 2 * ds.SAMPLE_CLK
         return self._next_inside() < now - MS or (late and self._sample_at != NEVER)

@@ -71,6 +71,7 @@ class AxisCommands:
         words: int = row.write
         if step == 0:
             self._host.words_due = words
+        # LM-BUS-6: of a long the high word comes first; the hook is called with the low one.
         if step < words:
             if step:
                 self._high = word
@@ -80,8 +81,10 @@ class AxisCommands:
         if row.hook:
             owner = self if HOOKS[row.hook] is AxisCommands else self._axis
             getattr(owner, row.hook)(*self._given(row, step, word))
+        # LM-CMD-24: all words that the host reads later are of this instant.
         elif row.read:
             self._host.reply(getattr(holder, name), row.read)
+            self._axis.reads |= 1 << code
         else:
             setattr(holder, name, row.value)
         return True
@@ -102,6 +105,7 @@ class AxisCommands:
         """
         axis = self._axis
         code, step, word = self._host.next_step()
+        # With SIP armed an index may store its position before the next sample.
         if axis.sip or (code != NO_COMMAND and code not in BUFFERED):
             return UNKNOWN
         flags, mask = axis.flags, axis.mask
@@ -119,31 +123,40 @@ class AxisCommands:
 
     def select_port(self, bits: int) -> None:
         """Select the 8-bit or the 12-bit output (LM-CMD-7)."""
+        # LM-CMD-7, LM-AMB-16: reported, and carried out: the PWM keeps its upper 8 bits.
         if self._pwm and bits == 12:
             self._report(ds.PORT12_ON_LM629, ds.PORT12_ON_LM629.title)
+        # LM-AMB-11: not applicable in motion, says the manual; it is executed.
         if self._axis.moving():
             self._report(ds.PORT_IN_MOTION, f"PORT{bits} in motion: it is executed")
+        # LM-CMD-6: signals bit 8 is up for 8 bits.
         self._axis.port8 = bits == 8
 
     def load_threshold(self, word: int, stop: int) -> None:
         """Load position error for interrupt, or for stopping."""
+        # LM-CMD-25: bit 15 is left out, and reported.
         if word > ds.THRESHOLD_MAX:
             name = "LPES" if stop else "LPEI"
             self._report(ds.RANGE, f"{name} {word:04X}H: at most 7FFFH, bit 15 is ignored")
+        # LM-CMD-25, LM-CMD-15, LM-CMD-16: 0 to 7FFFh.
         self._axis.threshold = word & ds.THRESHOLD_MAX
+        # LM-CMD-15, LM-CMD-16: signals bit 9 is 1 after LPES, 0 after LPEI.
         self._axis.stop_on_error = bool(stop)
 
     def load_filter(self, step: int, word: int) -> None:
         """Load filter parameters (LM-PID-1)."""
         pid = self._axis.pid
         if step == 1:
+            # LM-PID-1: bits 7 to 4 mean nothing; a word follows for each of bits 3 to 0.
             self._control = word & 0x0F
             self._host.words_due = (word & 0x0F).bit_count()
+            # LM-PID-1: every LFIL loads the interval, with or without coefficients.
             pid.store(0, word >> 8)
         else:
             # The highest load bit still set names the word.
             bit = self._control.bit_length() - 1
             self._control &= ~(1 << bit)
+            # LM-PID-1: bit 15 of a coefficient is left out, and reported.
             if word > ds.COEFFICIENT_MAX:
                 self._report(ds.RANGE, f"LFIL {word:04X}H: at most 7FFFH, bit 15 is ignored")
             pid.store(4 - bit, word)
@@ -153,15 +166,19 @@ class AxisCommands:
         profile = self._axis.profile
         if step == 1:
             self._control = word
+            # LM-TRJ-1: bits 15 to 13, 7 and 6 of the control word mean nothing.
             profile.control = word & (ds.FORWARD | ds.VELOCITY_MODE | ds.STOPS)
             self._host.words_due = 2 * sum(word & load != 0 for load in ds.LOADS)
         else:
+            # LM-TRJ-1: acceleration first, then velocity, then position.
             number = next(n for n, load in enumerate(ds.LOADS) if self._control & load)
             load = ds.LOADS[number]
             low = step % 2 == 1
+            # LM-TRJ-1: a relative bit is looked at where its load bit is set, and nowhere else.
             profile.load_word(number, low, word, self._control & load >> 1 != 0)
             if low:
                 self._control &= ~load
+                # LM-TRJ-2: a value beyond its range is cut, and reported.
                 if not profile.in_range(number):
                     what = ("acceleration", "velocity", "position")[number]
                     raw = profile.raw[number]
@@ -179,9 +196,11 @@ class AxisCommands:
         axis = self._axis
         control = int(axis.profile.control)
         loaded = axis.profile.loaded()
+        # LM-TRJ-4: refused for a changed acceleration.
         if not axis.request_start():
             self._report(ds.STT_REFUSED, ds.STT_REFUSED.title)
             return
+        # LM-TRJ-5: more than one stop bit is carried out, and reported.
         if (control & ds.STOPS).bit_count() > 1:
             self._report(ds.STOP_BITS, f"trajectory control word with stop bits {control:04X}H")
         if control & ds.TURN_OFF:
@@ -215,6 +234,7 @@ class AxisCommands:
         axis = self._axis
         before = axis.flags
         axis.flags = axis.kept_flags(keep)
+        # HI falls with this RSTI: the host has seen why it was up.
         if before & axis.mask and not axis.flags & axis.mask:
             axis.interrupts_wanted = False
         if keep & ds.INTERRUPTS == ds.INTERRUPTS:

@@ -77,6 +77,8 @@ LFIL: Final = COMMANDS["LFIL"].code
 UDF: Final = COMMANDS["UDF"].code
 LTRJ: Final = COMMANDS["LTRJ"].code
 STT: Final = COMMANDS["STT"].code
+RDDP: Final = COMMANDS["RDDP"].code
+RDRP: Final = COMMANDS["RDRP"].code
 
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",
@@ -202,9 +204,9 @@ AC: Final = AcTable(
     AcLimit("T9", "LM-TIM-9", "Port-select hold at least 30 ns", min_ps=30 * NS),
     AcLimit("T10", "LM-TIM-10", "Read data access time: valid 180 ns after /RD falls",
             max_ps=180 * NS, output=True),
-    AcLimit("T11", "LM-TIM-11", "Read data hold: nobody else drives D0-D7 until /RD rises",
+    AcLimit("T11", "LM-TIM-11", "Read data hold: nothing else drives D0-D7 until /RD rises",
             output=True),
-    AcLimit("T12", "LM-TIM-12", "/RD high to hi-Z: nobody else drives D0-D7 for 180 ns",
+    AcLimit("T12", "LM-TIM-12", "/RD high to hi-Z: nothing else drives D0-D7 for 180 ns",
             max_ps=180 * NS, output=True),
     AcLimit("T14", "LM-TIM-14", "/WR pulse width at least 100 ns", min_ps=100 * NS),
     AcLimit("T15", "LM-TIM-15", "Write data set-up at least 50 ns", min_ps=50 * NS),
@@ -220,6 +222,8 @@ CLOCK_ABSURD: Final = (10_000, 80_000_000)
 
 # -- Timings ------------------------------------------------------------------------------------
 
+# LM-AMB-7: the 2048 periods that the text on reset names are the sample; a derivative interval is
+# one or more of them.
 SAMPLE_CLK: Final = 2048
 """Servo sample (LM-TRJ-17)."""
 BUSY_CLK: Final = 120
@@ -342,6 +346,10 @@ ERRORS_STAND: Final = Rule(
 LEFT_LOADED: Final = Rule(
     "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
+)  # fmt: skip
+DESIRED_ALONE: Final = Rule(
+    "lm628.desired-alone", "LM-CMD-9",
+    "A host that reads where an axis should be (RDDP) reads where it is (RDRP), too.", "note",
 )  # fmt: skip
 
 RULES: Final = (*AC.rules.values(), *rules_in(globals()))

@@ -36,6 +36,7 @@ class EncoderCounts:
     )  # fmt: skip
 
     def __init__(self, clock: Clock) -> None:
+        # LM-POS-1, LM-TIM-2: a state that lasts less than 8 clock periods is not recognised.
         dwell = ds.AC.minimum("T2", clock)
         self.plant: Plant | None = None
         self.inputs: Quadrature = Quadrature(
@@ -66,6 +67,7 @@ class EncoderCounts:
 
     def lasts(self, start: i64, end: i64) -> None:
         """The last sample lasts from ``start`` to ``end``: say so before asking for instants."""
+        # A clock that stands gives both the same instant, and a length of 0 would divide.
         self._start = start if start < end else end - 1
         self._end = end
 
@@ -95,6 +97,7 @@ class EncoderCounts:
             return
         found, count = self.plant.index_between(self._from, self._to)
         while found:
+            # One product, rounded down: the same bits on every machine.
             into: i64 = int(self.plant.fraction_at(count) * float(self._end - self._start))
             at = self._start + into
             if at > after:

@@ -88,6 +88,7 @@ class PortState:
         self._pending: int = _NOTHING
         self._latched: int = 0
         self._drop_packet()
+        # A data read under way at the reset shows the byte after reset, 00h.
         if self._kind != _STATUS:
             self._kind = _REPEAT
 
@@ -109,6 +110,7 @@ class PortState:
         """LM-BUS-8: busy for its nominal time, give or take the jitter, never above the cap."""
         self._pending = pending
         self._value = value
+        # Without a clock busy does not fall: it is counted from when the clock comes back.
         if self._clock.stopped:
             now = HELD
         if self.worst:
@@ -116,6 +118,8 @@ class PortState:
             return
         clk = self._busy_clk
         if self._jitter_clk:
+            # One word of state, for snapshots; the upper half is drawn from, as the lower bits of
+            # such a generator repeat soon.
             self._random = (self._random * 1664525 + 1013904223) & 0xFFFFFFFF
             clk += (self._random >> 16) % (2 * self._jitter_clk + 1) - self._jitter_clk
             clk = max(clk, 1)
@@ -125,21 +129,27 @@ class PortState:
 
     def write_command(self, code: int, now: int) -> None:
         """A command byte was latched; the chip is not in reset."""
+        # LM-BUS-10: ignored; no command error.
         if self.busy:
             self._report(ds.BUSY_WRITE, f"command {code:02X}H written while busy", now)
             return
+        # LM-BUS-11: data of the command before, of either direction, is still due.
         if self.words_due or self._reply:
             self._report(
                 ds.CUT_PACKET, f"command {code:02X}H written before the data was complete", now
             )
+        # LM-BUS-11: an odd byte is dropped; complete words have reached their buffers.
         self._drop_packet()
+        # LM-RST-4: a reset begins at the strobe; busy shows for all of it, not for a busy time.
         if code == ds.RESET:
             self._execute(code, 0, 0)
         else:
+            # LM-BUS-7: any command byte that is accepted, also an undefined one.
             self._begin_busy(now, _COMMAND, code)
 
     def write_data(self, data: int, now: int) -> bool:
         """A data byte was latched; False is a command error (LM-BUS-12)."""
+        # LM-BUS-10: ignored; no command error.
         if self.busy:
             self._report(ds.BUSY_WRITE, f"data {data:02X}H written while busy", now)
         elif not self.words_due:
@@ -147,6 +157,7 @@ class PortState:
             return False
         elif self._second:
             self._second = False
+            # LM-BUS-7: with the second byte of a word; the first leaves busy 0.
             self._begin_busy(now, _WORD, self._high << 8 | data)
         else:
             self._second = True
@@ -164,15 +175,19 @@ class PortState:
             self._kind = _STATUS
         elif in_reset:
             self._kind = _REPEAT
+        # LM-BUS-10: the byte that was driven last comes again, and no pointer moves.
         elif self.busy:
             self._report(ds.BUSY_READ, "data read while busy", now)
             self._kind = _REPEAT
+        # LM-BUS-12: such a read returns the last byte again.
         elif not self._reply:
             self._report(ds.WRONG_WAY, "data read, none was expected", now)
             self._kind = _UNASKED
         else:
             self._kind = _BYTE
             word = self._reply[0]
+            # LM-BUS-3, LM-BUS-6: a data byte stays as it was when /RD fell; the high byte comes
+            # first.
             self._latched = word & 0xFF if self._second else word >> 8
 
     def lose_read(self) -> None:
@@ -190,11 +205,13 @@ class PortState:
     def end_data(self, now: int) -> int:
         """/RD rises: the pointer moves; return the byte the host has taken."""
         kind, self._kind = self._kind, _REPEAT
+        # LM-BUS-4: the read takes no byte from the reply.
         if kind == _LOST:
             return _NO_BYTE
         if kind == _BYTE:
             if self._second:
                 self._second = False
+                # LM-BUS-7: with the second byte that is read, when /RD rises.
                 self._begin_busy(now, _FETCH, 0)
             else:
                 self._second = True
@@ -211,6 +228,7 @@ class PortState:
         when = self.busy_end
         self.busy_end = NEVER
         if self._pending == _FETCH:
+            # The word that was read goes; the next one is on the port when busy falls.
             del self._reply[0]
         elif self._pending == _WORD:
             self._step += 1
@@ -219,6 +237,7 @@ class PortState:
         else:
             self._code = self._value
             self._step = 0
+            # LM-BUS-13: busy as for any command; then nothing is done but report it.
             if not self._execute(self._code, 0, 0):
                 self._report(
                     ds.UNDEFINED_COMMAND, f"command {self._code:02X}H is not defined", when

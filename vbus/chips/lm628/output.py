@@ -73,6 +73,7 @@ class ServoOutput:
         """
         if self._pwm:
             value = command >> 8
+            # LM-PID-10: 7 bits and a sign: -128 goes out as -127.
             if value < -127:
                 value = -127
             sign: i64 = 0
@@ -81,14 +82,17 @@ class ServoOutput:
                 sign = SIGN
                 magnitude = -value
             self._sign = sign
+            # LM-PID-10: so many of 128 parts of a frame.
             self._high_clk = magnitude * self._frame_clk >> 7
             level = float(value) / 128.0
         elif port8:
             self._mode = DAC8
+            # LM-PID-8: the upper 8 bits, offset binary: 80h is zero.
             self._code = (command >> 8) + ds.ZERO_8
             level = float(command >> 8) / 128.0
         else:
             self._mode = DAC12
+            # LM-PID-8: the upper 12 bits: 800h is zero.
             self._code = (command >> 4) + ds.ZERO_12
             level = float(command >> 4) / 2048.0
         self.command = level
@@ -107,10 +111,13 @@ class ServoOutput:
             return self._sign | MAGNITUDE if high else self._sign
         step = clk // ds.MUX_CLK
         if step > 5:
+            # LM-RST-3: behind 800h for a 12-bit converter comes 80h for an 8-bit one.
             if self._mode == ZEROING:
                 return ds.ZERO_8
             step = 5
+        # LM-PID-9: pin 25 rises in the middle of each word's three steps.
         strobe = STROBE if step % 3 == 1 else 0
+        # LM-PID-9: the lower 6 bits first, with pin 24 low.
         if step < 3:
             return (self._code & 0x3F) << 2 | strobe
         return self._code >> 6 << 2 | SECOND | strobe
@@ -131,6 +138,7 @@ class ServoOutput:
 
     def emits(self) -> bool:
         """Whether every sample moves pins, even if its command is the one before."""
+        # LM-PID-9: the two words go out in every sample.
         return self._mode == DAC12
 
 

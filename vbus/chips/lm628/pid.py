@@ -8,6 +8,7 @@ from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
 from vbus.core.bits import wrap_word
 from vbus.core.state import Names
 
+# LM-PID-4, LM-AMB-19: the integral has 24 bits, and saturates at the same size on both sides.
 _SUM_MAX: Final = 0x7FFFFF
 _HALF: Final = 0x8000
 
@@ -78,6 +79,7 @@ class Pid:
     def update(self) -> None:
         """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""
         self.ds, self.kp, self.ki, self.kd, self.il = self.sent
+        # LM-PID-3: the sample that takes UDF begins an interval.
         self.phase = 0
 
     def waits(self) -> bool:
@@ -114,11 +116,13 @@ class Pid:
         """
         wraps, limits_sum = self._wraps, self._limits_sum
         phase = self.phase
+        # LM-PID-3: the term is computed where an interval begins, and added in every sample.
         if phase == 0:
             change = self.kd * (error - self.last_error)
             self.derivative = wrap_word(change, _HALF) if wraps else _sat16(change)
             self.last_error = error
         phase += 1
+        # LM-PID-3: an interval has one sample more than its code says.
         if phase > self.ds:
             phase = 0
         self.phase = phase
@@ -130,6 +134,7 @@ class Pid:
             total = _SUM_MAX
         elif total < -_SUM_MAX:
             total = -_SUM_MAX
+        # LM-PID-4: the upper 16 of 24 bits, rounded down; multiplied before or after il limits.
         term = total >> 8
         if not limits_sum:
             term = self.ki * term
@@ -139,6 +144,7 @@ class Pid:
             if term < 0:
                 limit = -limit
             # A summation is added first, and limited afterwards.
+            # LM-PID-5, LM-AMB-9: RDSUM reads what il limits.
             self.term = term if limits_sum and not self.limited else limit
             self.limited = limits_sum
             term = limit
@@ -154,8 +160,12 @@ class Pid:
             term = wrap_word(term, _HALF) if wraps else _sat16(term)
 
         product = self.kp * error
+        # LM-PID-6: the manual's sentence to the letter keeps the lower 16 bits.
         if wraps:
+            # LM-PID-6, LM-PID-7: of each product, and of their sum.
             return wrap_word(wrap_word(product, _HALF) + term + self.derivative, _HALF)
+        # LM-PID-7, LM-AMB-1, LM-AMB-19: what leaves 16 bits saturates: two real parts show that no
+        # product turns its sign.
         return _sat16(_sat16(product) + term + self.derivative)
 
     def steady(self, error: i64) -> bool:

@@ -143,6 +143,7 @@ class BusPins(BusFrontEnd):
             port: i64 = after >> 2 & 1
             self._begin(now, self._rd_fell)
             if port and self._chip.judged:
+                # LM-TIM-17: /RD of the data port stays high for 120 ns.
                 self._judge("T17", now - self._data_read)
             self._begin_read(now, port, not after & _WR)
         elif action == "take":
@@ -155,7 +156,9 @@ class BusPins(BusFrontEnd):
         elif action == "enter":
             self._begin(now, self._wr_fell)
             if after & _PS and self._chip.judged:
+                # LM-TIM-18: /WR of the data port stays high for 120 ns.
                 self._judge("T18", now - self._data_wrote)
+        # LM-BUS-4: reported once in a cycle; the read gives FFh, the write is carried out.
         elif action == "clash" and not self._fought:
             self._fought = True
             self._lost |= self._chip.report(ds.CONTENTION)
@@ -168,7 +171,9 @@ class BusPins(BusFrontEnd):
         self._lost = False
         self._fought = False
         if self._chip.judged:
+            # LM-TIM-7: /CS is low before the strobe falls.
             self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
+            # LM-TIM-8: /PS stands for 30 ns before the strobe falls.
             self._judge("T8", now - self._ps_moved)
 
     def _begin_read(self, now: int, port: i64, writing: bool) -> None:
@@ -180,6 +185,7 @@ class BusPins(BusFrontEnd):
             self._host.lose_read()
             return
         chip.begin_read(port)
+        # LM-TIM-10: a strict limit shows FFh until the byte is sure to be there.
         if self._late and chip.judged:
             self.show_at = now + self._ac.least["T10"]
             self._owner.expect(self.show_at)
@@ -202,8 +208,10 @@ class BusPins(BusFrontEnd):
         if not self._chip.judged:
             return
         if busy:
+            # LM-TIM-8: moved within the strobe, the set-up time is negative.
             self._judge("T8", self._began - now, "/PS moved during the strobe")
         else:
+            # LM-TIM-9: /PS stands for 30 ns after the strobe has risen.
             self._judge_hold("T9", now - self._ended)
 
     # -- ends of cycles -----------------------------------------------------------------------
@@ -211,12 +219,16 @@ class BusPins(BusFrontEnd):
     def _end_write(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         net = self._data.net
+        # LM-BUS-2: data that moves together with the edge comes too late.
         byte = net.before
         floats = net.floats
         if chip.judged:
+            # LM-TIM-7: /CS stays low until the strobe has risen.
             if early:
                 self._judge("T7", -1, "/CS rose before /WR")
+            # LM-TIM-14: /WR is low for 100 ns.
             self._judge("T14", now - self._began)
+            # LM-TIM-15: the byte stands for 50 ns before /WR rises.
             if byte == net.value and not floats:
                 self._judge("T15", now - net.changed_at)
             self._ended = now
@@ -227,6 +239,7 @@ class BusPins(BusFrontEnd):
                 self._data_wrote = now
             self._timer.at(now + self._ac.least["T16"])
         if not self._lost:
+            # LM-BUS-15: what the wires keep is taken, and the value is reported.
             if floats:
                 chip.report(ds.FLOATING_WRITE, detail=f"no pin drives D0-D7: {byte:02X}H is taken")
             chip.write(port, byte)
@@ -236,9 +249,13 @@ class BusPins(BusFrontEnd):
     def _end_read(self, now: int, port: i64, early: bool) -> None:
         chip = self._chip
         if chip.judged:
+            # LM-TIM-7: /CS stays low until the strobe has risen.
             if early:
                 self._judge("T7", -1, "/CS rose before /RD")
+            # LM-TIM-10: a byte is valid 180 ns after /RD falls; a host that ends the read before
+            # has taken anything.
             self._judge("T10", now - self._began)
+            # LM-TIM-11: until /RD rises D0-D7 are the chip's.
             if not self._fought and self._others_drive():
                 self._judge("T11", -1)
             self._ended = self._read = now
@@ -282,6 +299,7 @@ class BusPins(BusFrontEnd):
             hold = moved - self._wrote
             if late or now - self._wrote >= self._ac.least["T16"]:
                 self._wrote = _LONG_AGO
+            # LM-TIM-16: the byte stands for 120 ns after /WR has risen.
             if late:
                 self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
@@ -289,6 +307,7 @@ class BusPins(BusFrontEnd):
             others = hold > 0 or (hold == 0 and net.value != self._left)
             if others or now - self._read >= self._ac.least["T12"]:
                 self._read = _LONG_AGO
+            # LM-TIM-12: the chip lets go of D0-D7 within 180 ns after /RD rises.
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
 
@@ -345,6 +364,7 @@ class EncoderPins:
         """Power is up: the levels there are now have been there for ever."""
         a, b, index = self._pins
         self._inputs.preset(a.value, b.value, index.value)
+        # LM-POS-3: an index input that is low from power-on counts its turn from here.
         self._low = index.value == LOW
         self._low_from = self._inputs.count
 
@@ -366,12 +386,14 @@ class EncoderPins:
         chip = self._chip
         inputs = self._inputs
         while found := inputs.settle(now):
+            # LM-POS-1: nothing is counted, as either direction may be meant.
             if found & q.SKIPPED:
                 chip.report(ds.DOUBLE_EDGE, when=inputs.at)
             if found & (q.INDEX_FELL | q.INDEX_ROSE):
                 self._low = bool(found & q.INDEX_FELL)
                 self._low_from = inputs.count
             way = abs(inputs.count - self._low_from)
+            # LM-POS-3: a grounded input makes the real part malfunction: it is reported once.
             if self._low and way > self._turn:
                 self._low = False
                 chip.report(ds.INDEX_GROUNDED, way, self._turn, when=inputs.at)

@@ -44,6 +44,7 @@ def approach(way: i64, speed: i64, top: i64, accel: i64) -> i64:
         return way
     slower = speed - accel
     faster = speed + accel
+    # LM-TRJ-15: an A above V reaches V in one sample.
     if faster > top:
         faster = top
     if faster >= slower:
@@ -138,6 +139,7 @@ class Trajectory:
         if number == POSITION:
             value = sign_extend(self.raw[number], 32)
             return self.relative[number] or ds.POSITION_MIN <= value <= ds.POSITION_MAX
+        # LM-TRJ-2, LM-AMB-14: velocity and acceleration have 30 bits, the fraction with them.
         return self.relative[number] or self.raw[number] <= ds.RATE_MAX
 
     def loaded(self) -> bool:
@@ -155,6 +157,7 @@ class Trajectory:
         65536, while each high word has been 0.
         """
         value, low = self.raw[VELOCITY], self._low_words
+        # A host that writes a high word has 32 bits: nothing is suspected any more.
         if value >> 16 or self.relative[VELOCITY]:
             self._low_words = [-1]
             return False
@@ -193,6 +196,7 @@ class Trajectory:
     def start(self) -> None:
         """STT: the buffers as they are go with it; later data is for the next STT (NOTES 18)."""
         self.started: i64 = self.control
+        # LM-TRJ-5: a stop bit acts once; the buffered data stays for the STT that resumes.
         self.control &= ~ds.STOPS
         self._sent_raw: list[int] = self.raw[:]
         self._sent_relative: list[bool] = self.relative[:]
@@ -208,26 +212,32 @@ class Trajectory:
         self.top = self._rate(VELOCITY, self.top)
         self.velocity_mode = bool(self.started & ds.VELOCITY_MODE)
         self.forward = bool(self.started & ds.FORWARD)
+        # LM-TRJ-5, LM-AMB-18: after a stop a bare STT goes on to what is buffered.
         if not self.started & ds.STOPS:
             value = sign_extend(self._sent_raw[POSITION], 32)
+            # LM-TRJ-3, LM-AMB-5: relative positions count from the active target.
             if self._sent_relative[POSITION]:
                 value += self.target
             self.target = wrap(value, ds.POSITION_BITS)
             self._resolve(POSITION, self.target & 0xFFFFFFFF)
+        # LM-TRJ-13, LM-AMB-5: a relative position needs a base in velocity mode, too.
         if self.velocity_mode:
             self.target = self.position >> 16
         self.accel_loaded = self._newer[ACCELERATION]  # LM-STA-8
 
     def _rate(self, number: int, active: int) -> int:
         if self._sent_relative[number]:
+            # LM-TRJ-3, LM-AMB-15: a relative rate is signed; what comes of it is cut to the range.
             value = clamp(active + sign_extend(self._sent_raw[number], 32), 0, ds.RATE_MAX)
         else:
+            # LM-TRJ-2: an absolute rate keeps its lower 30 bits.
             value = self._sent_raw[number] & ds.RATE_MAX
         self._resolve(number, value)
         return value
 
     def _resolve(self, number: int, value: int) -> None:
         """The buffer holds the absolute result, unless it has been written since STT."""
+        # LM-TRJ-3: a bare STT repeated does not add once more.
         if not self._newer[number]:
             self.raw[number] = value
             self.relative[number] = False
@@ -249,6 +259,7 @@ class Trajectory:
         """Run one sample; tell whether it completed the motion (LM-TRJ-12, -13)."""
         if self.done:
             return False
+        # LM-TRJ-9: by A in every sample, and with A = 0 at once.
         if self.stopping:
             if self.accel:
                 self.velocity = toward(self.velocity, 0, self.accel)
@@ -263,12 +274,14 @@ class Trajectory:
             self.done = True  # LM-STA-5
             return True
         if self.velocity_mode:
+            # LM-TRJ-13: toward +V with bit 12, else toward -V, by at most A in a sample.
             goal = self.top if self.forward else -self.top
             self.velocity = toward(self.velocity, goal, self.accel)
             self.target = self._move()  # LM-AMB-5
             return False
         target = self.target << 16
         way = target - self.position
+        # LM-TRJ-12: with A = 0 the velocity stays as it is.
         if self.accel:
             # On the target, but too fast to stay: it lies behind.
             if way > 0 or (way == 0 and self.velocity < 0):
@@ -276,6 +289,8 @@ class Trajectory:
             else:
                 self.velocity = -approach(-way, -self.velocity, self.top, self.accel)
         self._move()
+        # LM-TRJ-12, LM-TRJ-16: exactly on the target and slow enough; a move of no length is over
+        # in its first sample.
         if arrived(target - self.position, self.velocity, self.accel):
             self.velocity = 0
             self.done = True  # LM-STA-5

@@ -60,6 +60,7 @@ class LimitDetector:
             events: status events, of which the host may have cleared the last hit.
             sensing: LMTS_ON rules.
         """
+        # PMD-LIM-2: armed again when the switch that was hit is open and its status bit is cleared.
         if not self.armed:
             active = positive if self._hit == ds.POSITIVE_LIMIT else negative
             if not active and not events & self._hit:
@@ -68,6 +69,7 @@ class LimitDetector:
                 # The other switch may have become active unseen (NOTES 9).
                 self.forget()
         bit = 0
+        # PMD-LIM-1, PMD-LIM-4: a switch counts as it becomes active, the positive one first.
         if self.armed and sensing:
             if positive and not self._positive:
                 bit = ds.POSITIVE_LIMIT
@@ -170,6 +172,7 @@ class StepperAxis:
     @property
     def status(self) -> int:
         """The status word (PMD-STA-1)."""
+        # PMD-STA-1, PMD-AMB-20: bit 9 is always 1: this part has no command that turns an axis off.
         word = self.events | ds.AXIS_ON | self.number << ds.AXIS_SHIFT
         if self.motor_on:
             word |= ds.MOTOR_ON
@@ -186,6 +189,7 @@ class StepperAxis:
             word |= ds.AUTO_STOP
         if not self.auto_update:
             word |= ds.AUTO_UPDATE_OFF
+        # PMD-STA-5: a phase is shown of an S-curve alone.
         if mode == ds.S_CURVE:
             word |= self.profile.phase() << ds.PHASE_SHIFT
         return word
@@ -195,15 +199,20 @@ class StepperAxis:
     def cycle(self) -> None:
         """Do the work of one cycle, in the order of PMD-CYC-1."""
         profile = self.profile
+        # PMD-CYC-1: the encoder is read first: all that follows in the cycle sees these counts.
         counts = self.encoder.read()
+        # PMD-CYC-1, PMD-CAP-1: a capture shows in the status word from the next cycle on.
         if self.encoder.take_capture():
             self.events |= ds.CAPTURE
+        # PMD-TRJ-1: the actual position coming round sets the bit, too.
         if self.encoder.wrapped:
             self.events |= ds.WRAP
         # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
         met = self._breakpoint_met()
+        # PMD-BUS-9: what UPDATE copies it copies at the beginning of a cycle.
         if self._update_pending:
             self._update()
+        # PMD-UPD-2: met once, it is set no more; without auto update that is all.
         if met:
             self.breakpoint_mode = ds.BRK_OFF
             self.events |= ds.BREAKPOINT
@@ -212,9 +221,11 @@ class StepperAxis:
                 self._update()
         positive, negative = self._limits()
         hit = self.limits.look(positive, negative, self.events, self._shared.sensing)
+        # PMD-LIM-1: whichever way the axis moves, it stops and waits for the next update.
         if hit:
             profile.halt()
             self.events |= hit | ds.MOTION_COMPLETE  # PMD-LIM-1
+        # The look-ups of the cycle spread its way from here on (PMD-USTP-2).
         start = profile.position
         ended = profile.step(self.active, self.start_velocity, counts)
         if ended & ds.MOTION_COMPLETE and self.active.motor_command == 0:
@@ -231,6 +242,7 @@ class StepperAxis:
         """Return whether the limit switches are active, by their sense (PMD-LIM-1)."""
         positive, negative = self.encoder.limit_levels()
         sense = self._shared.limit_sense >> 2 * self.number
+        # PMD-LIM-1: each bit of SET_LMT_SENSE says at which level its switch is active.
         return positive != sense & 1, negative != sense >> 1 & 1
 
     def _breakpoint_met(self) -> bool:
@@ -255,27 +267,34 @@ class StepperAxis:
 
     def _check_error(self) -> None:
         """Compare target and actual position (PMD-STL-1)."""
+        # PMD-STL-1: with ratio 0 nothing is compared, and nothing is found.
         if not self.step_ratio:
             self.position_error = 0
             return
+        # PMD-STL-1, PMD-AMB-26: target minus actual, the order in which the section names them.
         error = self._expected() - self.encoder.counted - self._error_offset
         self.position_error = max(-32_768, min(32_767, error))
         if self._has_motion_error():
             self.unread |= ds.MOTION_ERROR & ~self.events
             self.events |= ds.MOTION_ERROR
+            # PMD-STL-1: with auto stop the motor goes off as by MTR_OFF.
             if self.auto_stop and self.motor_on:
                 self.disable()
 
     def _expected(self) -> int:
         """Where the encoder should be for the target position (counts)."""
+        # PMD-STL-1: rounded down, by the ratio's 8 fraction bits; without the wraps, which the
+        # encoder has at other places.
         return self.profile.travelled() * self.step_ratio >> 8
 
     def _has_motion_error(self) -> bool:
+        # PMD-STL-1: larger than the limit, not equal to it.
         return self.step_ratio != 0 and abs(self.position_error) > self.position_error_limit
 
     def zero_error(self) -> None:
         """Make the present position error the new zero (PMD-STL-2)."""
         self.position_error = 0
+        # PMD-STL-2: or a new ratio, or number, would be an error at once.
         self._error_offset = self._expected() - self.encoder.counted
 
     # -- update -------------------------------------------------------------------------------
@@ -301,9 +320,11 @@ class StepperAxis:
         stop = buffer.stop | taken.stop
         smooth_stop = buffer.smooth_stop | taken.smooth_stop
         synch = buffer.synch | taken.synch
+        # PMD-UPD-1: the three actions are used up by one update; numbers stay in the buffer.
         buffer.stop = buffer.smooth_stop = buffer.synch = 0
         taken.copy(buffer)
         taken.stop, taken.smooth_stop, taken.synch = stop, smooth_stop, synch
+        # PMD-TRJ-12: that SET_POS was given counts, whatever its number.
         self._position_taken |= self.position_given
         self.position_given = False
         self._motor_command_taken |= self.motor_command_given
@@ -319,16 +340,22 @@ class StepperAxis:
         self._update_pending = False
         before = self.active.position
         refused = self._copy(taken)
+        # PMD-TRJ-11: STOP counts, and both are used up.
         if stop and smooth:
             self._report(ds.STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
+        # PMD-AMB-5: the target becomes the actual position, as the reference says; two other places
+        # say the reverse.
         if synch:
             self._renumber(self.encoder.actual)
+        # PMD-ERR-1, PMD-ERR-2: status bit 7; all that is not refused has been copied.
         if refused:
             self._refuse(refused)
+        # PMD-TRJ-9: at once, in any mode; motion is complete at rest too.
         if stop:
             profile.halt()
             self.events |= ds.MOTION_COMPLETE  # PMD-TRJ-9
             return
+        # PMD-TRJ-10: a gear takes no notice of it.
         if smooth and profile.mode != ds.GEAR:
             # With the motor off it rests, and goes on waiting.
             if not self.motor_on or profile.smooth_stop():
@@ -336,6 +363,7 @@ class StepperAxis:
             return
         if not self.motor_on:
             return  # PMD-MTR-2
+        # PMD-ERR-3, PMD-LIM-3: away from the switch a move begins as ever.
         if self._shared.sensing and profile.mode in (ds.TRAPEZOIDAL, ds.S_CURVE):
             positive, negative = self._limits()
             way = (taken.position << 32) - profile.position
@@ -358,6 +386,8 @@ class StepperAxis:
         refused = ""
         kept: tuple[str, ...] = ()
         if profile.in_motion():
+            # PMD-TRJ-3, PMD-AMB-13: in motion a trapezoid takes a position and a velocity; beside
+            # another acceleration it takes the position alone.
             if profile.mode == ds.TRAPEZOIDAL and buffer.acceleration != active.acceleration:
                 refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
                 kept = ("velocity", "acceleration")
@@ -375,6 +405,8 @@ class StepperAxis:
     def _copy_motor_command(self, buffered: int) -> None:
         """Copy the buffered motor command if SET_BUF_MTR_CMD has given one (NOTES 6)."""
         active = self.active
+        # PMD-UPD-1: only what SET_BUF_MTR_CMD has given since, or a driver that uses SET_MTR_CMD
+        # alone lost its motor with its first update.
         if self._motor_command_taken:
             active.motor_command = buffered
             self._motor_command_from = UPDATED
@@ -396,6 +428,7 @@ class StepperAxis:
 
     def set_profile(self, mode: int) -> None:
         """SET_PRFL_S_CRV, _TRAP, _VEL and _GEAR: at once (PMD-CMD-4 to PMD-CMD-7)."""
+        # PMD-TRJ-13: into a point-to-point mode the axis should be at rest.
         if self.profile.set_mode(mode, self.active.position):
             self._report(ds.MOVING, f"axis {self.number + 1} is in motion")
 
@@ -416,6 +449,7 @@ class StepperAxis:
 
     def set_start_velocity(self, value: int) -> None:
         """SET_START_VEL: at once, but not in motion (PMD-CMD-14)."""
+        # PMD-CMD-14: the manual forbids it in motion.
         if self.profile.in_motion():
             self._refuse("start velocity changed in motion")
         else:
@@ -439,6 +473,7 @@ class StepperAxis:
 
     def disable(self) -> None:
         """MTR_OFF: freeze the microstep angle; the windings keep their currents (PMD-MTR-2)."""
+        # PMD-MTR-2: an axis that moved has come to its end.
         if self.profile.in_motion():
             self.events |= ds.MOTION_COMPLETE
         self.motor_on = False
@@ -446,6 +481,7 @@ class StepperAxis:
 
     def enable(self) -> None:
         """MTR_ON: enable the generator; nothing moves until the next update (PMD-MTR-1)."""
+        # PMD-MTR-1: given in motion, it stops the axis: that ends a motion.
         if self.profile.in_motion():
             self.events |= ds.MOTION_COMPLETE
         self.motor_on = True
@@ -454,12 +490,14 @@ class StepperAxis:
 
     def clear_events(self, keep: int) -> None:
         """Clear the events whose bits in ``keep`` are 0, but no lasting error (PMD-STA-4)."""
+        # PMD-STA-4: as long as the error is beyond its limit the bit stays.
         if self._has_motion_error():
             keep |= ds.MOTION_ERROR
         if self.unread & ~keep:
             text = f"{self.unread_errors()} is cleared, and no status word has shown it to the host"
             self._report(ds.ERROR_UNREAD, text)
             self.unread &= keep
+        # PMD-STA-2: nothing but a command or a reset clears an event.
         self.events &= keep & ds.EVENTS
 
     def unread_errors(self) -> str:
@@ -479,6 +517,7 @@ class StepperAxis:
         ):
             return 0
         positive, negative = self._limits()
+        # What the next cycle may do is asked here once: every answer of 0 runs that cycle.
         if not self.limits.steady(positive, negative, self.events, self._shared.sensing):
             return 0
         if self._breakpoint_met() or (
@@ -488,6 +527,7 @@ class StepperAxis:
         # Everything but time stands still while an axis rests.
         if self.breakpoint_mode != ds.BRK_TIME:
             return FOR_EVER
+        # PMD-CMD-27: of the cycle in which the time is equal nothing is passed over.
         return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF
 
 
@@ -522,9 +562,11 @@ class Interrupts:
 
     def look(self) -> None:
         """Latch the first axis with an event its mask lets through (PMD-INT-1)."""
+        # PMD-INT-1, PMD-INT-4: an interrupt that stands is the only one until RST_INTRPT.
         if self.axis != NO_AXIS or self.quiet_until != NEVER:
             return
         for axis in self._axes:
+            # PMD-INT-2, PMD-AMB-12: a level of bits 7 to 0; of two axes the lower number.
             if axis.events & axis.interrupt_mask:
                 self.axis = axis.number
                 self._chip.put(self._pin, LOW)
@@ -537,6 +579,8 @@ class Interrupts:
 
     def release(self) -> None:
         """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
+        # PMD-INT-3: RST_INTRPT alone ends the interrupt; the current axis stays (PMD-INT-5).
         self.axis = NO_AXIS
+        # PMD-INT-3: a host that waits for an edge must see the line high.
         self.quiet_until = self._chip.instant + self._chip.clock.span_up(1)
         self._chip.put(self._pin, HIGH)

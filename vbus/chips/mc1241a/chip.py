@@ -104,6 +104,8 @@ class MC1241A(ChipSet):
     def begin_read(self, address: int) -> None:
         """The read strobe falls; address 1 and 2 are the adapter's and have none."""
         self.advance()
+        # PMD-BUS-12: the status byte is the adapter's work: it moves no pointer and needs no ready
+        # chip.
         if address == ds.DATA_PORT:
             self._adapter_read = False
             self.port.begin_read()
@@ -126,6 +128,7 @@ class MC1241A(ChipSet):
             self.port.write_data(data)
         elif address == ds.COMMAND_PORT:
             self.port.write_command(data)
+        # PMD-BUS-12: a write there pulses ~Reset, long enough.
         elif address == ds.RESET_PORT:
             self.release_reset(False)
         self.touched()
@@ -133,8 +136,10 @@ class MC1241A(ChipSet):
     def adapter_status(self) -> int:
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
         status = 0xFF
+        # PMD-BUS-12: D7 is HostRdy.
         if self.kernel.now < self.port.busy_until:
             status &= ~ds.STATUS_READY
+        # PMD-BUS-12: D6 is ~HostIntrpt.
         if self.interrupts.axis != NO_AXIS:
             status &= ~ds.STATUS_NO_INTERRUPT
         return status
@@ -149,6 +154,7 @@ class MC1241A(ChipSet):
         """Start with the reset now, or as if it had just ended; judge the clock (T4, T5)."""
         period = 10**12 // self.clock.hz
         # The longest period stands in whole nanoseconds: 149 for the lowest clock of 6.7 MHz.
+        # PMD-TIM-6, PMD-TIM-7: CLK is taken as high for half of its period.
         for symbol, measured in (("T4", period // 2), ("T5", period // 1000 * 1000)):
             self.ac.outside(symbol, measured, measured)
         self.instant = self.kernel.now
@@ -182,13 +188,16 @@ class MC1241A(ChipSet):
         """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
         self.cycles.stop()
         self.interrupts.reset()
+        # PMD-RST-2: axis 1 is the current one.
         self.commands.current = 0
         for axis in self.axes:
             axis.reset()
         self.output.rest()
+        # PMD-RST-1: the 2 ms count from when ~Reset rises.
         if self.held:
             self.port.reset(since, NEVER)
         else:
+            # PMD-RST-1: 2 ms, in clocks: a clock that stands does not end it.
             ready = (HELD if self.clock.stopped else since) + self.clock.span(clocks)
             self.port.reset(since, ready)
             self.cycles.begin(ready)
@@ -220,9 +229,12 @@ class MC1241A(ChipSet):
                     until = now
                 if self.cycles.run(until if until < self._hold_at else self._hold_at):
                     self.interrupts.look()
+                # Outputs that are observed have edges within the slot: the slots come one at a
+                # time.
                 if self.cycles.heard:
                     self.output.begin_slot()
                 else:
+                    # Else all slots up to the next thing that is no slot run in one go.
                     due = self._next_due()
                     self.cycles.run_on(now if now < due else due - 1)
             else:
@@ -249,6 +261,7 @@ class MC1241A(ChipSet):
     def _host_effect(self) -> None:
         mode = self.shared.output_mode
         self.port.finish()
+        # PMD-USTP-7: all pins of the mode that was left take their resting levels.
         if self.shared.output_mode != mode:
             self.output.rest()
         if self.port.due() == NEVER:
@@ -266,11 +279,13 @@ class MC1241A(ChipSet):
             rests = due == NEVER and self.cycles.resting()
             return NEVER if rests else self.cycles.next_cycle()
         self.advance()
+        # Every slot may change something: no byte is promised beyond the next one.
         if kind == CHANGE:
             return self._wake
         due = self._next_due()
         if self.cycles.heard:
             due = min(due, self.cycles.boundary)
+        # PMD-INT-1: with an interrupt standing no event can move the line.
         if self.interrupts.axis == NO_AXIS and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
         if kind == POLL and self.port.busy_until > self.kernel.now:

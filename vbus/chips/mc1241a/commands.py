@@ -34,6 +34,7 @@ class Commands:
         self._axes: list[StepperAxis] = axes
         self._cycles: SampleCycles = cycles
         self._interrupts: Interrupts = interrupts
+        # PMD-VER-2, PMD-AMB-4: the word of the part, unless the board file has another.
         self._version: int = int(chip.settings["version_word"]) or ds.VERSIONS[chip.part]
         self.current: int = 0
         """Current axis, 0-based."""
@@ -54,6 +55,7 @@ class Commands:
                 result = getattr(holder, name)
             else:
                 setattr(holder, name, given)
+        # PMD-PKT-7: fixed now, however late its words are read.
         return (result or 0) & ((1 << 16 * row.read) - 1)
 
     @property
@@ -67,6 +69,7 @@ class Commands:
         if row.signed:
             number = sign_extend(value, 16 * row.write)
             fitted = wrap(value, row.bits)
+            # PMD-CMD-82, PMD-AMB-24: -32768 is no motor command.
             if fitted < row.least < 0:
                 self._chip.find(ds.RANGE, f"{row.name}: {fitted} is taken as {row.least}")
                 return row.least
@@ -87,6 +90,7 @@ class Commands:
 
     def select(self, number: int) -> int:
         """Choose the current axis, 1 where there is no other; return its status (PMD-CMD-2)."""
+        # PMD-CMD-2: a part of one axis has no axis 2.
         if number == len(self._axes):
             self._chip.find(ds.NO_SUCH_AXIS, f"SET_2: the {self._chip.part} has one axis")
             number = 0
@@ -95,6 +99,7 @@ class Commands:
 
     def select_interrupting(self) -> int:
         """Current axis := the interrupting one, if any; its status (PMD-CMD-3)."""
+        # PMD-CMD-3: without an interrupt the current axis stays.
         if self._interrupts.axis != NO_AXIS:
             self.current = self._interrupts.axis
         return self._axis.status
@@ -106,6 +111,7 @@ class Commands:
     def update_several(self, which: int) -> None:
         """Update several axes in one cycle (PMD-CMD-37)."""
         self._check_unused(ds.COMMANDS["MULTI_UPDATE"], which, len(self._axes))
+        # PMD-CMD-37, PMD-BUS-9: all of them act in the same cycle.
         for axis in self._axes:
             if which >> axis.number & 1:
                 self._update(axis)
@@ -130,6 +136,7 @@ class Commands:
     def reset_interrupt(self, keep: int) -> None:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
         number = self._interrupts.axis
+        # PMD-INT-3: without an interrupt the command clears nothing.
         if number != NO_AXIS:
             axis = self._axes[number]
             enabled = axis.events & axis.interrupt_mask
@@ -152,6 +159,7 @@ class Commands:
 
     def set_capture(self, source: int) -> None:
         """Capture by index or home (PMD-CMD-50, PMD-CMD-51)."""
+        # Index pulses before this instant were for the source before.
         self._cycles.follow_encoders()
         self._axis.encoder.set_source(source)
 
@@ -162,6 +170,7 @@ class Commands:
 
     def set_actual_position(self, value: int) -> None:
         """Give both positions a number (PMD-CMD-69)."""
+        # PMD-CMD-69: the place at this instant gets the number, not that of the last cycle.
         self._cycles.follow_encoders()
         self._axis.renumber(value)
 
@@ -190,12 +199,14 @@ class Commands:
 
     def set_motor_command(self, value: int) -> None:
         """Amplitude, at the next look-up (PMD-CMD-64)."""
+        # PMD-USTP-2: what the pins show stays up to the next look-up.
         self._cycles.hold_outputs(self.current)
         self._axis.set_motor_command(value)
 
     def set_phases(self, count: int) -> None:
         """Two phases 90 degrees apart or three 120 degrees apart (PMD-CMD-78, PMD-CMD-79)."""
         self._cycles.hold_outputs(self.current)
+        # PMD-AMB-6, PMD-USTP-7: the waveform is the current axis's own.
         self._axis.stepper.two_phase = count == 2
 
     # -- the chip set -------------------------------------------------------------------------

@@ -39,7 +39,7 @@ class Mc1241aExercises(Exercises):
         yield from super().items()
         yield from bit_items(BITS, "SET_INTRPT_MASK", _PMD_EVENTS, "PMD-STA-1")
         for name in ds.PROFILES:
-            yield Item(MODES, name, "PMD-STA-5", "profile mode, set or told by GET_MODE")
+            yield Item(MODES, name, "PMD-STA-5", "profile mode, set or read by GET_MODE")
         yield from bit_items(FLAGS, "status", _PMD_STATUS, "PMD-STA-1")
         yield from bit_items(FLAGS, "mode", _PMD_MODE, "PMD-STA-5")
         yield Item(ANSWERS, "checksum right", "PMD-PKT-2", "read after a packet")

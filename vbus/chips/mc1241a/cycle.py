@@ -51,6 +51,7 @@ class Windings:
         if self.motor is not None:
             a, b = self._stepper.outputs(slot, self._active.motor_command)
             c = self._third(a, b)
+            # At rest and in slow motion most slots look up the same: then nothing is divided.
             if a != self.a or b != self.b or c != self.c:
                 self.take(a, b, c)
             self.motor.phases(self._share_a, self._share_b, self._share_c)
@@ -62,6 +63,7 @@ class Windings:
 
     def _third(self, a: i64, b: i64) -> i64:
         """Return the third phase current, which the amplifier makes (PMD-USTP-3)."""
+        # PMD-USTP-3: the third phase is minus the sum of the others.
         if self._stepper.two_phase:
             return 0
         return -(a + b)
@@ -109,12 +111,16 @@ class SampleCycles:
     def stop(self) -> None:
         """A reset begins at the present instant: no cycles, no currents."""
         self.shared.reset()
+        # Motors run without currents from here on; a second reset within the first does not begin
+        # that time anew.
         if (self.boundary != NEVER or self._chip.clock.stopped) and self._slot:
             self._reset_since = self._chip.instant
         self.boundary = NEVER
 
     def begin(self, ready: int) -> None:
         """Count from the first clock at which the host port is ready (ps)."""
+        # PMD-CYC-2: cycles have whole clocks, 13568 each, and are counted from here: no rounding
+        # adds up.
         self._origin = self._chip.clock.cycle_at(ready - 1) + 1
         self._slot = 0
         self.boundary = self.ps_of(0)
@@ -127,6 +133,7 @@ class SampleCycles:
             for _ in range(periods if motor is not None else 0):
                 assert motor is not None
                 motor.phases(0.0, 0.0, 0.0)
+                # A motor at rest stays there: a long reset takes no time of its own.
                 if motor.resting():
                     break
         for axis in self._axes:
@@ -155,6 +162,7 @@ class SampleCycles:
         origin: int = self._origin
         coming: int = self._slot
         begun = origin + coming * ds.SLOT_CLK
+        # Two cycles: one is under way, and one may be due at this very instant.
         return self.boundary != NEVER and there - begun > 2 * ds.SLOTS * ds.SLOT_CLK
 
     @property
@@ -172,6 +180,7 @@ class SampleCycles:
         """
         slot = self._slot
         cycle = slot % ds.SLOTS == 0 and slot != 0
+        # Rest is passed over in whole cycles: an idle axis costs one comparison in each advance.
         if cycle and self._skip_rest(now):
             return False
         instant = self._chip.instant
@@ -208,6 +217,7 @@ class SampleCycles:
 
     def _plan(self) -> None:
         """Find the next boundary; slots between cycles count only if something takes them."""
+        # Without a motor or an observer the seven slots within a cycle are work that no part sees.
         if not self._slotted:
             self._slot = -(-self._slot // ds.SLOTS) * ds.SLOTS
         self.boundary = self.ps_of(self._slot * ds.SLOT_CLK)
@@ -225,6 +235,7 @@ class SampleCycles:
         Args:
             ready: when the host port is ready (ps), for a reset that runs.
         """
+        # Of a reset that still runs the cycles count from its new end.
         if not self._slot and not self._chip.clock.stopped:
             self.begin(ready)
             return
@@ -234,6 +245,7 @@ class SampleCycles:
 
     def _cycle(self) -> None:
         shared = self.shared
+        # PMD-CYC-1, PMD-AMB-25: the time counts on first, from any reset, in 32 bits.
         shared.time = shared.time + 1 & 0xFFFFFFFF
         self.run_count += 1
         for axis in self._axes:
@@ -257,6 +269,8 @@ class SampleCycles:
 
     def choose_slots(self) -> None:
         """Run every slot if a motor or an observer of the outputs takes it, else cycles only."""
+        # PMD-USTP-2: the look-ups are computed whenever an output is asked for; they need no slot
+        # to run.
         slotted = self.heard or any(motor is not None for motor in self.motors)
         if slotted != self._slotted:
             self._slotted = slotted
@@ -291,6 +305,7 @@ class SampleCycles:
 
         What the host asks for at an instant comes before a look-up at that instant.
         """
+        # PMD-USTP-2: a new amplitude or waveform is used from the next look-up on.
         slot = self.slot_at(self._chip.instant - 1)
         axis = self._axes[number]
         axis.stepper.hold(slot, axis.active.motor_command)
@@ -319,6 +334,7 @@ class SampleCycles:
                 return 0
             windings = self._windings[number]
             motor = windings.motor
+            # A rotor that still swings moves the encoder: each of its cycles is run.
             if motor is not None and not (windings.steady(slot) and motor.resting()):
                 return 0
             idle = min(idle, quiet)
@@ -362,6 +378,7 @@ class SampleCycles:
         if not self._slot or self.heard or not self.skipping:
             return False
         # A command may have changed what the next look-up gives.
+        # PMD-USTP-2: a new motor command moves the rotor with the next look-up.
         for windings in self._windings:
             if windings.motor is not None and not windings.steady(self._slot):
                 return False

@@ -74,7 +74,10 @@ class AxisInputs:
         self._quadrature = (pins[f"QuadA{n}"], pins[f"QuadB{n}"], pins[f"~Index{n}"])
         self._home: Pin = pins[f"~Home{n}"]
         self._limits = (pins[f"PosLimit{n}"], pins[f"NegLimit{n}"])
+        # PMD-ENC-1: three periods of 160 ns; a channel that moves back before is not believed.
         dwell = chip.clock.span_up(ds.FILTER_CLK)
+        # PMD-ENC-2, PMD-AMB-21: accepted after 480 ns; what lasts less than the 800 ns of T2 is
+        # counted and reported.
         self._decoder: Final[Quadrature] = Quadrature(
             dwell, dwell, dwell_limit=ds.AC["T2"].min_ps, pulse_limit=ds.AC["T1"].min_ps
         )
@@ -131,6 +134,7 @@ class AxisInputs:
         Everything that happens by then is seen with the capture set-up as it is.
         """
         if self._mechanics is not None and not self._home_wired:
+            # The end of a slot is known as a number; within it the plant is asked for its course.
             count: i64 = self._mechanics.count
             if fraction < 1.0:
                 count = self._mechanics.count_at(fraction)
@@ -158,6 +162,7 @@ class AxisInputs:
         return self._decoder.filter_dwell
 
     def _follow_plant(self, plant: Plant, count: i64) -> None:
+        # PMD-CAP-1: the first index on the way counts, at its own place in it.
         if self._armed and self._capture_source == ds.CAPTURE_INDEX:
             found, at = plant.index_between(self._seen, count)
             if found:
@@ -169,6 +174,7 @@ class AxisInputs:
         if self._armed and self._capture_source == ds.CAPTURE_HOME:
             switch = plant.switches.get("home")
             if switch is not None:
+                # PMD-CAP-1: the falling edge of ~Home, whatever A and B are.
                 found, at = falls_between(switch, self._mechanics_seen, count)
                 if found:
                     self._capture(self._count_when(plant, at))
@@ -190,14 +196,17 @@ class AxisInputs:
             if quadrature > instant and switch > instant:
                 self._unsettled = quadrature != NEVER or switch != NEVER
                 return
+            # In the order of instants: a capture stores the count of its own instant.
             if switch < quadrature:
                 home.take()
+                # PMD-CAP-1: by home the falling edge, not the level.
                 if home.level == LOW and self._armed and self._capture_source == ds.CAPTURE_HOME:
                     self._capture(self.count)
                 continue
             found = decoder.settle(instant)
             if found & COUNTED:
                 self.count += decoder.direction
+            # PMD-ENC-1: both channels at once count nothing: either direction may be meant.
             if found & SKIPPED:
                 self._chip.report(ds.TWO_CHANNELS, when=decoder.at)
             # The index must have fallen before the later of A and B (PMD-CAP-1).
@@ -207,6 +216,7 @@ class AxisInputs:
 
     def read(self) -> int:
         """Take the counter over at the start of a cycle; return the counts since the last."""
+        # An encoder that stands cannot wrap: most cycles of most axes end here.
         if self.count == self._read:
             self.wrapped = False
             return 0
@@ -216,6 +226,7 @@ class AxisInputs:
         turn = self.counted + (1 << ds.POSITION_BITS - 1) >> ds.POSITION_BITS
         self.wrapped = turn != self._turn
         self._turn = turn
+        # PMD-ENC-1: the host reads 31 bits.
         self.actual = wrap_word(self.counted, _HALF)
         return moved
 
@@ -238,6 +249,7 @@ class AxisInputs:
 
     def _capture(self, count: int) -> None:
         self._captured = wrap(count - self._zero, ds.POSITION_BITS)
+        # PMD-CAP-1: no other capture until GET_CAPT has read this one.
         self._armed = False
         self._fresh = True
 
@@ -249,6 +261,7 @@ class AxisInputs:
     def set_source(self, source: int) -> None:
         """Capture by index or home from now on; armed, the stored value stays (PMD-CAP-2)."""
         self._capture_source = source
+        # PMD-CAP-2: what was captured stays to be read.
         self._armed = True
 
     def collect(self) -> int:
@@ -287,6 +300,7 @@ class AxisInputs:
         now = chip.kernel.now
         self._settle(now)
         a, b, index = self._quadrature
+        # A pin that is driven takes the encoder over from the plant, for good.
         if not self._wired and (a.net.driven or b.net.driven):
             chip.follow_encoders()
             self._wired = True
@@ -310,6 +324,7 @@ class AxisInputs:
         """A limit switch pin has moved."""
         self._chip.advance()
         for place, pin in enumerate(self._limits):
+            # An input that is let go follows the plant's switch again.
             self._levels[place] = pin.value if pin.net.driven else -1
         self._chip.touched()
 

@@ -93,6 +93,7 @@ class PacketPort:
     def _ready(self) -> bool:
         """Whether HostRdy is high; an access while it is low is lost (PMD-BUS-8)."""
         now = self._chip.kernel.now
+        # PMD-BUS-8: with HostRdy low a write is ignored, a read repeats the byte.
         if now >= self.busy_until:
             return True
         self._chip.report(ds.NOT_READY, now - self.busy_since, 0)
@@ -104,6 +105,7 @@ class PacketPort:
         self._pending = pending
         self._pending_value = value
         self.busy_since = chip.kernel.now
+        # PMD-BUS-7: at the next slot with "slot", else after exactly 67.5 us.
         if self._slot_busy and not clock.stopped:
             slot = self._cycles.slot_at(self.busy_since)
             end: int = self._cycles.ps_of((slot + 1) * ds.SLOT_CLK)
@@ -117,19 +119,23 @@ class PacketPort:
         """A byte was written with HostCmd high (PMD-BUS-2, PMD-BUS-6)."""
         if not self._ready():
             return
+        # PMD-BUS-10: a command whose data did not all arrive has no effect.
         if self._given < self._writes:
             self._chip.report(ds.ABORTED, self._given, self._writes)  # PMD-BUS-10
+        # PMD-BUS-6: any command byte.
         self._go_busy(COMMAND, data)
 
     def write_data(self, data: int) -> None:
         """A byte was written with HostCmd low: high byte first (PMD-BUS-5)."""
         if not self._ready():
             return
+        # PMD-BUS-5, PMD-BUS-6: the high byte first, which leaves HostRdy high.
         if not self._low_write_next:
             self._high = data
             self._low_write_next = True
             return
         self._low_write_next = False
+        # PMD-BUS-11, PMD-PKT-4: behind an illegal code nothing is worth a word.
         if self._given >= self._writes and not self._illegal:
             self._chip.report(ds.UNEXPECTED_WRITE)  # PMD-BUS-11
         self._go_busy(WORD, self._high << 8 | data)
@@ -138,6 +144,7 @@ class PacketPort:
         """A read of the data port begins; return the byte that is driven (PMD-BUS-3)."""
         self._reading = self._ready()
         if self._reading:
+            # PMD-PKT-7: both bytes of a word are taken at the first one.
             if not self._low_read_next:
                 self._latch()
             self.last_driven = self._word & 0xFF if self._low_read_next else self._word >> 8
@@ -147,7 +154,9 @@ class PacketPort:
         """The read ends: the byte pointer moves. Return the byte that was driven."""
         if self._reading:
             self._reading = False
+            # PMD-BUS-3: the place in the word moves when the read ends.
             self._low_read_next = not self._low_read_next
+            # PMD-BUS-6: the second byte that is read.
             if not self._low_read_next:
                 self._go_busy(TAKEN, 0)
         return self.last_driven
@@ -166,15 +175,18 @@ class PacketPort:
     def _latch(self) -> None:
         """Take the word whose bytes the host reads next."""
         self._word_is_data = False
+        # PMD-BUS-11: 0000h, and the packet stays open.
         if self._given < self._writes:
             self._chip.report(ds.UNEXPECTED_READ)  # PMD-BUS-11
             self._word = 0
+        # PMD-BUS-5, PMD-PKT-7: the high word first, of the value as it was when the command acted.
         elif self._taken < self._reads:
             self._word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
             self._word_is_data = True
             if self._code in ds.STATUS_READERS:
                 self._commands.shown(self._word)
         else:
+            # PMD-PKT-3: read once or often, or never.
             self._word = self._checksum
             self.unchecked = -1
 
@@ -189,20 +201,25 @@ class PacketPort:
         elif pending == WORD:
             self._take_word(value)
         elif pending == TAKEN and self._word_is_data:  # PMD-PKT-2
+            # PMD-PKT-2: words that are read count when they have been read.
             self._checksum = (self._checksum + self._word) & 0xFFFF
             self._taken += 1
 
     def _begin_packet(self, code: int) -> None:
         self._code = code
+        # PMD-PKT-2: the sum begins with the code.
         self._checksum = code
         if self.unchecked >= 0:
             self.unchecked += 1
         row = ds.COMMANDS.by_code(code)
         if row is not None:
+            # PMD-PKT-1: words one way, then the checksum, if the host reads it.
             self._open(row, row.write, row.read)
+            # PMD-BUS-9: without data the command acts now, else with its last word.
             if not row.write:
                 self._result = self._commands.execute(row, self._value)
             return
+        # PMD-PKT-5, PMD-AMB-1: 49h alone is reserved; 4Eh is SMOOTH_STOP.
         if code == ds.RESERVED_CODE:
             self._open(None, 0, 0)  # PMD-PKT-5
             self._chip.report(ds.RESERVED, code, when=self._chip.instant)
@@ -218,10 +235,12 @@ class PacketPort:
         self._chip.report(ds.ILLEGAL, code, detail=detail, when=self._chip.instant)
 
     def _take_word(self, word: int) -> None:
+        # PMD-BUS-11: a word too many is in no checksum.
         if self._given >= self._writes:
             return
         self._given += 1
         self._value = self._value << 16 | word
+        # PMD-PKT-2: modulo 65536.
         self._checksum = (self._checksum + word) & 0xFFFF
         if self._given == self._writes and self._row is not None:
             self._result = self._commands.execute(self._row, self._value)

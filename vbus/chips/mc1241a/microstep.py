@@ -51,6 +51,7 @@ def dac_word(output: int) -> int:
 
 def pwm_magnitude(output: int) -> int:
     """Return how many of a frame's 256 clocks the magnitude pin is high (PMD-USTP-6)."""
+    # PMD-AMB-3, PMD-AMB-22: 8 bits: 256 clocks at 25 MHz are the 97.6 kHz that are printed.
     return abs(output) + 64 >> 7
 
 
@@ -134,10 +135,12 @@ class Microstepper:
         SET_ACTL_POS and SYNCH_PRFL give a position another name; no step is made, nor a part of
         one (PMD-USTP-1).
         """
+        # PMD-USTP-1: the angle counts generated motion alone.
         self._shift = self._shift + before - after & _CYCLE
 
     def angle(self, slot: i64) -> i64:
         """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
+        # PMD-USTP-2: whole usteps of P + v*j/8, modulo 256.
         return (self._start + self._way * slot >> 35) & (STEPS - 1)
 
     def hold(self, slot: i64, command: i64) -> None:
@@ -159,6 +162,8 @@ class Microstepper:
 
     def _look_up(self, slot: i64, command: i64) -> tuple[i64, i64]:
         angle = self.angle((slot & SLOTS - 1) + 1)
+        # Three comparisons for two products and two divisions: a rotor at rest looks up the same
+        # for ever.
         if (
             angle != self._angle
             or command != self._command
@@ -175,6 +180,7 @@ class Microstepper:
     @property
     def phase_info(self) -> int:
         """GET_PHASE_INFO: bit 3, two phases (PMD-CMD-80)."""
+        # PMD-AMB-27: bit 3 alone has a name.
         return TWO_PHASE if self.two_phase else 0
 
     def still(self) -> bool:

@@ -67,6 +67,8 @@ class Output:
         """
         heard = any(pin.net.heard for pin in self._pins)
         if heard and not self._cycles.heard:
+            # PMD-USTP-6: frames are counted from the reset, observed or not: an observer sees whole
+            # ones.
             self._frame = max(0, -(-next_clk // ds.FRAME_CLK))
         if not heard:
             self._queue = []
@@ -92,6 +94,7 @@ class Output:
         if not self._cycles.heard or self._chip.held:
             return _NEVER
         due: i64 = self._queue[0][0] if self._queue else NEVER
+        # PMD-USTP-6: a frame has 256 clocks, 97.66 kHz at 25 MHz.
         if self._cycles.shared.output_mode == ds.OUTPUT_PWM:
             frame = self._cycles.ps_of(self._frame * ds.FRAME_CLK)
             return frame if frame < due else due
@@ -116,10 +119,12 @@ class Output:
             for phase, output in enumerate(self._cycles.phase_outputs(axis)):
                 number = 2 * (2 * axis + phase)
                 positive = output >= 0
+                # PMD-USTP-6, PMD-AMB-23: low is positive unless the board file says "high".
                 sign = self._positive_sign if positive else 1 - self._positive_sign
                 chip.put(self._pins[number + 1], sign)
                 high = pwm_magnitude(output)
                 chip.put(self._pins[number], HIGH if high else LOW)
+                # PMD-USTP-6, PMD-AMB-22: 0 and 256 of 256 have no edge inside the frame.
                 if 0 < high < ds.FRAME_CLK:
                     self._push(self._cycles.ps_of(start + high), number, LOW)
 
@@ -132,6 +137,7 @@ class Output:
         for axis in range(self._axes):
             for phase, output in enumerate(self._cycles.phase_outputs(axis)):
                 number = 2 * axis + phase
+                # PMD-USTP-5: one phase after the other, a period of ClkOut each.
                 start = self._cycles.ps_of(clk + number * CLOCK_OUT_CLK)
                 word = dac_word(output)
                 self._push(start + ADDRESS_PS, address, DAC_ADDRESS)

@@ -102,17 +102,25 @@ class AdapterPins(BusFrontEnd):
         lost = False
         if chip.judged:
             begun = max(self._write_fell, self._select_fell)
+            # PMD-TIM-16: ~HostWrite is low long enough.
             lost = self._ac.short("T14", now - self._write_fell)
+            # PMD-TIM-9: ~HostSlct is low before the strobe.
             lost |= self._ac.short("T7w", self._write_fell - self._select_fell)
+            # PMD-TIM-10: HostCmd stands before the strobe.
             lost |= self._ac.short("T8w", self._write_fell - self._command_at)
+            # PMD-TIM-17: the byte stands before the strobe ends.
             lost |= self._ac.short("T15", now - self._data_since(now))
+            # PMD-TIM-20: one write, then a pause.
             lost |= self._ac.short("T18", self._write_fell - self._write_ended)
+            # PMD-TIM-15: what a host began while HostRdy was still falling it began too early.
             lost |= self._seen_too_early(begun)
         self._strobe_ended = self._write_ended = now
         self._last_was_write = True
         if not lost:
+            # PMD-BUS-2: HostCmd as it was before the edge chooses the port.
             address = ds.COMMAND_PORT if self._place.net.before else ds.DATA_PORT
             data = chip.bus_net.before
+            # PMD-BUS-13: what the wires keep is taken, and the value is reported.
             if chip.bus_net.floats:
                 taken = f"no pin drives D0-D7: {data:02X}H is taken"
                 chip.report(ds.FLOATING_WRITE, detail=taken)
@@ -124,8 +132,11 @@ class AdapterPins(BusFrontEnd):
     def _begin_read(self, now: int) -> None:
         chip = self._chip
         if chip.judged:
+            # PMD-TIM-9: ~HostSlct is low before the strobe.
             lost = self._ac.short("T7r", self._read_fell - self._select_fell)
+            # PMD-TIM-10: HostCmd stands before the strobe.
             lost |= self._ac.short("T8r", self._read_fell - self._command_at)
+            # PMD-TIM-19: one read, then a pause.
             lost |= self._ac.short("T17", self._read_fell - self._read_ended)
             lost |= self._seen_too_early(self._read_fell)
             if lost:
@@ -141,6 +152,7 @@ class AdapterPins(BusFrontEnd):
         clashed, self._clashed = self._clashed, False
         if self._driving:
             self._driving = False
+            # PMD-TIM-12: the byte is valid so long after the strobe's fall.
             if chip.judged and self._ac.short("T10", now - self._read_fell):
                 self._port.cancel_read()
             chip.end_read()
@@ -150,6 +162,7 @@ class AdapterPins(BusFrontEnd):
 
     def _clash(self) -> None:
         """Both strobes are low: the host's byte counts, nothing is read."""
+        # PMD-BUS-2: reported once in a cycle.
         if not self._clashed:
             self._clashed = True
             self._chip.report(ds.BOTH_STROBES)
@@ -165,6 +178,7 @@ class AdapterPins(BusFrontEnd):
         self._after_strobe("T6", held)
         limit = ds.AC["T6"].max_ps
         busy = self._port.busy_since == self._strobe_ended
+        # PMD-TIM-8, PMD-AMB-19: held longer than 2 us is reported, and has no other effect.
         if chip.judged and busy and held > limit:
             chip.report(ds.AC.rules["T6"], held, limit)
 
@@ -174,8 +188,10 @@ class AdapterPins(BusFrontEnd):
         self._data_before, self._data_at = self._data_at, now
         if not chip.judged or self._driving:
             return
+        # PMD-TIM-18: the byte stands on after the strobe has ended.
         if now != self._data_judged:
             self._after_strobe("T16", now - self._write_ended)
+        # PMD-TIM-14: until the chip set has let go of the bus no other part drives it.
         if chip.bus_net.driven:
             self._ac.short("T12", now - self._read_ended)
 
@@ -188,11 +204,13 @@ class AdapterPins(BusFrontEnd):
         chip.advance()
         if chip.pins["~Reset"].value == LOW:
             self._reset_fell = now
+            # PMD-RST-1: it takes hold 1 us after it has fallen.
             chip.hold_reset(now + self._ac.least["reset"])
             return
         lost = False
         if chip.judged:
             lost = self._ac.short("reset", now - self._reset_fell)
+            # PMD-TIM-4: power is stable before the reset ends.
             if chip.settings["cold_start"]:
                 self._ac.short("power", now)
         chip.release_reset(lost)

@@ -86,8 +86,10 @@ class Profile:
 
     def in_motion(self) -> bool:
         """Whether the trajectory is in motion (PMD-TRJ-8, PMD-STA-3)."""
+        # PMD-STA-3: in gear mode bit 10 stays 0.
         if self.mode == ds.GEAR:
             return False
+        # PMD-TRJ-8: in velocity mode the velocity alone decides.
         if self.mode == ds.VELOCITY:
             return self.velocity != 0
         return self._state == RUNNING
@@ -115,9 +117,11 @@ class Profile:
         # A trapezoid that turns round has velocity 0 on the way.
         moving = self.velocity != 0 or self.in_motion()
         rude = moving and mode in (ds.TRAPEZOIDAL, ds.S_CURVE)
+        # PMD-TRJ-13: at once, at any time.
         self.mode = mode
         self._clear_curve()
         self._destination = destination
+        # PMD-TRJ-13: a trapezoid goes on with the velocity there is; an S-curve begins from rest.
         if mode == ds.S_CURVE:
             self.velocity = 0
             moving = False
@@ -132,6 +136,8 @@ class Profile:
         """
         before = self.position
         self.position = position << 32
+        # PMD-AMB-5: motion goes on, as the reference warns; the end is the destination in the new
+        # numbers.
         if self.mode == ds.S_CURVE and self._state == RUNNING:
             self._start += self.position - before
             self._retarget(self._destination)
@@ -139,6 +145,7 @@ class Profile:
     def halt(self) -> None:
         """Stop at once; wait for the next update (PMD-TRJ-9)."""
         self.velocity = 0
+        # PMD-TRJ-9: a gear waits for the next update, too.
         self._state = HALTED
         self._smooth = False
         self._clear_curve()
@@ -148,6 +155,7 @@ class Profile:
 
         Not for electronic gear.
         """
+        # PMD-TRJ-10: phases 5, 6 and 7 mirror what has been run of 1, 2 and 3.
         if self.mode == ds.S_CURVE:
             self._curve.stop()
             rests = self._curve.done
@@ -173,23 +181,28 @@ class Profile:
             return False
         running = self._state == RUNNING
         if self.mode == ds.S_CURVE and running:
+            # PMD-TRJ-5: taken now if the new end can be had, else by a later update.
             if self._retarget(active.position):
                 self._destination = active.position
             return False
         self._smooth = False  # PMD-TRJ-10
         self._destination = active.position
         way = (active.position << 32) - self.position
+        # PMD-TRJ-12: an update that moves nothing completes nothing, unless it names a destination.
         if way == 0 and self.velocity == 0 and not given and not running:
             self._state = DONE
             return False
         if self.mode == ds.S_CURVE:
+            # PMD-TRJ-4: planned as a way forward, of any length, and run with its sign.
             self._sign = -1 if way < 0 else 1
             self._start = self.position
+            # PMD-TRJ-4: the plan counts all of them in 2^-32 usteps.
             moves = self._curve.plan(
                 abs(way), active.velocity << 16, active.max_acceleration << 16, active.jerk
             )
         else:
             moves = self.velocity != 0 or (way != 0 and _can_begin(active))
+        # PMD-TRJ-8: a profile that cannot move is at rest, not in motion.
         self._state = RUNNING if moves else DONE
         # What cannot begin has not ended either (NOTES 21).
         return not moves and (way == 0 or running)
@@ -226,8 +239,11 @@ class Profile:
         if self.mode == ds.GEAR:
             if self._state != HALTED:
                 # The encoder's way times the ratio, fraction carried (PMD-TRJ-7).
+                # PMD-TRJ-7: the change since the last cycle alone: entering the mode, and a new
+                # ratio, make no jump.
                 self.velocity = self.moved = counts * active.ratio << 16
             return self._advance()
+        # PMD-MTR-2: a motor that is off generates nothing; its state waits.
         if self._state != RUNNING:
             return 0
         if self.mode == ds.TRAPEZOIDAL:
@@ -250,6 +266,8 @@ class Profile:
             remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
         )
         self._run_at(velocity)
+        # PMD-TRJ-2, PMD-TRJ-12: exactly there and slow enough; a top velocity lowered to 0 ends
+        # where it stands.
         if arrived(remaining - velocity, velocity, acceleration, start_velocity) or (
             velocity == 0 and not _can_begin(active)
         ):
@@ -264,9 +282,11 @@ class Profile:
         if self._smooth:
             return self._slow_down(abs(acceleration), start_velocity)
         before = self.velocity >> 16
+        # PMD-TRJ-6: the acceleration's sign is the direction; with 0 the velocity stays.
         goal = active.velocity if acceleration >= 0 else -active.velocity
         velocity: int = toward(before, goal, abs(acceleration), start_velocity)
         self._run_at(velocity)
+        # PMD-TRJ-12: complete when the velocity that is asked for is 0 and has been reached.
         return velocity == 0 and before != 0 and goal == 0
 
     def _run_at(self, velocity: int) -> None:
@@ -277,6 +297,7 @@ class Profile:
     def _slow_down(self, acceleration: int, start_velocity: int) -> bool:
         """Smooth stop: linear, at once without an acceleration (PMD-TRJ-10, NOTES 8)."""
         velocity: int = toward(self.velocity >> 16, 0, acceleration, start_velocity)
+        # PMD-TRJ-10: without an acceleration it would never end.
         if acceleration == 0:
             velocity = 0
         self._run_at(velocity)
@@ -298,12 +319,14 @@ class Profile:
     def _advance(self) -> int:
         """Move the target; it goes on at the other end of its range (PMD-TRJ-1)."""
         position = self.position + self.moved
+        # Far from both ends, as nearly always, there is nothing to wrap.
         if -_FAR_INSIDE < position < _FAR_INSIDE:
             self.position = position
             return 0
         self.position = wrap(position, WORD_BITS)
         if position == self.position:
             return 0
+        # PMD-STL-1: the error is compared without wraps.
         self._turns += (position - self.position) >> WORD_BITS
         if self.mode == ds.S_CURVE:
             self._start += self.position - position

@@ -76,6 +76,7 @@ class SteadyState:
 
     def note(self) -> None:
         """A control sample with no change of command has shown its results: compare it."""
+        # A plant that moves cannot repeat: comparing the registers is left out.
         if not self._drive.at_rest():
             self.disturb()
             return
@@ -92,6 +93,7 @@ class SteadyState:
         """
         if control and not self._repeats:
             return False
+        # A period of the plant that goes on beyond the sample is not like the last one.
         return self._encoder.plant is None or (self._encoder.end == cycle and self._drive.at_rest())
 
     def lasts(self, control: bool, sampling: bool) -> bool:
@@ -210,6 +212,7 @@ class ClockedAxis:
         due = min(due, self.writes.due)
         loop = self.loop
         awake = loop.state == CONTROL or loop.request != NO_REQUEST or self.breakpoint.armed
+        # In idle mode a sample alone shows nothing but In-position, which no pin has.
         if awake:
             due = min(due, self._at_sample)
         if self.encoder.plant is not None and (awake or not self.drive.at_rest()):
@@ -234,6 +237,7 @@ class ClockedAxis:
 
     def shortest_period(self) -> int:
         """Return the period of this sample, or of the next if that may be shorter (clocks)."""
+        # What R0F, R10 and R11 will be is not known yet: the shortest period is one clock.
         if self.writes.waits_for(ds.SAMPLE_PERIOD):
             return 1
         period, coming = self.timer.period, self.timer.coming
@@ -247,6 +251,7 @@ class ClockedAxis:
             count = self._next_count()
             cycle = self._next_own(count)
             first = writes.due
+            # At one cycle the counter comes first, then written bytes, then all else.
             if first <= target and first <= cycle and first < count:
                 self._take_write(first)
                 continue
@@ -281,6 +286,7 @@ class ClockedAxis:
 
     def write(self, cycle: int, address: int, data: int) -> None:
         """A byte has been written in ``cycle``; it is visible some clocks later (MCP-BUS-5)."""
+        # MCP-RST-5: during a reset it is stored; while /RESET is low nothing is.
         if self.loop.state != HELD:
             self.writes.add(cycle, address, data)
 
@@ -290,6 +296,7 @@ class ClockedAxis:
         Returns:
             Whether what is due inside has moved.
         """
+        # MCP-BUS-11, MCP-AMB-16: by default an access costs the core nothing.
         if self._stall_clk and self._at_results != FAR:
             self._at_results += self._stall_clk
             return True
@@ -318,12 +325,14 @@ class ClockedAxis:
             self._fault(inputs.limit, ds.LIMIT_OK, cycle)
         if moved & STOP:
             self._fault(inputs.stop, ds.STOP_OK, cycle)
+        # MCP-SMP-2: in other modes /SYNC does nothing.
         if moved & SYNC and self.loop.state == STANDING:
             # In idle mode /SYNC holds the sample timer (MCP-SMP-2).
             if inputs.sync == 0:
                 self.hold_timer()
             else:
                 self.start_timer(coming)
+        # MCP-CAP-2: the falling edge alone.
         if moved & TRIGGER and inputs.trigger == 0:
             trigger_edge(registers, self.counter.position(cycle))
         if moved & HOME:
@@ -332,11 +341,13 @@ class ClockedAxis:
     def _fault(self, level: i64, flag: i64, cycle: i64) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-7)."""
         self.rest.disturb()
+        # MCP-EXC-7: the flag at once, the action with the next control sample.
         if level == 0 and self.loop.state >= STANDING:
             self.registers.fault(flag)  # MCP-EXC-4
             if flag == ds.LIMIT_OK:
                 self.loop.faults.limit = True
                 self.pwm.roll(cycle - 1)
+                # MCP-MOD-4: in idle mode the outputs go off at once.
                 self.host.guard()
             else:
                 self.loop.faults.stop = True
@@ -352,23 +363,28 @@ class ClockedAxis:
         ):
             text = f"R05 = {mode:02X} comes before the sample that obeys R05 = {waiting:02X}"
             self.find(ds.MODE_LOST, cycle, mode, text)
+        # MCP-MOD-1, MCP-MOD-6: control mode obeys at the next sample's start.
         loop.request = mode
         if loop.state == STANDING and mode != ds.CONTROL_CODE:
             loop.request = NO_REQUEST
+            # MCP-RST-5: from idle mode at once; in control it waits for the end of the sample.
             if mode == ds.SOFT_RESET_CODE:
                 self._begin_reset(cycle)
             elif mode == ds.IDLE_CODE:
                 loop.enter_idle()
+        # MCP-RST-5: R05 is loaded at the end of the reset: what is written before is lost.
         elif loop.state < STANDING:
             loop.request = NO_REQUEST
 
     def _begin_reset(self, cycle: int) -> None:
         self.loop.state = RESETTING
         self._stop()
+        # MCP-RST-2: PROF, IDLE and BUSY are low while it lasts.
         self.registers.flag = 0
         self.registers.mode = 0
         self.registers.status &= ~ds.BUSY
         self.stepper.stop(cycle)
+        # MCP-RST-5: 320 clocks, 16 us at 20 MHz.
         self._at_reset = cycle + ds.RESET_CLK
 
     def _stop(self) -> None:
@@ -392,6 +408,7 @@ class ClockedAxis:
     def hold(self, cycle: int) -> None:
         """Hard reset: everything as after power-on, until it is released (MCP-RST-1, 3)."""
         self.loop.state = HELD
+        # MCP-RST-3: every register takes the default of its row.
         self.registers.reset()
         self.stepper.clear(cycle)
         self.loop.hard_reset()
@@ -408,6 +425,7 @@ class ClockedAxis:
     def release(self, cycle: int) -> None:
         """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
         if self.loop.state == HELD:
+            # MCP-RST-1: Pulse is high for this one clock.
             self.pwm.released = cycle
             self.pwm.restart(cycle)
             self._begin_reset(cycle)
@@ -424,6 +442,7 @@ class ClockedAxis:
         self.counter.preset(0, cycle)
         self.loop.state = STANDING
         self.host.clear_errors()
+        # MCP-SMP-2: with /SYNC low the timer waits.
         if self.inputs.sync:
             self.start_timer(cycle)
         self.counter.replan(cycle)
@@ -433,21 +452,26 @@ class ClockedAxis:
     def _sample(self, cycle: i64) -> None:
         """The sample timer is at zero: a sample starts."""
         loop = self.loop
+        # MCP-SMP-4, MCP-SMP-3: the work of the sample before is not done.
         if self._at_results != FAR:
             # The one before is not finished (MCP-SMP-4).
             self.registers.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self.start_timer(cycle)
+        # Samples that repeat the last one are passed over; one that must be computed is left.
         if loop.request == NO_REQUEST and self.rest.possible(cycle, loop.state == CONTROL):
             cycle = self._skip(cycle)
         position = self.counter.position(cycle)
         request, loop.request = loop.request, NO_REQUEST
         if loop.state == CONTROL:
+            # MCP-RST-5: at the end of the sample.
             if request == ds.SOFT_RESET_CODE:
                 self._begin_reset(cycle)
                 return
+            # MCP-MOD-2: R05 = 01 takes effect with the sample's start.
             if request == ds.IDLE_CODE:
                 self._enter_idle(cycle)
+            # MCP-MOD-6, MCP-AMB-29: out of idle mode, and out of a halt.
             elif request == ds.CONTROL_CODE:
                 loop.halted = False
         elif request == ds.CONTROL_CODE:
@@ -458,14 +482,17 @@ class ClockedAxis:
             if work == IDLE:
                 self._enter_idle(cycle)
             else:
+                # MCP-SMP-3, MCP-SMP-5: results appear together when BUSY falls.
                 self._at_results = cycle + work
                 self._look_for_stall(cycle)
+                # MCP-EXC-2: the position is the axis's own: steps not yet sent are taken back.
                 if loop.abrupt:
                     self.stepper.stop(cycle)
         if loop.state == STANDING:
             loop.idle_sample(position)
         self._at_routine = FAR
         if self.breakpoint.sample():
+            # MCP-BRK-3: 67 clocks after the start.
             self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
         if loop.state == CONTROL:
             self._go_on(cycle)
@@ -475,6 +502,7 @@ class ClockedAxis:
     def _enter_control(self, cycle: int, position: int) -> None:
         self._judge_control(cycle, position)
         self.loop.state = CONTROL
+        # MCP-MOD-6: at the command position as it is: no copy of the actual one.
         self.loop.enter_control(position)
         self._aiming = False
         self.rest.disturb()
@@ -518,6 +546,7 @@ class ClockedAxis:
         self.pwm.roll(cycle - 1)
         loop.finish()
         self._aiming = True
+        # MCP-VEL-2: reported; the ramp copes with it.
         if loop.goal_step:
             most = int(widest(self.registers.sampled))
             self._report(ds.GOAL_STEP, loop.goal_step, most, "", self._clock.ps(cycle))
@@ -525,6 +554,7 @@ class ClockedAxis:
         if stepping:
             period = self.timer.period
             self.stepper.batch(cycle, loop.steps, period)
+            # MCP-STP-3: counted all the same.
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
@@ -551,6 +581,7 @@ class ClockedAxis:
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
         period = self.timer.period
+        # Fast way: whole periods up to the next count or write, without computing one.
         passed = (last - cycle) // period * period
         if passed > 0:
             cycle += passed
@@ -570,6 +601,7 @@ class ClockedAxis:
             end = self._at_sample
         if self._at_results < end:
             end = self._at_results
+        # In idle mode without a timer any length will do: the drive does not change.
         if end == FAR:
             end = cycle + self.timer.period
         self.drive.period(end, self._aiming)

@@ -107,9 +107,12 @@ class MCP1200(HostInterface):
             host = self.axis.host
             address = host.map(self._reading)
             self._reading = NO_READ
+            # MCP-BUS-12: under the strict policy the later access is lost: the latch keeps what it
+            # had.
             if not self._too_soon(ds.RECOVERY_READ_CLK):
                 cycle = self.cycle_now()
                 self._latch = host.read(address, cycle)
+                # MCP-BUS-6: what a read does besides it does here, when /CS rises.
                 host.taken(address, cycle)
                 self._stall()
         return self._latch
@@ -124,6 +127,7 @@ class MCP1200(HostInterface):
 
     def output(self) -> int:
         """What /OE puts on the bus now."""
+        # MCP-BUS-7: the latch keeps its byte until the next read.
         if self._reading == NO_READ:
             return self._latch
         host = self.axis.host
@@ -132,6 +136,7 @@ class MCP1200(HostInterface):
     def write(self, address: int, data: int) -> None:
         """/CS rises on a write: the byte is visible inside four clocks later (MCP-BUS-5)."""
         self.advance()
+        # MCP-BUS-12: four clocks apart, or the later one is lost under the strict policy.
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
             self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)
             self._stall()  # MCP-BUS-11
@@ -170,6 +175,7 @@ class MCP1200(HostInterface):
             self.axis.run(cycle)
             self._refresh_due()
             self.outputs.show(cycle)
+            # What is due inside may have begun another frame, or steps.
             self._quiet_ps = 0
         elif self.kernel.now >= self._quiet_ps:
             # Pulse and Sign move between the things due inside; the next edge is known, though.
@@ -205,6 +211,7 @@ class MCP1200(HostInterface):
         self.advance()
         if kind in (CHANGE, POLL):
             return self._due_ps
+        # No sample can move an output that is observed: none need be run at its instant.
         if kind == EDGE and self._reading == NO_READ and not self.outputs.may_move():
             return self._instant(self.axis.next_order())
         # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
@@ -221,6 +228,7 @@ class MCP1200(HostInterface):
         for name, pin in self.pins.items():
             if pin.on_heard is not None:
                 own = self._own.get(name)
+                # TRIG and the data bus are inputs of the chip, too: it watches them itself.
                 others = any(watcher is not own for watcher in pin.net.watchers)
                 heard = heard or others or bool(pin.net.observers) or pin.net.contested
         self._pulse_heard = self.pins["PULSE"].net.heard or self.pins["SIGN"].net.heard
@@ -240,6 +248,7 @@ class MCP1200(HostInterface):
         self.clear_bus()
         self._side.settle_levels()
         self.encoder_pins.settle_levels()
+        # MCP-RST-1: the reset ends with the release of the pin, or now if none holds it.
         if self.pins["/RESET"].value == HIGH:
             self.axis.release(cycle)
             if done:
@@ -266,6 +275,7 @@ class MCP1200(HostInterface):
 
     def disturb(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
+        # MCP-EXC-7: a switch that moves sets its flag at once, as a pin does.
         self.axis.rest.disturb()
         self.axis.look(self.cycle_now(), self.next_cycle())
         self.touched()
@@ -276,6 +286,7 @@ class MCP1200(HostInterface):
         home = self.settings["home_switch"] != "none"
         encoder = self.axis.encoder
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
+        # The plant's first period is run from here on.
         encoder.end = self.cycle_now()
         self._side.settle_levels()
         self.touched()
@@ -285,8 +296,10 @@ class MCP1200(HostInterface):
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""
         period: int = self.clock.span(1)
+        # MCP-TIM-1: with a longest period, too.
         self.ac.outside("tCPER", period, self.clock.span_up(1))
         high = int(period * float(self.settings["clock_high"]))
+        # MCP-TIM-2: high and low for 0.3 of the period each.
         self.ac.short("tCPWH", high)
         self.ac.short("tCPWL", period - high)
         for symbol, key in (
@@ -313,6 +326,7 @@ class MCP1200(HostInterface):
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that errors of the status register stand."""
         self.advance()
+        # MCP-STA-1: an error flag is 0 when it has happened.
         standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
         if not standing:
             return []

@@ -71,11 +71,13 @@ class SampleTimer:
     @property
     def coming(self) -> i64:
         """Clocks of the next period, as the registers stand now."""
+        # MCP-SMP-1: one more than either register says.
         return (self._registers.prescaler + 1) * (self._registers.sample_timer + 1)
 
     def reload(self, cycle: i64) -> i64:
         """Begin a period at ``cycle`` with the values now in the registers; return its end."""
         self.start = cycle
+        # MCP-REG-49: R0F, R10 and R11 take effect here and at no other time.
         self.pre = self._registers.prescaler + 1
         self.counts = self._registers.sample_timer + 1
         self.running = True
@@ -83,6 +85,7 @@ class SampleTimer:
 
     def count(self, cycle: int) -> int:
         """What R0F reads at ``cycle``: the reload value down to 0."""
+        # MCP-SMP-2: /SYNC and a reset clear the timer.
         if not self.running:
             return 0
         return max(self.counts - 1 - (cycle - self.start) // self.pre, 0)
@@ -150,16 +153,23 @@ class ExceptionSources:
         """
         setting = registers.exception
         one: i64 = 1
+        # MCP-EXC-6: R46 acts without a flag, and 00 is "report", which does nothing.
         wanted = one << (registers.forced_exception & 3)
+        # MCP-EXC-5, MCP-REG-5, MCP-AMB-34: bits 1 and 0 of R04, in every sample while the pin is
+        # low.
         if self.limit or limit_low:
             wanted |= one << (setting & 3)
+        # MCP-EXC-5, MCP-REG-5: bits 3 and 2.
         if self.stop or stop_low:
             wanted |= one << (setting >> 2 & 3)
+        # MCP-BRK-1, MCP-REG-5: bits 5 and 4.
         if self.breakpoint:
             wanted |= one << (setting >> 4 & 3)
+        # MCP-ERR-2, MCP-REG-5, MCP-AMB-7: bits 7 and 6.
         if self.error:
             wanted |= one << (setting >> 6)
         self.clear()
+        # MCP-EXC-1: the strongest action of all sources: idle, abrupt, deceleration.
         if wanted >> ds.GO_IDLE & 1:
             return ds.GO_IDLE
         if wanted >> ds.ABRUPT & 1:
@@ -175,6 +185,7 @@ class ExceptionSources:
         """
         setting = registers.exception
         status = registers.status
+        # MCP-EXC-3: the flag stays at 0 until R07 is written with the pin high.
         if not status & ds.STOP_OK and setting >> 2 & 3 == ds.DECELERATE:
             return True
         return not status & ds.LIMIT_OK and setting & 3 == ds.DECELERATE
@@ -260,8 +271,10 @@ class ControlLoop:
         """Motor off, old samples forgotten (MCP-MOD-2)."""
         registers = self.registers
         registers.mode = ds.IDLE_CODE
+        # MCP-MOD-2, MCP-FLG-4: F1 rises, and no motion is left.
         registers.flag = registers.flag & ~ds.F2 | ds.F1
         registers.status &= ~ds.BUSY
+        # MCP-MOD-2: R08 80h, R4C, R09 and R4D 00.
         registers.outputs_off()
         # Old samples are forgotten (MCP-FLT-5).
         self.lead = LeadFilter()
@@ -287,6 +300,7 @@ class ControlLoop:
 
     def soft_reset(self) -> None:
         """Load what a soft reset loads, then idle (MCP-RST-4)."""
+        # MCP-RST-4: these registers alone; all others keep what they have.
         self.registers.reset(*ds.SOFT_RESET)
         self.command.position = 0
         self.following.clear()
@@ -298,6 +312,7 @@ class ControlLoop:
         """The control loop closes at the command position as it is (MCP-MOD-6)."""
         registers = self.registers
         registers.mode = ds.CONTROL_CODE
+        # MCP-MOD-6: F1 and the pin IDLE fall.
         registers.flag &= ~ds.F1
         self.halted = False
         self._dropped = 0
@@ -336,16 +351,21 @@ class ControlLoop:
         """
         registers = self.registers
         action = self.faults.action(registers, limit_low, stop_low)
+        # MCP-EXC-2: idle mode, whatever the mode was.
         if action == ds.GO_IDLE:
             return IDLE
+        # MCP-REG-48: registers of several bytes are taken now, all bytes in this instant.
         registers.sample()
+        # MCP-MOD-7, MCP-AMB-14: of "Halt Motion" the manual gives the name alone.
         if halt:
             self.halted = True  # MCP-MOD-7
             action = ds.ABRUPT
         flags = registers.flag
+        # MCP-EXC-2: position control holds the axis.
         if self.halted or action == ds.ABRUPT:
             flags = 0
         mode: i64
+        # MCP-MOD-8, MCP-AMB-27: the order of the manual's tests: F0, F4, F3, F5.
         if flags & ds.F0:
             mode = ds.F0
         elif flags & ds.F4:
@@ -370,15 +390,19 @@ class ControlLoop:
         self.increment_written = False
         self.mode = mode
         stands = mode == 0 or mode == ds.F3
+        # MCP-EXC-2, MCP-AMB-33: where there is no velocity of its own to lower, deceleration is an
+        # abrupt stop.
         self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and stands)
         registers.status |= ds.BUSY
         return work_clocks(registers, mode)
 
     def idle_sample(self, position: i64) -> None:
         """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
+        # MCP-MOD-5: velocity and error keep what the last control sample left.
         self.last_position = position
         registers = self.registers
         registers.status &= ~ds.IN_POSITION
+        # MCP-STA-4, MCP-MOD-5: "always active", says the manual of this bit.
         if self.following.near(registers, position):
             registers.status |= ds.IN_POSITION
 
@@ -393,6 +417,7 @@ class ControlLoop:
         registers.flag &= ~cleared
         self._last_mode = self.mode & ~cleared
 
+        # MCP-SMP-6: at the starts of two samples, 16 bits.
         registers.actual_velocity = wrap_word(position - self.last_position, 0x8000)
         self.last_position = position
 
@@ -400,14 +425,17 @@ class ControlLoop:
         if self.abrupt and step_mode:
             following.begin(command.position)
         self.steps = following.step(sampled, command.position, position)
+        # MCP-STP-4: steps are compared with counts, not a command with a position.
         if step_mode:
             too_large = self.stall.stalled(sampled)
         else:
             too_large = following.too_large
         if too_large:
+            # MCP-ERR-2, MCP-AMB-6: status bit 4, of a stall too.
             registers.fault(ds.ERROR_OK)
             self.faults.error = True
 
+        # MCP-STP-1: the filters are not used.
         if not step_mode:
             self._drive(command, sampled, following.error)
         self._show(command, following)
@@ -415,6 +443,7 @@ class ControlLoop:
     def _profile(self, command: CommandedMotion, sampled: SampledRegisters) -> i64:
         """Move the command position; return the flags to clear."""
         mode = self.mode
+        # MCP-TRP-1, MCP-REG-13: a move starts from the command position as the host has left it.
         if (mode == 0 or self._entering) and command.position != sampled.command_position:
             # The host has put it there: a whole count.
             command.position = sampled.command_position
@@ -425,8 +454,10 @@ class ControlLoop:
             command.rest()
             command.position = self._position
             self._stopping = False
+            # MCP-EXC-2: an abrupt stop clears the mode flags.
             if self._action == ds.ABRUPT:
                 cleared = ds.MODE_FLAGS
+            # MCP-AMB-33: F3 stays set; the next point that is loaded goes on.
             elif mode == ds.F3:
                 self.interpolation.hold(sampled.final_position)
         elif mode == ds.F0:
@@ -438,6 +469,7 @@ class ControlLoop:
         elif mode == ds.F5:
             self._run_at_velocity(command, sampled)
         else:
+            # MCP-VEL-3, MCP-INT-6: without a flag the axis is held where the command is.
             self._hold_position(command, sampled)
             return 0
         self.registers.command_position = command.position
@@ -446,9 +478,11 @@ class ControlLoop:
     def _hold_position(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         command.rest()
         increment = sampled.command_increment
+        # MCP-POS-1: used once, then cleared, in position control alone.
         if increment == 0:
             return
         command.position = wrap_word(command.position + increment, 0x800000)
+        # A command position that the host has written during the sample is the newer one.
         if not self.command_written:
             self.registers.command_position = command.position
         if not self.increment_written:
@@ -475,8 +509,10 @@ class ControlLoop:
             if over < 0:
                 self._begin_stop(command, sampled)
         if self._stopping:
+            # MCP-EXC-2, MCP-TRP-6: by A in every sample, whatever the profile was.
             over = int(stop(command, sampled.accel))
         command.moving = over <= 0
+        # MCP-TRP-3: F0, F2 and R06 become 0; position control goes on.
         if over > 0:
             self._stopping = False
             command.phase = 0
@@ -494,17 +530,21 @@ class ControlLoop:
         if self._entering:
             self.interpolation.hold(sampled.final_position)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
+        # MCP-INT-2, MCP-INT-3: captured bytes while the latch is set; else, and at the beginning,
+        # the registers.
         point = self._sampled_point if busy and not self._entering else sampled.final_position
         if self.interpolation.step(command, sampled, busy or self._entering, point):
             self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
     def _interpolate_velocity(self, command: CommandedMotion, sampled: SampledRegisters) -> None:
         ramps = self.ramps
+        # MCP-INT-5, MCP-MOD-8: the first segment begins at the velocity there is.
         if self._entering:
             ramps.hold(command.velocity)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
         goal = self._sampled_velocity if busy and not self._entering else sampled.velocity
         fresh = busy or self._entering
+        # MCP-EXC-2: the command in use becomes 0.
         if self._action == ds.DECELERATE:
             self.registers.velocity = 0
             self.velocity_point = 0
@@ -520,6 +560,8 @@ class ControlLoop:
         if self._entering:
             self.velocity.begun = False
         goal = sampled.velocity_goal
+        # MCP-EXC-3: the velocity command is forgotten: clearing the flag does not start the motion
+        # again.
         if self._action == ds.DECELERATE:
             goal = 0
             self.velocity.begun = False  # a goal of the chip's own, not the host's
@@ -533,8 +575,10 @@ class ControlLoop:
 
     def _drive(self, command: CommandedMotion, sampled: SampledRegisters, error: i64) -> None:
         """Steps 8 and 9: filter and outputs."""
+        # MCP-FLT-6: either filter keeps what it remembers while the other runs.
         if sampled.feature & ds.PID:
             velocity = command.velocity
+            # MCP-FLT-4: in position control R57:R56 is the velocity for feed-forward.
             if self.mode == 0:
                 velocity = sampled.feed_forward
             self.mc = self.pid.step(sampled, error, velocity)
@@ -551,6 +595,7 @@ class ControlLoop:
         registers.interpolator_count = command.left & 0xFF
         registers.accel_delta = command.accel_delta & 0xFFFFFF
         registers.decel_position = command.decel_position
+        # MCP-ERR-4: after the deadband, as the filter sees it.
         registers.position_error = following.error
         flags = registers.flag & ~ds.F2
         # A profile flag set during this sample is in motion from then on (NOTES 3).
@@ -558,6 +603,7 @@ class ControlLoop:
             flags |= ds.F2
         registers.flag = flags
         status = registers.status & ~(ds.BUSY | ds.IN_POSITION)
+        # MCP-STA-4: before the deadband.
         if following.in_position:
             status |= ds.IN_POSITION
         registers.status = status

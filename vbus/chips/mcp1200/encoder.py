@@ -126,6 +126,7 @@ class EncoderCourse:
     def swap(self, swapped: bool, cycle: int) -> None:
         """Exchange the channels, or put them back; the counter keeps its value."""
         here = self.offset + self.direction * self.count(cycle)
+        # MCP-ENC-1: R1A bit 7 turns the direction; the position goes on from where it is.
         self.direction = -1 if swapped else 1
         self.offset = here - self.direction * self.count(cycle)
 
@@ -170,6 +171,7 @@ class EncoderCourse:
         self._start = start
         self._length = length
         self.end = end
+        # Samples of one length, as nearly always, prepare the plant once.
         if length != self._prepared:
             self._prepared = length
             plant.prepare(float(length) / self.clk_hz)
@@ -216,6 +218,7 @@ class EncoderCourse:
         if self.seen == self._last or self.plant is None:
             return
         found, count = self.plant.index_between(self.seen, self._last)
+        # In most periods nothing is waited for: no edge is looked for.
         if found or armed or self.inside or self._switched:
             self._look_for_edge(found, count, armed, compare)
 
@@ -252,6 +255,7 @@ class EncoderCourse:
             return FAR
         place = plant.fraction_at(count) * float(self._length)
         cycles: i64 = int(place)
+        # Rounded up: an edge is taken in by the next clock.
         if float(cycles) < place:
             cycles += 1
         return self._start + min(max(cycles, 0), self._length)
@@ -330,6 +334,7 @@ class Breakpoint:
     def sample(self) -> bool:
         """Look at the registers at a sample's start; tell whether the routine has work to do."""
         self._loaded = self._registers.breakpoint
+        # MCP-BRK-3: a match counts for the routine of the sample that starts after it.
         if self._registers.config & ds.BREAK_REPEAT:
             self._found = self._reached
             return self._found
@@ -343,9 +348,11 @@ class Breakpoint:
         A repeat pulse noticed at the sample's start ends here, so none is shorter than the 67
         clocks this comes later (MCP-BRK-3).
         """
+        # MCP-BRK-2: in single mode the routine copies R3D to R3F.
         if not self._found:
             self.compare = self._loaded
             return False
+        # MCP-BRK-3: added, signed; the release ends the pulse.
         self.compare = wrap(self.compare + self._loaded, 24)
         self._found = False
         self._reached = False
@@ -355,6 +362,7 @@ class Breakpoint:
 def index_edge(registers: RegisterFile, rising: bool, position: i64) -> None:
     """INDEX has changed: set its latch, and store the position if asked (MCP-CAP-2, 3)."""
     control = registers.capture_control
+    # MCP-CAP-2, MCP-CAP-3: the chosen edge sets the latch; while it is set nothing is captured.
     if rising == bool(control & ds.INDEX_RISING) and not control & ds.INDEX_LATCH:
         registers.capture_control = control | ds.INDEX_LATCH
         if control & ds.INDEX_CAPTURE:
@@ -364,6 +372,7 @@ def index_edge(registers: RegisterFile, rising: bool, position: i64) -> None:
 def trigger_edge(registers: RegisterFile, position: i64) -> None:
     """TRIG has fallen: the same for its latch, while the pin is an input (MCP-CAP-2, 3)."""
     control = registers.capture_control
+    # MCP-CAP-2, MCP-CAP-4: only as an input; the breakpoint does not drive it then.
     if control & ds.TRIG_INPUT and not control & ds.TRIG_LATCH:
         registers.capture_control = control | ds.TRIG_LATCH
         if control & ds.TRIG_CAPTURE:
@@ -432,6 +441,7 @@ class PositionCounter:
 
     def match(self) -> None:
         """The counter has reached the breakpoint (MCP-BRK-1)."""
+        # MCP-BRK-1: status bit 5 becomes 0, and TRIG goes low with it.
         self._registers.fault(ds.BREAKPOINT_OK)
         self._faults.breakpoint = True
         self._breakpoint.reached()
@@ -447,6 +457,7 @@ class PositionCounter:
             position = self._stepper.position(cycle)
         else:
             position = wrap(encoder.offset + encoder.direction * count, 24)
+            # MCP-BRK-1: compared at every count.
             if self._breakpoint.armed and position == self._breakpoint.compare:
                 self.match()
         encoder.inside = entered
@@ -523,6 +534,7 @@ class EncoderChannels:
 
     def configure(self, cycle: int) -> None:
         """R1A has changed: the filter clock, or which channel is A."""
+        # MCP-ENC-1: three filter clocks.
         dwell = ds.FILTER_STAGES * self.divider()
         self.decoder.set_dwell(cycle, dwell, dwell)
         self._encoder.swap(self._registers.encoder_pwm & ds.SWAP_AB != 0, cycle)
@@ -549,6 +561,7 @@ class EncoderChannels:
         while (found := decoder.settle(cycle)) != 0:
             if found & COUNTED:
                 self._counter.count_external(decoder.direction, decoder.at)
+            # MCP-ENC-1: both channels at once count nothing.
             if found & SKIPPED:
                 self._find(ds.DOUBLE_EDGE, decoder.at, 0, "")
             if found & (INDEX_FELL | INDEX_ROSE):

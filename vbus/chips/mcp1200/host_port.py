@@ -12,6 +12,8 @@ from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.core.bits import sign_extend
 from vbus.core.state import Names
 
+# MCP-CAP-1, MCP-AMB-15: by the table, bits 4 and 1 enable, and bits 3 and 0 are latches that a 0
+# clears.
 _STORED_CAPTURE_BITS: Final = (
     ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
 )
@@ -38,6 +40,7 @@ class Writes:
 
     def add(self, cycle: int, address: int, data: int) -> None:
         """A byte has been written in ``cycle``."""
+        # MCP-BUS-5: in whole clocks after the one in which /CS rose.
         self._waiting.append((cycle + ds.WRITE_CLK, address, data))
         self.after_load()
 
@@ -49,10 +52,14 @@ class Writes:
 
     def waits_for(self, registers: tuple[int, ...]) -> bool:
         """Tell whether a byte is on its way to one of some registers."""
+        # Six bits of the address: with seven another register's byte may count, which makes the
+        # host wait for an earlier instant, never for a later one.
         return any(address & 0x3F in registers for _, address, _ in self._waiting)
 
     def lose(self) -> None:
         """Forget the byte written last, if it is not yet visible."""
+        # The byte that breaks a hold time is the last one, and waits still: a hold time is shorter
+        # than four clocks.
         del self._waiting[-1:]
         self.after_load()
 
@@ -133,6 +140,7 @@ class HostRegisters:
 
     def taken(self, address: int, cycle: int) -> None:
         """The byte has been latched for the host: reading R14 latches R13 and R12."""
+        # MCP-REG-16: latched together, so that the three are of one instant.
         if address == _ACTUAL_LSB:
             self._registers.actual_position = self._counter.position(cycle)
         elif address not in _WRITES:
@@ -141,6 +149,7 @@ class HostRegisters:
     def write(self, bus_address: int, data: int, cycle: int) -> None:
         """Take the byte ``data``; it is visible from ``cycle`` on."""
         address = self.map(bus_address)
+        # MCP-BUS-9: with six bits the write goes to another register.
         if address != bus_address and bus_address in _WRITES:
             meant = f"R{bus_address:02X} = {data:02X}H goes to R{address:02X}"
             self._find(ds.EXTENDED_OFF, cycle, bus_address, f"{meant}: bit 0 of R02 is 0")
@@ -160,6 +169,7 @@ class HostRegisters:
             hook(self, address, data, cycle)
 
     def _note(self, address: int, cycle: int) -> None:
+        # MCP-BUS-10: once for each address: a driver that sweeps them would file thousands.
         if address not in self._noted:
             self._noted.add(address)
             self._find(
@@ -218,13 +228,18 @@ class HostRegisters:
         """One flag by number, set or cleared (MCP-FLG-1, 2)."""
         registers, loop = self._registers, self._loop
         flag = 1 << (data & 7)
+        # MCP-FLG-2, MCP-AMB-12: F1, F2, 6 and 7 are the core's, or are not there.
         if not flag & ds.MODE_FLAGS:
             return
+        # MCP-FLG-1: bit 3 sets or clears, bits 2 to 0 say which.
         if data & 8:
+            # MCP-MOD-9, MCP-FLG-3: flag Fn reads in bit n, in idle mode too, where its mode waits
+            # for control.
             registers.flag |= flag
             self._judge_flag(flag, cycle)
             # F2 acknowledges a profile at once, so that a host may wait for it to fall (NOTES 3).
             controls = loop.state == CONTROL and not loop.halted
+            # MCP-FLG-4: at once, for a host that polls for its fall.
             if flag == ds.F0 and not registers.flag & ds.F1 and controls:
                 registers.flag |= ds.F2
         else:
@@ -255,6 +270,7 @@ class HostRegisters:
         here = counter.position(cycle)
         changed = (self._registers.config ^ data) & ds.STEP_MODE
         self._registers.config = data
+        # MCP-STP-1: steps or counts go on from the same position.
         if changed:
             counter.preset(here, cycle)
 
@@ -275,10 +291,12 @@ class HostRegisters:
     def clear_errors(self) -> None:
         """Error flags off, except of a pin that is still low (MCP-STA-2)."""
         flags = ds.ERROR_FLAGS
+        # MCP-STA-2, MCP-EXC-4: a pin that is low keeps its own flag at 0.
         if not self._inputs.limit:
             flags &= ~ds.LIMIT_OK
         if not self._inputs.stop:
             flags &= ~ds.STOP_OK
+        # MCP-AMB-20, MCP-AMB-21: the error flags are active low: cleared is 1.
         self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
 
     def guard(self) -> None:
@@ -292,6 +310,7 @@ class HostRegisters:
 
     def write_output_low(self, address: int, data: int, cycle: int) -> None:
         """Its low four bits."""
+        # MCP-REG-40, MCP-REG-41: bits 3 to 0 read 0.
         self._registers.put(address, data & 0xF0)
         self.guard()
 
@@ -301,6 +320,7 @@ class HostRegisters:
 
     def write_command_position(self, address: int, data: int, cycle: int) -> None:
         """The last byte loads all three (MCP-REG-13)."""
+        # MCP-REG-13: held until the last byte takes all three at once.
         if address == _COMMAND_MSB:
             self._held_msb = data
         elif address == _COMMAND_CSB:
@@ -312,6 +332,7 @@ class HostRegisters:
 
     def write_actual_position(self, address: int, data: int, cycle: int) -> None:
         """Any byte written to R13 clears the counter (MCP-REG-16)."""
+        # MCP-REG-16: to R12 and R14 nothing can be written.
         if address == _ACTUAL_CSB:
             self._preset(0, cycle)
 
@@ -334,11 +355,14 @@ class HostRegisters:
 
     def load_final_position(self, cycle: int) -> None:
         """A point for the interpolation is there (MCP-INT-2)."""
+        # MCP-INT-2: the three bytes as they are at this write, whatever is written before the
+        # segment.
         self._loop.point = self._registers.final_position
         self._load(ds.F4)
 
     def load_velocity(self, cycle: int) -> None:
         """A velocity for the interpolation is there (MCP-INT-2)."""
+        # MCP-INT-2: as with positions, R25 last.
         self._loop.velocity_point = self._registers.velocity
         self._load(ds.F3)
 

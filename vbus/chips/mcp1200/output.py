@@ -28,8 +28,10 @@ NOTHING: Final = -1
 
 def frame_clocks(setting: i64) -> i64:
     """Return the clocks of a PWM frame by R1A bits 3-0: 100, 150, 200, 300 to 1600 (MCP-OUT-5)."""
+    # MCP-OUT-5: 9 to 15 are as 8.
     if setting > 8:
         setting = 8
+    # MCP-AMB-18: by R1A; the division by 100 that is printed elsewhere is its setting 0.
     clocks: i64 = 100
     if setting & 1:
         clocks = 150
@@ -88,10 +90,12 @@ class Pwm:
 
     def _duty(self, command: i64, length: i64) -> i64:
         """Clocks for which Pulse is high in a frame of ``length`` clocks that begins now."""
+        # MCP-OUT-4, MCP-OUT-5: 1600 of 2048 are 100 %.
         if command > ds.PWM_FULL:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
+        # MCP-OUT-6, MCP-AMB-3: by bit 7 of R02; 0 is half a frame.
         if self._registers.config & ds.PWM_BIAS:
             return (ds.PWM_FULL + command) * length // (2 * ds.PWM_FULL)
         if command < 0:
@@ -103,6 +107,7 @@ class Pwm:
         start = self.start + self.length
         if cycle < start:
             return
+        # MCP-OUT-7: duty and sign are those of the frame's beginning.
         command = self._registers.pwm
         sign = sign_of(command)
         changed = sign != self.sign
@@ -115,6 +120,7 @@ class Pwm:
             self.high = 0
         else:
             self.high = self._duty(command, length)
+        # Frames in which nothing changed are passed over by one division.
         self.start = cycle - past % length
 
     def level(self, cycle: int) -> int:
@@ -179,6 +185,7 @@ class PlantDrive:
     def level(self) -> float:
         """The motor command as a fraction of full scale."""
         registers = self._registers
+        # MCP-STP-1: Pulse and Sign carry steps.
         if registers.step_mode:
             return 0.0
         if not self._dac:
@@ -220,6 +227,7 @@ class PlantDrive:
             self._steps = sent
             return
         error: i64 = 0
+        # A plant that follows exactly goes where the loop aims, once it has closed.
         if aiming:
             error = self._encoder.error(self._following.aim())
         self._encoder.run(end, self._given, error, False, 0)
@@ -269,6 +277,8 @@ class OutputPins:
             self._prof.drive(self._prof_level())
             self._idle.drive(int(registers.flag & ds.F1 != 0))
             self._busy.drive(registers.status & ds.BUSY)
+            # MCP-MOD-3: in idle mode as the host wrote it: without offset, unipolar mode or
+            # saturation.
             self._dac.drive(registers.dac)
             self._trig.drive(self._trig_level())
         self.show_pulse(cycle)

@@ -74,9 +74,11 @@ class Following:
             direction: i64 = -1
             if change > 0:
                 direction = 1
+            # MCP-ERR-1: not at the first change, which turns nothing round.
             if self._direction == -direction:
                 self.offset += direction * backlash
             self._direction = direction
+        # MCP-ERR-2, MCP-POS-2: command plus offset minus actual, modulo 2^24.
         error = wrap_word(command + self.offset - actual, 0x800000)
         size = error
         if error < 0:
@@ -84,8 +86,9 @@ class Following:
         # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF (MCP-ERR-2).
         self.too_large = size > sampled.max_error and sampled.max_error < 0xFFFF
         deadband = sampled.deadband
-        self.in_position = size <= deadband + 1  # MCP-STA-4
+        self.in_position = size <= deadband + 1  # MCP-STA-4, MCP-AMB-35
         # MCP-ERR-4: 16 bits.
+        # MCP-ERR-3, MCP-AMB-17: less or equal.
         if size <= deadband:
             error = 0
         elif error > 0x7FFF:
@@ -122,8 +125,10 @@ class LeadFilter:
         """Return the motor command, not limited, for position error ``error`` (16 bits)."""
         gain = sampled.lead_gain
         old = 4 * sampled.lead_zero * gain * self._error + sampled.lead_pole * self._command
+        # MCP-FLT-2, MCP-AMB-26: in 1/16 of an R08 step; one floor for both old terms.
         command = 4 * gain * error - (old >> 8)
         self._error = error
+        # MCP-FLT-2: the old motor command as it was sent.
         self._command = limited(command)
         return command
 
@@ -165,13 +170,16 @@ class PidFilter:
             error: position error after the deadband (16 bits).
             velocity: command velocity in 1/256 count per sample.
         """
+        # MCP-FLT-3: no error is added after a sample that was saturated.
         if not self._saturated:
             self.integral += error
         limit = sampled.integral_limit & 0x7FFF
+        # MCP-FLT-3, MCP-REG-46: 15 bits; in every sample, saturated or not.
         if self.integral > limit:
             self.integral = limit
         elif self.integral < -limit:
             self.integral = -limit
+        # MCP-REG-45, MCP-AMB-8: 1, 2, 3, 4 or 8 samples; anything else is 1.
         span = sampled.derivative_span
         if span == 2:
             change = error - self._error_2
@@ -193,6 +201,7 @@ class PidFilter:
         self._error_1 = error
         acceleration = velocity - self._velocity  # MCP-FLT-4
         self._velocity = velocity  # MCP-FLT-4
+        # MCP-FLT-3, MCP-AMB-24: one floor at the end; the acceleration term has no factor.
         command = (
             256 * sampled.kp * error
             + sampled.ki * self.integral
@@ -218,14 +227,17 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
         error: position error, sent instead for diagnosis; it keeps its sign (NOTES 22).
         clip: of a negative command a unipolar output gives zero, not the magnitude (NOTES 22).
     """
+    # MCP-AMB-4: by bit 2 of R01: F2, which one sentence names, shows motion in this chip.
     unipolar = sampled.feature & ds.UNIPOLAR
     # MCP-OUT-9, MCP-OUT-2: either takes the place of the command.
     if sampled.feature & ds.DIAGNOSTIC_DAC:
         unipolar = 0
         command = limited(error * 16)
+    # MCP-OUT-2, MCP-AMB-5: a setting, as the manual does not say which.
     elif unipolar and clip and command < 0:
         command = 0
     limit = sampled.saturation
+    # MCP-OUT-1: below 80h it means the other side's limit.
     if limit < 0x80:
         limit = ~limit & 0xFF
     code: i64
@@ -235,6 +247,7 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
             code = ds.DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
         else:
             code = ds.DAC_ZERO + command
+    # MCP-OUT-1, MCP-AMB-11: the lower 4 bits of a limiting code are 0.
     elif command > 0 or unipolar:
         code = limit << 4
     else:

@@ -164,6 +164,7 @@ class StrobePins(BusFrontEnd):
 
     def _read_write(self, rw: int, now: int) -> None:
         chip = self._owner
+        # MCP-TIM-18: R/W stands on after /CS has risen.
         if chip.judged and self._ac.short("tWH", now - self._cs_rose):
             chip.drop_write()
         self._rw = rw
@@ -179,14 +180,20 @@ class StrobePins(BusFrontEnd):
         self._ale = 0
         self._lost = False
         if self._was_write:
+            # MCP-TIM-19: four clocks from a write to the next address.
             self._judge("tCSAL", now - self._cs_rose)
+            # MCP-TIM-21: four clocks from one address to the next.
             self._judge("tWC", now - self._ale_fell)
+        # MCP-TIM-29, MCP-TIM-33: of the two orders in which /ALE is low within /CS.
         if self._overlapped or self._inside:
             self._judge("tALH", now - self._cs_rose)
+        # MCP-TIM-30: between two pulses.
         self._judge("tALPWH", now - self._ale_rose)
+        # MCP-BUS-3: /CS first makes the third order.
         self._inside = self._cs == LOW
         self._overlapped = False
         if self._inside:
+            # MCP-TIM-31, MCP-TIM-33: of that order alone.
             self._judge("tCA", now - self._cs_fell)
             self._owner.drop_read()
         self._was_write = False
@@ -195,7 +202,9 @@ class StrobePins(BusFrontEnd):
 
     def _ale_rises(self, now: int) -> None:
         self._ale = 1
+        # MCP-TIM-10: width of /ALE.
         self._judge("tIPW", now - self._ale_fell)
+        # MCP-BUS-2: in one pulse the latch closes once.
         if self._open:
             self._close("tASR1", now)
             if self._cs == LOW:
@@ -208,6 +217,7 @@ class StrobePins(BusFrontEnd):
         self._address = net.before if net.driven else net.before | AD6
         self._address &= 0x7F
         self._judge(setup, 0 if net.driven else -1)
+        # MCP-TIM-20: from the access before.
         self._judge("tCSCS", now - self._cs_rose)
         self._open = False
         self._fresh = True
@@ -217,11 +227,13 @@ class StrobePins(BusFrontEnd):
     def _cs_falls(self, now: int) -> None:
         self._cs = 0
         self._cs_fell = now
+        # MCP-BUS-2, MCP-BUS-3: the fall of /CS within /ALE closes the latch.
         if self._open:
             self._overlapped = True
             self._judge("tAC", now - self._ale_fell)
             self._close("tASR", now)
         elif self._fresh:
+            # MCP-TIM-32, MCP-TIM-33: of the separate order.
             self._judge("tACL", now - self._ale_rose)
         self._access_begins()
 
@@ -235,10 +247,14 @@ class StrobePins(BusFrontEnd):
         chip = self._owner
         self._cs = 1
         # R/W may have risen in this batch, as /CS does: what it was before counts.
+        # MCP-BUS-4: the direction is R/W's level at this edge.
         write = chip.pins["R/W"].net.before == 0
+        # MCP-TIM-10: width of /CS.
         self._judge("tIPW", now - self._cs_fell)
+        # MCP-TIM-12, MCP-TIM-33: /ALE has risen before /CS does.
         if self._overlapped or self._inside:
             self._judge("tACH", now - self._ale_rose if self._ale else 0)
+        # MCP-TIM-17: R/W stands before /CS rises.
         self._judge("tWCS", now - self._rw_at)
         if self._open:
             # The address was never latched: there is nothing to access.
@@ -247,14 +263,17 @@ class StrobePins(BusFrontEnd):
             # Our own driver has let go: this is the host's byte (MCP-BUS-8).
             data = self._net.before
             changed = now if self._net.value != self._data else self._data_at
+            # MCP-TIM-15: so does the byte.
             self._judge("tSDR", now - changed)
             chip.drop_read()
             if not self._lost:
+                # MCP-BUS-13: what the wires keep is taken, and the value is reported.
                 if self._net.floats:
                     taken = f"no pin drives DB0-DB7: {data:02X}H is taken"
                     chip.report(ds.FLOATING_WRITE, detail=taken)
                 chip.write(self._address, data)
         else:
+            # MCP-TIM-26: two clocks from read to read.
             if self._was_read and self._fresh:
                 self._judge("tALAL", self._closed_at - self._previous_closed_at)
             if self._lost:
@@ -279,13 +298,17 @@ class StrobePins(BusFrontEnd):
         self._oe = 1
         if chip.judged:
             low = now - self._oe_fell
+            # MCP-TIM-24: width of /OE.
             self._ac.short("tIPWOE", low)
+            # MCP-TIM-22: a host that ends it sooner has taken anything.
             self._ac.short("tOEDB", low)
+            # MCP-TIM-23: the same, counted from the address.
             self._ac.short("tALDB", now - self._closed_at)
             if chip.data_pin.level != Z:
                 self._release.at(now + self._ac.least["tDOEH"])
 
     def _check_contention(self) -> None:
+        # MCP-BUS-8: two drive the bus; the write takes the host's byte.
         if self._oe == LOW and self._cs == LOW and self._rw == 0:
             self._owner.report(ds.CONTENTION)
 
@@ -296,9 +319,11 @@ class StrobePins(BusFrontEnd):
         if not chip.judged:
             return
         # After a read nothing of the host's needs holding.
+        # MCP-TIM-16: hold time of a written byte.
         if self._was_write and self._cs:
             if self._ac.short("tH", now - self._cs_rose):
                 chip.drop_write()
+        # MCP-TIM-16: hold time of an address.
         elif not self._open and self._fresh:
             self._judge("tH", now - self._closed_at)
 
@@ -375,11 +400,13 @@ class ChannelPins:
 
     def _judge(self, moved: list[int], now: int) -> None:
         for place in reversed(moved):
+            # MCP-TIM-6, MCP-TIM-7: three filter clocks.
             self._judge_filtered("tIX" if place == INDEX else "tIAB", now - self._since[place])
         channels = [place for place in moved if place != INDEX]
         if channels:
             # The other channel moved before, or in this instant too.
             since = now if len(channels) == 2 else self._since[1 - channels[0]]
+            # MCP-TIM-8: one filter clock from channel to channel.
             self._judge_filtered("tAB", now - since)
 
     def _judge_filtered(self, symbol: str, measured: int) -> None:
@@ -421,6 +448,7 @@ class SidePins:
             inputs.nets[place] = level
             if level == 0:
                 inputs.fell[place] = now
+            # MCP-TIM-4, MCP-TIM-5: shortest pulses of /RESET, /SYNC, /LIMIT and /STOP.
             elif chip.judged:
                 chip.ac.short(limit, now - inputs.fell[place])
             if name == "/RESET":

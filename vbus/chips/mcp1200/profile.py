@@ -73,6 +73,7 @@ class CommandedMotion:
     def move(self, velocity: i64) -> None:
         """Go on by ``velocity`` (MCP-POS-2)."""
         total = self.fraction + velocity
+        # MCP-POS-2, MCP-TRP-7: 24 bits come round; the fraction is carried on.
         self.position = wrap_word(self.position + (total >> 8), 0x800000)
         self.fraction = total & 0xFF
         self.velocity = velocity
@@ -104,7 +105,9 @@ class IntegralVelocity:
                 change = -change
         self.begun = True
         self._goal = goal
+        # MCP-VEL-1, MCP-VEL-4: by at most A, which 0 makes none.
         command.move(toward(command.velocity, goal, sampled.accel))
+        # MCP-FLG-4: F2 is up while velocity or command is not 0.
         command.moving = goal != 0 or command.velocity != 0
         if change <= widest(sampled) << 8:
             return 0
@@ -133,6 +136,7 @@ class Segment:
         self.start = start
         self.end = end
         one: i64 = 1
+        # MCP-REG-18, MCP-INT-3: the lower 3 bits of R18, as it is now.
         self._shift = (sampled.interpolator_preset & 7) + 1
         self.left = one << self._shift
 
@@ -146,6 +150,7 @@ class Segment:
         one: i64 = 1
         self.left -= 1
         done = (one << self._shift) - self.left
+        # MCP-INT-1, MCP-INT-5: rounded down; exactly the end at the last sample.
         return self.start + ((self.end - self.start) * done >> self._shift)
 
     def slope(self) -> i64:
@@ -168,6 +173,7 @@ class PositionInterpolation(Segment):
             point: position to reach by the next segment. If it is not new, it is that of the
                 registers as they stand, and reached anew if it is another (MCP-INT-2).
         """
+        # MCP-INT-4: unless the registers have changed, the axis stays.
         begins = self.left == 0 and (fresh or point != wrap_word(self.end, 0x800000))
         if begins:
             here = command.position
@@ -199,6 +205,7 @@ class VelocityInterpolation(Segment):
 
         The parameters are those of :meth:`PositionInterpolation.step`.
         """
+        # MCP-INT-4: the velocity in the registers is used again.
         begins = self.left == 0 and (fresh or velocity != self.end)
         if begins:
             self.begin(sampled, self.end, velocity)
@@ -257,6 +264,7 @@ class Trapezoid:
             if waits:  # MCP-TRP-5
                 command.velocity = 0
                 command.phase = 0
+            # MCP-TRP-5: nothing to do: F0 is cleared in this sample.
             if final == command.position and command.velocity == 0:
                 command.fraction = 0
                 return 1
@@ -267,16 +275,18 @@ class Trapezoid:
             self._origin = command.position
             command.phase = ACCELERATING
         elif final != self._final and command.phase < DECELERATING:
-            # MCP-TRP-6
+            # MCP-TRP-6, MCP-AMB-31: taken while the axis does not brake yet.
             if not _reachable(command, final, accel):
                 return -1
             self._final = final
         before = command.velocity
         here = command.position
+        # MCP-TRP-7, MCP-POS-2: the shorter way round, in 1/256 count.
         ahead = (wrap_word(self._final - here, 0x800000) << 8) - command.fraction
         velocity = next_velocity(ahead, before, top, accel)
         command.move(velocity)
         old = before
+        # MCP-TRP-4: a move that turns round accelerates from 0 on.
         if before < 0 < ahead or ahead < 0 < before:
             old = 0
         elif before < 0:
@@ -285,6 +295,7 @@ class Trapezoid:
         if velocity < 0:
             speed = -velocity
         self._show_phase(command, speed, old, top, here)
+        # MCP-TRP-2: exactly there, and slower than one A.
         if arrived(ahead - velocity, velocity, accel):
             self.begun = False
             return 1
@@ -304,6 +315,7 @@ class Trapezoid:
             command.phase = DECELERATING
             command.decel_position = here
             return
+        # MCP-TRP-8: kept from the end of phase 2 on.
         if command.phase == ACCELERATING:
             way = wrap_word(command.position - self._origin, 0x800000)
             command.accel_delta = way
@@ -321,6 +333,7 @@ def _reachable(command: CommandedMotion, final: i64, accel: i64) -> bool:
         ahead, velocity = -ahead, -velocity
     if ahead <= 0 or accel == 0:
         return ahead > 0
+    # MCP-TRP-6: the coming sample may brake already, so it counts as the first slower one.
     return velocity <= accel or ahead >= stopping_distance(velocity - accel, accel)
 
 
@@ -349,9 +362,11 @@ class SCurveMove:
             command.velocity = 0
             command.phase = 0
             way = wrap(final - command.position, 24)
+            # MCP-TRP-5: nothing to do, as with a trapezoid.
             if way == 0:
                 return 1
             top = sampled.top_velocity << 8
+            # MCP-SCV-1, MCP-SCV-4: with V, A or J 0 F0 stays set, and the plan is tried anew.
             if not plan.plan(abs(way) << UNIT, top, sampled.accel << 8, sampled.jerk):
                 return 0
             self.begun = True
@@ -370,6 +385,7 @@ class SCurveMove:
         command.position = wrap(self._origin + self._sign * (offset >> UNIT), 24)
         command.velocity = self._sign * (offset - before >> 8)
         command.phase = plan.phase
+        # MCP-TRP-8: R31 to R33 stay as they are from the end of phase 3 on.
         if phase <= LAST_RISING:
             command.accel_delta = offset >> UNIT
         if last < FIRST_FALLING <= phase:
@@ -385,6 +401,7 @@ class SCurveMove:
         plan = self._plan
         way = self._sign * wrap(final - command.position, 24)
         distance = (plan.offset >> UNIT) + way << UNIT
+        # MCP-SCV-5: shortened in phase 4 alone.
         if distance < plan.distance and plan.phase != SLEWING:
             return False
         return plan.retarget(distance)

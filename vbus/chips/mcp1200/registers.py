@@ -25,6 +25,7 @@ class SampledRegisters(Registers):
     @property
     def velocity_goal(self) -> i64:
         """Velocity command of integral velocity mode, 1/256 count per sample (MCP-VEL-1)."""
+        # MCP-AMB-1: by bit 5 of R01, as the register's table has it.
         if self.feature & ds.HIGH_RESOLUTION:
             return self.velocity
         return self.velocity_command << 8
@@ -33,8 +34,10 @@ class SampledRegisters(Registers):
     def top_velocity(self) -> i64:
         """Top velocity of a profile, 1/256 count per sample (MCP-TRP-1)."""
         if not self.feature & ds.HIGH_RESOLUTION:
+            # MCP-REG-26, MCP-AMB-2: R28, not R40; its bit 7 is not used.
             return (self.profile_velocity & 0x7F) << 8
         velocity = self.velocity
+        # MCP-TRP-1: of a negative R23 to R25 the size counts.
         if velocity < 0:
             velocity = -velocity
         return velocity
@@ -69,6 +72,7 @@ class RegisterFile(Registers):
     def sample(self) -> None:
         """A control sample begins: it computes from the registers as they are now."""
         sampled = self.sampled
+        # Of a loop that the host leaves alone only the core's own registers are copied.
         if self._stored:
             self._stored = False
             sampled.copy(self)
@@ -84,6 +88,7 @@ class RegisterFile(Registers):
 
     def fault(self, flag: i64) -> None:
         """An active-low error flag becomes 0; the direction of motion is noted (MCP-STA-3)."""
+        # MCP-STA-3: the direction is that of the moment in which the flag falls.
         if self.status & flag:
             self.status &= ~(flag | ds.DIRECTION)
             if self.actual_velocity < 0:

@@ -57,6 +57,7 @@ class Stepper:
         if self._limit == 0 or cycle < self._begin:
             return 0
         past = cycle - self._begin
+        # One division is all that a look costs: no step is an event of its own.
         if past >= self._span:
             return self._limit
         # Step j starts at begin + j * span // spacing.
@@ -82,6 +83,7 @@ class Stepper:
             self._tail = self.instant(done - 1) + self.width
         left = self._limit - done
         self.base = self.sent(cycle)
+        # MCP-STP-2: steps that were cut off are added to these.
         steps += -left if self.sign else left
         sign: i64 = 0
         if steps < 0:
@@ -91,6 +93,7 @@ class Stepper:
         if steps == 0:
             return
         setup: i64 = 0
+        # MCP-STP-2: 1080 clocks between a change of direction and its first step.
         if sign != self.sign:
             self.sign = sign
             setup = ds.DIRECTION_SETUP_CLK
@@ -120,15 +123,18 @@ class Stepper:
     @property
     def width(self) -> i64:
         """Clocks of a step pulse (MCP-STP-2)."""
+        # MCP-STP-2, MCP-AMB-19: the formula counts, not the examples.
         return self._registers.step_width + 1
 
     def overrun(self, period: i64) -> bool:
         """Whether the pulses of the batch do not fit into ``period`` clocks (MCP-STP-3)."""
+        # MCP-STP-3: all pulses together, without the pauses.
         return self._limit * self.width > period
 
     def level(self, cycle: int) -> int:
         """Level of Pulse at ``cycle``."""
         done = self.emitted(cycle)
+        # MCP-STP-2: a pulse that the next batch overtakes has its full width.
         high = cycle < self._tail or (done > 0 and cycle < self.instant(done - 1) + self.width)
         return int(high) ^ int(bool(self._registers.config & ds.STEP_LOW))
 
@@ -181,12 +187,14 @@ class StallCheck:
     def stalled(self, sampled: SampledRegisters) -> bool:
         """Take the sample into the window; tell whether it closes with a stalled motor."""
         ratio = sampled.encoder_ratio
+        # MCP-STP-4: R1C:R1D = 0 turns the check off.
         if ratio == 0:
             self.clear()
             return False
         self._samples = min(self._samples + 1, LEAST_SAMPLES)
         self._expected += (self._steps if self._steps > 0 else -self._steps) * ratio
         self._counts += self._way if self._way > 0 else -self._way
+        # MCP-STP-4: a window closes with four samples and a whole expected count.
         if self._samples < LEAST_SAMPLES or self._expected < 256:
             return False
         stalled = self._counts * 256 < self._expected

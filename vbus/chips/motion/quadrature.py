@@ -74,6 +74,7 @@ class InputFilter:
         if self.raw == self.level:
             return _NEVER
         due = self.since + self.dwell
+        # A shorter dwell believes nothing in the past.
         return due if due > self._floor else self._floor
 
     def take(self) -> None:
@@ -185,6 +186,7 @@ class Quadrature:
         state = a << 1 | b
         old = self._state
         if index != self._index.raw:
+            # T3 of LM628 and MC1241A: set-up and hold of the index around A and B low.
             if state == 0 and old == 0:
                 found = INDEX_INSIDE
             self._index.edge(now, index)
@@ -197,6 +199,7 @@ class Quadrature:
             if (state ^ old) & 1:
                 self.pulse = min(self.pulse, now - self._b_since)
                 self._b_since = now
+            # T2 and T1 of LM628 and MC1241A.
             if self.dwell < self.dwell_limit:
                 found |= SHORT_DWELL
             if self.pulse < self.pulse_limit:
@@ -244,12 +247,15 @@ class Quadrature:
             self._b.take()
         state = self.state
         turn = (_PLACE[state] - _PLACE[old]) & 3
+        # LM-POS-1, MCP-ENC-1, PMD-ENC-1: two states on, by either way: nothing is counted.
         if turn == 2:
             found = SKIPPED
         else:
+            # LM-POS-1, MCP-ENC-1, PMD-ENC-1: A before B counts up.
             self.direction = 1 if turn == 1 else -1
             self.count += self.direction
             found = COUNTED
+        # LM-POS-3, PMD-CAP-1: the state in which all three are low is entered.
         if state == 0 and self._index.level == 0:
             found |= ALL_LOW
         return found

@@ -38,6 +38,7 @@ def _ceil_cbrt(value: int) -> int:
     if value <= 1:
         return 1
     # Newton's iteration from above ends at the largest root whose cube is not above the argument.
+    # No float: beyond 2^53 it would have rounded, and the last bit decides here.
     value -= 1
     root = 1 << (value.bit_length() + 2) // 3
     while True:
@@ -105,15 +106,18 @@ class SCurve:
         self._peak: int = 0
         self._left: int = 0
         self._stopping: bool = False
+        # MCP-SCV-4: no plan: the move waits for numbers that move it.
         if self.done or top == 0 or accel == 0 or jerk == 0:
             return False
 
+        # MCP-SCV-1: whether the acceleration reaches its limit before the velocity does.
         if accel * accel >= top * jerk:
             rise = _ceil_sqrt(_ceil_div(top, jerk))
             flat = 0
         else:
             rise = _ceil_div(accel, jerk)
             flat = max(0, _ceil_div(top, accel) - rise)
+        # MCP-SCV-1: a short move never reaches its top velocity, and perhaps not its acceleration.
         if distance < top * (2 * rise + flat):
             rise = _ceil_cbrt(_ceil_div(distance, 2 * jerk))
             flat = 0
@@ -124,6 +128,7 @@ class SCurve:
                 flat = _ceil_div(root - 3 * rise, 2)
         ramps = 2 * rise + flat
         # As many samples at the peak velocity as the whole move is worth.
+        # MCP-SCV-1, MCP-SCV-3: the way is spread over whole samples: no remainder is left.
         samples = max(ramps, _ceil_div(distance, top))
         self.rise = rise
         self.flat = flat
@@ -152,15 +157,18 @@ class SCurve:
 
         c = self._c
         k = self._k
+        # MCP-SCV-2: k rises in phases 1 and 5, falls in 3 and 7, and stands in the others.
         if phase == 1 or phase == 5:
             k += 1
         elif phase == 3 or phase == 7:
             k -= 1
+        # MCP-SCV-2: c adds k up before the peak, and takes it away after.
         if phase < 4:
             c += k
         elif phase > 4:
             c -= k
         way = self._num * c
+        # MCP-SCV-3: the extra sample, before the first that is not faster.
         if phase > 4 and self._rest > 0 and way <= self._rest:
             way = self._rest
             self._rest = 0
@@ -176,6 +184,7 @@ class SCurve:
             part -= self._den
             self.offset += 1
         self._part = part
+        # MCP-SCV-4: complete with the last sample that moves.
         if self.offset == self.distance and part == self._end_part:
             self.done = True
             self.phase = 0
@@ -210,12 +219,14 @@ class SCurve:
             by a longer or shorter hold. Otherwise nothing has changed. A chip that does not allow
             shortening before phase 4 asks for that itself.
         """
+        # MCP-SCV-5, PMD-TRJ-5: in phases 1 to 4 alone.
         if self.done or self._stopping or self._peak == 0 or self.phase > 4:
             return False
         held = self.hold - self._left if self.phase == 4 else 0
         ramps = 2 * self.rise + self.flat
         peak = self._num * self._peak
         samples = distance * self._den // peak
+        # MCP-SCV-5: what is left of the hold is too short to take it from.
         if samples < ramps + held:
             return False
         self.distance = distance
@@ -236,6 +247,7 @@ class SCurve:
             self.distance = 0
             self.done = True
             return
+        # PMD-TRJ-10: what has been run of phase 1, or of 2, is what is mirrored.
         if self.phase == 1:
             self.rise -= self._left
             self.flat = 0

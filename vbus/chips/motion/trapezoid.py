@@ -30,13 +30,16 @@ def toward(velocity: i64, goal: i64, accel: i64, start: i64 = 0) -> i64:
             if that is slower); on the way to 0 or through 0, what would be slower than it becomes
             0 and the axis rests for one sample.
     """
+    # MCP-VEL-4, PMD-TRJ-6: no acceleration is no change.
     if accel == 0:
         return velocity
     if start > 0:
+        # PMD-TRJ-6: from rest at the start velocity, and not above the goal.
         if velocity == 0:
             if goal > 0:
                 return start if start < goal else goal
             return -start if -start > goal else goal
+        # PMD-TRJ-6, PMD-TRJ-10: slower than the start velocity is 0, for one cycle at a reversal.
         if velocity > 0 and goal <= 0:
             slower = velocity - accel
             return 0 if slower < start else slower
@@ -97,6 +100,7 @@ def _approach(r: i64, u: i64, top: i64, accel: i64, start: i64) -> i64:
     """Step with the target ahead: ``r`` to go, ``u`` the velocity toward it (maybe negative)."""
     if u < 0:
         speed = u + accel
+        # PMD-TRJ-2: moving away, the axis rests for one sample before it turns.
         if start > 0:
             return 0 if speed > -start else speed
         if speed <= 0:
@@ -106,10 +110,13 @@ def _approach(r: i64, u: i64, top: i64, accel: i64, start: i64) -> i64:
         # Slower than one acceleration: one more sample is all the stopping there is.
         return speed if speed < r else r
 
+    # PMD-TRJ-2: from rest at the start velocity.
     speed = start if u == 0 and start > 0 else u + accel
+    # PMD-ERR-4: a start velocity above the top velocity gives the top velocity.
     if speed > top:
         speed = top
     slowest = u - accel
+    # PMD-TRJ-2: below the start velocity there is 0 alone.
     if slowest < start:
         slowest = 0
     if speed <= start:

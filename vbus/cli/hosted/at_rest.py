@@ -6,6 +6,7 @@ them could end. That is looked for twice: what two looks find, with no thread sc
 was true at one instant, however busy the machine is.
 """
 
+import asyncio
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -95,6 +96,12 @@ class AtRest:
         self._before: dict[int, _Seen] | None = None
         self._turns: dict[tuple[int, int], _Turns] = {}
         self._gave: float = 0.0
+
+    async def go_on(self) -> None:
+        """Look again and again, until it is cancelled."""
+        while True:
+            await asyncio.sleep(LOOK)
+            self.look()
 
     def look(self) -> None:
         """Look once; end the program if it hangs."""

@@ -73,6 +73,20 @@ def in_world(program: HostedProgram, world: World) -> HostedProgram:
     return replace(program, file=file, source=source, order=world.order)
 
 
+def _begun(board: Board, world: World, notes: bool) -> Witness:
+    """Begin a world on a board; return what sees the run, and ``notes`` every bus cycle.
+
+    Raises:
+        VbusError: the world does not fit the board.
+    """
+    witness = Witness(board, notes)  # before the world: it sees what the world changes
+    try:
+        begin(board, world)
+    except ValueError as error:
+        raise VbusError(f"{world}: {error}") from None
+    return witness
+
+
 class ProgramSubject:
     """A program on a board of its own."""
 
@@ -88,11 +102,7 @@ class ProgramSubject:
         seen: list[Witness] = []
 
         def prepare(board: Board) -> None:
-            seen.append(Witness(board, reference is None))
-            try:
-                begin(board, world)
-            except ValueError as error:
-                raise VbusError(f"{world}: {error}") from None
+            seen.append(_begun(board, world, reference is None))
 
         with private_runtime(), _said() as said:
             ran: Ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare)
@@ -122,11 +132,7 @@ class FunctionSubject:
         """Run it in a world."""
         board = build(*of_world(self.file, self.source, world))
         limit, cycles = limits_of(reference)
-        witness = Witness(board, reference is None)
-        try:
-            begin(board, world)
-        except ValueError as error:
-            raise VbusError(f"{world}: {error}") from None
+        witness = _begun(board, world, reference is None)
         watch = HostWatch(board, Limits(cycles, board.now + limit, IN_VAIN))
         code, output, errors = 0, io.StringIO(), io.StringIO()
         with redirect_stdout(output), redirect_stderr(errors):

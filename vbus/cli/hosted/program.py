@@ -18,7 +18,7 @@ from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
 from vbus.cli import child_processes
 from vbus.cli.hosted import preload
-from vbus.cli.hosted.at_rest import LOOK, AtRest
+from vbus.cli.hosted.at_rest import AtRest
 from vbus.cli.look.scope_page import PageRequest
 from vbus.cli.outcome import AxisOutcomes
 from vbus.cli.output import complain
@@ -304,16 +304,34 @@ def run_beside(
             until = min(board.now + limit, UNBOUNDED)
             polling = POLLING if board.policy == "realtime" else PATIENCE
             watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
-        running = _run_beside(
-            server, recording, program.command(link), environment, note, watch,
-            # Firmware ends by its own clock (VBUS_LIMIT_PS); in real time a wait may end by itself.
-            limit or 0 if mine.pin_map is None and file.board.time != "realtime" else 0,
-            mine.card.interrupt if mine.card is not None else "",
-            show,
-        )  # fmt: skip
+        # Firmware ends by its own clock (VBUS_LIMIT_PS); in real time a wait may end by itself.
+        virtual = mine.pin_map is None and file.board.time != "realtime"
+        interrupt = mine.card.interrupt if mine.card is not None else ""
+
+        async def serve() -> int:
+            loop = asyncio.get_running_loop()
+            server.start(loop)
+            recording.start(loop)
+            server.keep(recording)
+            recording.others.append("what vbus exec tells at the end")
+            if counted := server.statistics()["metrics"]:
+                complain(f"metrics: {counted}")
+            try:
+                if show is not None:
+                    await show(board.name)
+                code = await run_program(
+                    program.command(link), environment, note, True, watch,
+                    (limit or 0) if virtual else 0, partial(_interrupts, board, interrupt),
+                )  # fmt: skip
+                code = await _finish(server, watch, code)
+                board.catch_up()
+            finally:
+                server.stop()
+            return code
+
         # Sessions are served inside the selector, as those of vbus run: a bus cycle is cheaper so.
         with asyncio.Runner(loop_factory=HostLoop) as runner:
-            code = runner.run(running)
+            code = runner.run(serve())
         for found in board.left_over():
             findings.violation(found)
         findings.hints = board.hints(findings.first.values())
@@ -341,40 +359,6 @@ def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
         *(("wave", wave.file) for wave in file.waves),
     ]
     return [(what, path) for what, path in named if path]
-
-
-async def _run_beside(
-    server: Server,
-    recording: Recording,
-    command: list[str],
-    environment: dict[str, str],
-    note: Path,
-    watch: HostWatch | None,
-    limit: int,
-    interrupt: str,
-    show: Show | None,
-) -> int:
-    """Serve while ``command`` runs."""
-    loop = asyncio.get_running_loop()
-    server.start(loop)
-    recording.start(loop)
-    server.keep(recording)
-    recording.others.append("what vbus exec tells at the end")
-    counted = server.statistics()["metrics"]
-    if counted:
-        complain(f"metrics: {counted}")
-    try:
-        if show is not None:
-            await show(server.board.name)
-        code = await run_program(
-            command, environment, note, True, watch, limit,
-            partial(_interrupts, server.board, interrupt),
-        )  # fmt: skip
-        code = await _finish(server, watch, code)
-        server.board.catch_up()
-    finally:
-        server.stop()
-    return code
 
 
 def not_started(program: str, error: OSError) -> ProgramError:
@@ -409,19 +393,6 @@ def _interrupts(board: Board, outputs: str) -> str:
     return (
         f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
     )
-
-
-def _kill(offspring: child_processes.ChildProcesses, watch: HostWatch, _: str) -> None:
-    """End a program that has passed a bound; say what it was doing."""
-    watch.add_threads(what_hangs(offspring.there()))
-    offspring.kill()
-
-
-async def _look_on(look: Callable[[], None]) -> None:
-    """Look at a program again and again."""
-    while True:
-        await asyncio.sleep(LOOK)
-        look()
 
 
 async def _finish(server: Server, watch: HostWatch | None, code: int) -> int:
@@ -500,10 +471,17 @@ async def run_program(
             raise not_started(command[0], error) from error
         running.append(process.pid)
         if watch is not None:
-            watch.over = partial(_kill, offspring, watch)
+            hung = watch
+
+            def kill(_: str) -> None:
+                # What it was doing is asked for first: of a process that is killed nothing is left.
+                hung.add_threads(what_hangs(offspring.there()))
+                offspring.kill()
+
+            hung.over = kill
             if limit:
-                look = AtRest(offspring.there, watch, note, limit).look
-                at_end.callback(asyncio.ensure_future(_look_on(look)).cancel)
+                look = AtRest(offspring.there, watch, note, limit)
+                at_end.callback(asyncio.ensure_future(look.go_on()).cancel)
         loop.add_signal_handler(signal.SIGCHLD, offspring.reap, process.pid)
         # A loop that closes has no pipe for a child that dies then, and its handler still.
         at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)

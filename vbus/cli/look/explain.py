@@ -3,6 +3,8 @@
 import re
 import sys
 from collections.abc import Iterable, Iterator
+from errno import ENOENT
+from os import strerror
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +12,7 @@ import click
 
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.cli.output import Line, json_line, no_progress
+from vbus.core.file_kinds import unreadable
 
 _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
@@ -78,17 +81,22 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
                 raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
             return _chip(decoder, items)
     if items:
-        raise click.UsageError(f'"{what}" is no chip; bytes and words belong to {_families()}')
+        raise click.UsageError(
+            f'"{what}" is no chip; {_meant(what)}bytes and words belong to {_families()}'
+        )
     if lines:
         return lines
     match = _ENTRY.fullmatch(what)
     if match is not None and Path(match[1]).is_dir():
         raise click.UsageError(f"{match[1]} is a directory; name a journal in it{_in(match[1])}")
     if match is None or not Path(match[1]).is_file():
+        if match is not None and Path(match[1]).suffix:
+            absent = unreadable(match[1], FileNotFoundError(ENOENT, strerror(ENOENT)))
+            raise click.UsageError(f"{match[1]}: {absent}")
         raise click.UsageError(
             unknown_clause(what)
             or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules"'
-            " lists them), nor a clause, nor a journal"
+            f" lists them), nor a clause, nor a journal; {_meant(what)}".rstrip("; ")
         )
     from vbus.cli.journal_lines import decoded
 
@@ -116,6 +124,15 @@ def _refuse_unknown_rule(what: str) -> None:
         raise click.UsageError(
             f'there is no rule "{what}"; {suggestion(what, rules)}"vbus check --rules" lists them'
         )
+
+
+def _meant(what: str) -> str:
+    """Return the chip family or part whose name is near, as a question; "" if none is."""
+    from vbus import plugins
+    from vbus.core.values.settings import suggestion
+
+    parts = [part for chip in plugins.chip_classes() for part in chip.PARTS]
+    return suggestion(what, [*(one.name for one in plugins.families()), *parts])
 
 
 def _families() -> str:

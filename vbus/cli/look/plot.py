@@ -13,6 +13,7 @@ import click
 
 from vbus.cli.output import duration, no_progress
 from vbus.core.errors import PluginError, VbusError
+from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 
 if TYPE_CHECKING:
@@ -159,7 +160,12 @@ def draw(
     first = begin or 0
     last = rows.now if end is None else end
     if not first < last:
-        raise VbusError(f"nothing to draw: it would begin at {first} ps and end at {last} ps")
+        if end is None and not first:
+            raise VbusError("nothing to draw: no chip time passed in this run")
+        raise VbusError(
+            f"nothing to draw between {format_instant(first)} and {format_instant(last)}: the end"
+            " must come after the beginning"
+        )
     per, name = next(
         (span for span in _SPANS if last - first >= _SPAN_DIVISIONS * span[0]), (1, "ps")
     )

@@ -99,19 +99,29 @@ def command(
             raise click.UsageError(
                 f"-o is for journals, and {source} is none: {_no_file(Path(source))}"
             )
-        return _write(journals, output, strobes, no_progress)
+        return _show_journals(journals, None, output, strobes, no_progress)
     if foxglove is not None:
         if journal:
             raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
                                    " with -o FILE.mcap")  # fmt: skip
         place = PagePlace(foxglove, remote, certificate, key, "--foxglove")
-        _serve_boards(sources, partial(_foxglove_of_boards, place), stay=0)
+
+        def lanes(feeds: "Feeds", at_end: ExitStack) -> "tuple[FoxgloveServer, Take]":
+            server = place.foxglove_server(feeds.description)
+            return server, server.add
+
+        _serve_boards(sources, lanes, stay=0)
         return exit_codes.OK
     if sigrok is not None:
         if journal:
             raise click.UsageError(f"--sigrok is for boards that run; of {source} write a file"
                                    ' with "vbus wave --profile sigrok"')  # fmt: skip
-        _serve_pins(source, chip, pins, PagePlace(sigrok, remote, option="--sigrok", plain=True))
+        from vbus.cli.look.sigrok_server import SigrokServer
+        from vbus.serve.loop import run_until_signal
+
+        place = PagePlace(sigrok, remote, option="--sigrok", plain=True)
+        probe = SigrokServer(source, chip, pins, place.host, place.port, said_as("sigrok"))
+        run_until_signal(lambda stop: _served(probe, stop.wait))
         return exit_codes.OK
     place = PagePlace(listen, remote, certificate, key)
     if journal and control:
@@ -127,7 +137,7 @@ def command(
     if at is not None:
         raise click.UsageError("--at is for a journal that goes on as a board, with --control")
     if journal:
-        return _serve_journals(journals, place, strobes, no_progress)
+        return _show_journals(journals, place, None, strobes, no_progress)
     page = partial(_page_of_boards, place, stay, control, sparse)
     _serve_boards(sources, page, stay, control, samples=not sparse)
     return exit_codes.OK
@@ -138,21 +148,6 @@ def _no_file(path: Path) -> str:
         "it is a directory; name a journal in it"
         if path.is_dir() else 'there is no such file; "vbus run BOARD --journal FILE" writes one'
     )  # fmt: skip
-
-
-def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:
-    from vbus.cli.look.scope_bookmarks import of_journal
-    from vbus.serve.output_file import write_file
-
-    if output.suffix == ".mcap":
-        from vbus.cli.look.foxglove_lanes import mcap_file as made
-    else:
-        from vbus.views.scope.page_file import one_file as made
-    recorded = [recorded_of(path, strobes, quiet) for path in paths]
-    description, frames = together(recorded)
-    kept = {"bookmarks": of_journal(paths[0]).all}
-    write_file(output, made(description | kept, frames))
-    return max(map(recorded_code, recorded))
 
 
 def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
@@ -189,19 +184,32 @@ def recorded_code(recorded: "Recorded") -> int:
     return exit_codes.OK if recorded.outcome.divergence is None else exit_codes.FAILURE
 
 
-def _serve_journals(paths: Sequence[Path], place: PagePlace, strobes: bool, quiet: bool) -> int:
+def _show_journals(
+    paths: Sequence[Path], place: PagePlace | None, output: Path | None, strobes: bool, quiet: bool
+) -> int:
+    """Serve runs that are over at a place, or write them into a file; return the exit code."""
     from vbus.cli.look.scope_bookmarks import of_journal
-    from vbus.serve.loop import run_until_signal
-    from vbus.views.scope.stream import Stream
 
     recorded = [recorded_of(path, strobes, quiet) for path in paths]
     description, frames = together(recorded)
     bookmarks = of_journal(paths[0])
-    stream = Stream(description, most=None)
-    for part in frames:
-        stream.add(part)
+    if output is not None:
+        from vbus.serve.output_file import write_file
 
-    run_until_signal(lambda stop: _served(place.server(stream, bookmarks), stop.wait))
+        if output.suffix == ".mcap":
+            from vbus.cli.look.foxglove_lanes import mcap_file as made
+        else:
+            from vbus.views.scope.page_file import one_file as made
+        write_file(output, made(description | {"bookmarks": bookmarks.all}, frames))
+    elif place is not None:
+        from vbus.serve.loop import run_until_signal
+        from vbus.views.scope.stream import Stream
+
+        # Nothing is forgotten of a run that is over: a page may ask for its beginning.
+        stream = Stream(description, most=None)
+        for part in frames:
+            stream.add(part)
+        run_until_signal(lambda stop: _served(place.server(stream, bookmarks), stop.wait))
     return max(map(recorded_code, recorded))
 
 
@@ -252,14 +260,6 @@ def _page_of_boards(
     return server, take
 
 
-def _foxglove_of_boards(
-    place: PagePlace, feeds: "Feeds", at_end: ExitStack
-) -> "tuple[FoxgloveServer, Take]":
-    """Return what serves running boards for Foxglove."""
-    server = place.foxglove_server(feeds.description)
-    return server, server.add
-
-
 def _serve_boards(
     names: Sequence[str],
     made: "Callable[[Feeds, ExitStack], tuple[Server, Take]]",
@@ -285,15 +285,6 @@ def _serve_boards(
                 await _served(server, over)
 
         run_until_signal(show)
-
-
-def _serve_pins(board: str, chip: str, pins: Sequence[str], place: PagePlace) -> None:
-    from vbus.cli.look.sigrok_server import SigrokServer
-    from vbus.serve.loop import run_until_signal
-
-    report = said_as("sigrok")
-    server = SigrokServer(board, chip, pins, place.host, place.port, report)
-    run_until_signal(lambda stop: _served(server, stop.wait))
 
 
 async def _served(server: "Server | SigrokServer", over: "Callable[[], Awaitable[Any]]") -> None:

@@ -6,8 +6,8 @@ a number, and ``get``, after which samples flow until ``close`` or the end of th
 
 import asyncio
 import socket
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -29,39 +29,6 @@ SEGMENT: Final = 1 << 14
 """Bytes of a TCP segment at most: even, for the driver takes what it has read for whole samples."""
 
 LONGEST_LINE: Final = 256
-
-
-class PinFeed:
-    """The pins of a chip, as its board tells them.
-
-    Args:
-        board: name of the board.
-        chip: name of the chip; "" where there is only one.
-        pins: names of pins; none: as many as there are channels.
-
-    Raises:
-        TransportError: no board of that name can be watched.
-        VbusError: it has no such chip or pin.
-    """
-
-    def __init__(self, board: str, chip: str, pins: Sequence[str]) -> None:
-        self._feed: Feed = Feed(board)
-        try:
-            self.description: dict[str, Any] = self._feed.ask("pins", chip=chip, pins=list(pins))
-        except VbusError:
-            self.close()
-            raise
-        self.messages = self._feed.messages()
-
-    def next(self) -> bytes:
-        """Return the next frames; none at the end of the board."""
-        with suppress(OSError, ValueError):  # closed while it was read
-            return next(self.messages, b"")
-        return b""
-
-    def close(self) -> None:
-        """Record no more."""
-        self._feed.close()
 
 
 def channels_of(description: dict[str, Any]) -> dict[str, str]:
@@ -94,8 +61,16 @@ class SigrokServer:
     report: Callable[[str], None]
     _server: asyncio.Server | None = field(default=None, init=False)
 
-    def _feed(self) -> PinFeed:
-        return PinFeed(self.board, self.chip, self.pins)
+    @contextmanager
+    def _told(self) -> Iterator[tuple[dict[str, Any], Iterator[bytes]]]:
+        """Watch the pins: what they are, and the frames until the board ends.
+
+        Raises:
+            TransportError: no board of that name can be watched.
+            VbusError: it has no such chip or pin.
+        """
+        with closing(Feed(self.board)) as feed:
+            yield feed.ask("pins", chip=self.chip, pins=list(self.pins)), feed.messages()
 
     async def start(self) -> None:
         """Listen from now on.
@@ -104,8 +79,8 @@ class SigrokServer:
             VbusError: there is no such board, chip or pin.
             TransportError: the address is taken, or not of this computer.
         """
-        with closing(self._feed()) as feed:
-            description = feed.description
+        with self._told() as (description, _):
+            pass  # what is wrong with board, chip or pins is said before anything listens
         family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
         with listen_errors(f"{self.host}:{self.port}", "with --sigrok"), ExitStack() as undo:
             listening = undo.enter_context(socket.socket(family, socket.SOCK_STREAM))
@@ -158,9 +133,9 @@ class SigrokServer:
     async def _capture(self, writer: asyncio.StreamWriter, numbers: dict[str, int]) -> None:
         """Send samples from now on, as time goes on, to the end of the board."""
         rate, width = numbers["samplerate"], BYTES_OF_UNIT.get(numbers["sampleunit"], 2)
-        with suppress(ConnectionError, VbusError), closing(self._feed()) as feed:
-            sampler = Sampler(feed.description, rate, width)
-            while frames := await asyncio.to_thread(feed.next):
+        with suppress(OSError, VbusError), self._told() as (description, messages):
+            sampler = Sampler(description, rate, width)
+            while frames := await asyncio.to_thread(next, messages, b""):
                 for samples in sampler.take(frames):
                     writer.write(samples)
                     await writer.drain()

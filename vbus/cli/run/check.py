@@ -53,7 +53,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
     from vbus.board.card.card_map import CardAnswer, address_map, remarks
     from vbus.board.config import read_board_file
     from vbus.boardfile.source import BoardFileError
-    from vbus.network.security import told
+    from vbus.network.security import rights_in_words
 
     try:
         file, source = read_board_file(path)
@@ -96,7 +96,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
         },
         "chips": {chip.name: chip.part for chip in file.chips},
         "hosts": [host.transport for host in file.hosts],
-        "rights": told(file.zenoh.allow or {}),
+        "rights": rights_in_words(file.zenoh.allow or {}),
         "map": [asdict(answer) for answer in answers],
         "notes": notes,
     }
@@ -106,7 +106,7 @@ def _rules() -> list[dict[str, Any]]:
     from vbus.board.check.checks import all_rules
     from vbus.views.clauses import ac_limits
 
-    return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
+    return [{**rule._asdict(), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
 
 def _lines(report: dict[str, Any]) -> Iterator[str]:

@@ -56,7 +56,7 @@ def screen(
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
     chip = board.chip(demo.chip)
-    seen, rows = chip.telemetry(), chip.VALUES.told(chip.axis_count)
+    seen, rows = chip.telemetry(), chip.VALUES.by_key(chip.axis_count)
     gauges = Table.grid(padding=(0, 2))
     gauges.add_column(no_wrap=True)
     gauges.add_column(justify="right", min_width=9)

@@ -26,16 +26,11 @@ def link_of(name: str, firmware: bool = False) -> str:
     Raises:
         TransportError: no board of that name answers, or it has no such link.
     """
-    from vbus.serve.registry import running
+    from vbus.serve.registry import not_there, running
 
-    boards = list(running())
-    found = next((board for board in boards if board["board"] == name), None)
+    found = next((board for board in running() if board["board"] == name), None)
     if found is None:
-        names = ", ".join(sorted(str(board["board"]) for board in boards)) or "none"
-        raise TransportError(
-            f'no board called "{name}" runs on this machine; running are: {names}; "vbus run FILE"'
-            " starts one"
-        )
+        raise TransportError(not_there(name, "runs on this machine"))
     if "error" in found:
         raise TransportError(f"{name}: {found['error']}")
     every = found.get("links", [])  # a router has none

@@ -117,12 +117,12 @@ def settings_of(spec: str) -> CpuSettings:
     name, _, rest = spec.partition(",")
     if name not in PROCESSORS:
         raise ValueError(f'unknown processor "{name}"; {among(name, PROCESSORS, "there are")}')
-    told = parse(rest, _CPU_KEYS, _CPU_FLAGS)
-    values = dict(pairwise(told))
+    options = parse(rest, _CPU_KEYS, _CPU_FLAGS)
+    values = dict(pairwise(options))
     cycles = values.get("cycles", "0")
     if not cycles.isdecimal():
         raise ValueError(f'cycles={cycles}: write a number of clock cycles, such as "cycles=1000"')
-    return CpuSettings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in told)
+    return CpuSettings(name, CpuSection(), int(cycles), values.get("until", ""), "stats" in options)
 
 
 def cpu_command(settings: CpuSettings, image: str, file: BoardFile) -> Callable[[str], list[str]]:
@@ -160,8 +160,8 @@ def cpu_command(settings: CpuSettings, image: str, file: BoardFile) -> Callable[
         "libvbus-cpu.so", Path(include_dir()) / "cpu_link.c", options, "see its message"
     )
     words = [sys.executable, "-m", "vbus.cpu", str(library)]
-    told = msgspec.json.encode(settings).decode()
-    return lambda link: [*words, link, told, image]
+    given = msgspec.json.encode(settings).decode()
+    return lambda link: [*words, link, given, image]
 
 
 def _check_firmware(elf: str) -> None:

@@ -13,7 +13,7 @@ from vbus.cli.output import (
     record_options,
     show,
 )
-from vbus.cli.status_lines import READY, ready_lines
+from vbus.cli.status_lines import READY, ready_lines, skew_line
 from vbus.core import exit_codes
 from vbus.core.collection import collection_held
 
@@ -165,15 +165,6 @@ def _run_nodes(
 def is_first(file: "BoardFile", names: Sequence[str]) -> bool:
     """Whether the first node of a board is among these; all are, if none is named."""
     return bool(file.nodes) and (not names or file.nodes[0].name in names)
-
-
-def skew_line(skew: dict[str, int]) -> str:
-    """Return in one line how far apart nodes were."""
-    return (
-        f"wall skew between nodes: p50 {skew['p50_ns'] / 1000:.0f} us, p99"
-        f" {skew['p99_ns'] / 1000:.0f} us, max {skew['max_ns'] / 1000:.0f} us over"
-        f" {skew['marks']} marks, each ±{skew['uncertainty_ns'] / 1000:.0f} us"
-    )
 
 
 def late_line(nodes: Sequence["Node"]) -> str:

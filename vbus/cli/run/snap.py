@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -15,6 +15,10 @@ from vbus.core import exit_codes
 from vbus.core.errors import VbusError
 from vbus.serve import registry
 from vbus.serve.output_file import write_file
+
+if TYPE_CHECKING:
+    from vbus.board.snapshot import Snapshot
+    from vbus.nodes.machine_snapshot import MachineSnapshot
 
 
 @click.group("snap")
@@ -77,35 +81,55 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
     """Say what a snapshot is of."""
     from vbus.board.snapshot import read
     from vbus.nodes.machine_snapshot import is_machine
+    from vbus.nodes.machine_snapshot import read as read_machine
 
     with reading(file) as taken:
         data = taken.read()
+    whole: Snapshot | MachineSnapshot
     if is_machine(data):
-        _info_of_machine(data, file, as_json, board_file)
-        return
-    found = read(data, str(file))
+        whole = read_machine(data, str(file))
+        # Every node was taken on the same board file by the same version: any of them says it.
+        part = next(iter(whole.nodes.values()))
+        end, (about, lines) = f", the end of round {whole.round}", _of_machine(whole)
+    else:
+        whole = part = read(data, str(file))
+        end, (about, lines) = "", _of_board(part)
     if board_file:
-        click.echo(found.text, nl=False)
+        click.echo(part.text, nl=False)
         return
-    hosts = [f"{host.label} to {', '.join(host.chips)}" for host in found.hosts]
     value = {
-        "board": found.board,
-        "file": found.file,
-        "when_ps": found.when,
-        "vbus": found.vbus,
-        "chips": found.parts,
-        "hosts": hosts,
-        "counters": found.counters,
-        "hash": found.digest,
-    }
+        "board": whole.board, "file": part.file, "when_ps": whole.when, "vbus": part.vbus, **about,
+    }  # fmt: skip
+    head = f"{whole.board} ({part.file or 'no board file'}) at {seconds(whole.when)}{end}"
+    show(as_json, value, [head, *lines, f"  taken with vbus {part.vbus}"])
+
+
+def _of_board(found: "Snapshot") -> tuple[dict[str, Any], list[str]]:
+    """Return what the snapshot of a board holds: as data, and as lines."""
+    hosts = [f"{host.label} to {', '.join(host.chips)}" for host in found.hosts]
     lines = [
-        f"{found.board} ({found.file or 'no board file'}) at {seconds(found.when)}",
         *(f"  chip {name}: {part}" for name, part in found.parts.items()),
         *(f"  host {host}" for host in hosts),
         f"  state {found.digest}",
-        f"  taken with vbus {found.vbus}",
     ]
-    show(as_json, value, lines)
+    about = {
+        "chips": found.parts, "hosts": hosts, "counters": found.counters, "hash": found.digest,
+    }  # fmt: skip
+    return about, lines
+
+
+def _of_machine(found: "MachineSnapshot") -> tuple[dict[str, Any], list[str]]:
+    """Return what the snapshot of a machine holds of its nodes: as data, and as lines."""
+    nodes = {
+        name: {"when_ps": part.when, "hosts": [host.label for host in part.hosts]}
+        for name, part in found.nodes.items()
+    }
+    lines = [
+        f"  node {name} at {seconds(part.when)}"
+        + "".join(f", host {host.label} to {', '.join(host.chips)}" for host in part.hosts)
+        for name, part in found.nodes.items()
+    ]
+    return {"round": found.round, "nodes": nodes}, lines
 
 
 @command.command("bisect")
@@ -244,33 +268,3 @@ def _results(asked: Mapping[str, Future[Any]]) -> dict[str, dict[str, Any]]:
     if refusals:
         raise min(refusals, key=lambda error: WAITS_FOR_OTHERS in str(error))
     return {name: answer.result() for name, answer in asked.items()}
-
-
-def _info_of_machine(data: bytes, file: Path, as_json: bool, board_file: bool) -> None:
-    """Say what a snapshot of a machine is of."""
-    from vbus.nodes.machine_snapshot import read
-
-    found = read(data, str(file))
-    any_node = next(iter(found.nodes.values()))
-    if board_file:
-        click.echo(any_node.text, nl=False)
-        return
-    value = {
-        "board": found.board, "file": any_node.file, "when_ps": found.when, "vbus": any_node.vbus,
-        "round": found.round,
-        "nodes": {
-            name: {"when_ps": part.when, "hosts": [host.label for host in part.hosts]}
-            for name, part in found.nodes.items()
-        },
-    }  # fmt: skip
-    lines = [
-        f"{found.board} ({any_node.file or 'no board file'}) at {seconds(found.when)}, the end of"
-        f" round {found.round}",
-        *(
-            f"  node {name} at {seconds(part.when)}"
-            + "".join(f", host {host.label} to {', '.join(host.chips)}" for host in part.hosts)
-            for name, part in found.nodes.items()
-        ),
-        f"  taken with vbus {any_node.vbus}",
-    ]
-    show(as_json, value, lines)

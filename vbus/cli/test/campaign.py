@@ -9,6 +9,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -84,8 +85,11 @@ def command(
     busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
     sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each
     that "vbus fault list" has, once), threads (of a program with a card, in another order). The
-    exit code is 1 if a silent outcome is not in the baseline.
+    exit code is 1 if a silent outcome is not in the baseline; without one that of pytest is that
+    of the tests.
     """
+    from vbus.campaign.world import read_dimensions
+
     if board is None:
         return _pytest(program, longest, worlds)
     if (host is None) == (not program):
@@ -96,7 +100,10 @@ def command(
     for name, value in files.items():
         if value is not None and world is not None:
             raise click.UsageError(f"--{name} goes with a campaign, and --world is one run")
-    chosen = _dimensions(only)
+    try:
+        chosen = read_dimensions(only)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--only") from None
 
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
         campaign = CampaignRun(
@@ -132,40 +139,30 @@ def command(
     return tried(ProgramSubject(hosted), hosted.file, hosted.source)
 
 
-def _dimensions(only: str | None) -> tuple[str, ...]:
-    from vbus.campaign.world import DIMENSIONS
-    from vbus.core.values.settings import among
-
-    if only is None:
-        return DIMENSIONS
-    names = tuple(name.strip() for name in only.split(","))
-    for name in names:
-        if name not in DIMENSIONS:
-            known = among(name, DIMENSIONS, "there are")
-            raise click.BadParameter(
-                f'there is no dimension "{name}"; {known}', param_hint="--only"
-            )
-    return names
-
-
 def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
     """Let pytest make the campaign."""
-    from vbus.campaign.report import FILES
     from vbus.core.kernel import SECOND
 
     if program[:1] != ("pytest",):
         raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
-    given = click.get_current_context()
-    for name in ("host", "avr", "cpu", "pinmap", "only", "phases", "jobs", "baseline",
-                 "world", "journal"):  # fmt: skip
-        if given.params[name] is not None:
-            raise click.UsageError(f"--{name} does not go with pytest; pytest has its own options")
+    given = click.get_current_context().params
+    for name in ("host", "avr", "cpu", "pinmap", "journal"):
+        if given[name] is not None:
+            raise click.UsageError(f"--{name} does not go with pytest; its tests say it")
     if longest is not None and worlds is not None:
         raise click.UsageError("with pytest write either --for or --worlds")
-    budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else "=100"
-    files = [f"--vbus-campaign-{kind}={given.params[kind]}" for kind in FILES if given.params[kind]]
-    words = ["-m", "pytest", f"--vbus-campaign{budget}", *files, *program[1:]]
-    return subprocess.run([sys.executable, *words]).returncode
+    words = [f"--vbus-world={given['world']}"] if given["world"] else []
+    if not words:
+        budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else ""
+        words = [f"--vbus-campaign{budget}"]
+    for name in ("only", "phases", "seed", "json", "junit", "page", "baseline"):
+        words += [f"--vbus-campaign-{name}={given[name]}"] if given[name] else []
+    words += ["--vbus-campaign-all"] if given["every"] else []
+    if given["jobs"] is not None:
+        if find_spec("xdist") is None:
+            raise click.UsageError("-j with pytest needs pytest-xdist: pip install pytest-xdist")
+        words += ["-n", str(given["jobs"])]
+    return subprocess.run([sys.executable, "-m", "pytest", *words, *program[1:]]).returncode
 
 
 def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
@@ -294,7 +291,7 @@ class CampaignRun:
         Args:
             files: names of files, by what they are; None: there is no such file.
             baseline: a file whose silent outcomes are known.
-            every: whether all outcomes are told.
+            every: whether all outcomes are listed.
 
         Raises:
             VbusError: the reference run fails, or does not repeat; a file cannot be written.
@@ -326,21 +323,20 @@ class CampaignRun:
                 " or slaved"
             )
         json = files.get("json")
-        known = report.read_baseline(baseline) if baseline else ()
+        known = report.read_baseline(baseline) if baseline else None
         begun = monotonic()
         until = begun + self._longest / SECOND if self._longest else float("inf")
         reference = self._reference(self._subject.run(REFERENCE, None))
         board = build(self._file, self._source)
         planned = plan(reference, self._file, board, self._seed, self._only, self._phases or PHASES)
-        saved = report.read_saved(json.path, self._digest) if json else report.Saved(self._digest)
+        saved = report.read_saved(json.path) if json else report.Saved()
         wanted = planned.worlds[: self._most]
-        left = [one for one in wanted if str(one.world) not in saved.results]
-        before = len(saved.results)
+        before = saved.of(self._digest)
+        left = [one for one in wanted if one.name not in before]
+        stored = len(saved.results)
 
         def take(world: "World", result: "Result") -> None:
-            saved.results[str(world)] = result
-            if json and len(saved.results) % 100 == 0:
-                json.write(report.as_json(saved))
+            saved.take(str(world), result, json.write if json else None)
 
         stopped = False
         try:
@@ -348,15 +344,15 @@ class CampaignRun:
         except KeyboardInterrupt:
             stopped = True
         spent = monotonic() - begun
-        names = [str(one.world) for one in wanted]
+        names = [one.name for one in wanted]
         found = {name: saved.results[name] for name in names if name in saved.results}
         campaign = Campaign(planned, found)
-        new = campaign.new(known)
+        new = campaign.new(known or ())
         into = {kind: file.write for kind, file in files.items()}
         report.write(campaign, saved, new, shlex.join(self._words), self.line, into)
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
-        made = len(saved.results) - before
+        made = len(saved.results) - stored
         pace = f"{made / max(spent, 1e-9):.1f} runs/s, {self._jobs} processes"
         complain(f"{made} runs in {spent:.1f} s: {pace}")
         if stopped:

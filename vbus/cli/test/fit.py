@@ -138,13 +138,13 @@ def _lines(axis: str, plant: str, fit: "Fit") -> Iterator[str]:
             of = "torque_constant" if name == "back_emf" else "coulomb_friction"
             mark = f"beside {of} as in the file"
         else:
-            mark = f"+- {one.error:.2g} {unit}{'' if one.told else ', NOT told by this run'}"
+            mark = f"+- {one.error:.2g} {unit}{'' if one.sure else ', NOT known from this run'}"
         line = f'{name} = "{value:.5g} {unit}"'
         yield f"{line:<46}# {mark}"
     for title, value, error, unit in fit.ratios:
         yield f"# {title} = {value:.5g} +- {error:.2g} {unit}"
     for one in fit.found:
-        if not one.told:
+        if not one.sure:
             yield f"# cannot tell {one.name} to 2 %: {one.why}"
     for note in fit.notes:
         yield f"# {note}"

@@ -75,10 +75,10 @@ def command(board: Path, output: Path, step: int) -> int:
     """
     from vbus.board.block import BoardBlock
 
-    if output.suffix != ".fmu" or step < 1:
-        raise click.UsageError(
-            f"-o {output} --step {step} ps: the name ends in .fmu, and the step is 1 ps at least"
-        )
+    if output.suffix != ".fmu":
+        raise click.UsageError(f"-o {output}: a unit's name ends in .fmu")
+    if step < 1:
+        raise click.UsageError("--step: steps are 1 ps long at least")
     try:
         from pythonfmu3 import FmuBuilder
     except ImportError:

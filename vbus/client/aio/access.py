@@ -18,6 +18,7 @@ READY_TIME: Final = "10ms"
 
 def words_of(value: int) -> tuple[int, int]:
     """Return a 32-bit value, signed or not, as two words, high word first."""
+    # Signed or not: the chip knows which, by the command.
     if not -(1 << 31) <= value < 1 << 32:
         raise ValueError(f"{value} does not fit into 32 bits")
     return value >> 16 & 0xFFFF, value & 0xFFFF
@@ -97,6 +98,7 @@ class Packets(Core):
         """
         value = 0
         for word in await self.packet(code, (), count):
+            # High word first, as all three families send them.
             value = value << 16 | word
         return value
 
@@ -124,6 +126,7 @@ class Packets(Core):
     async def _message(self, code: int, pairs: list[bytes], count: int) -> list[int]:
         """Move a whole packet in one message."""
         async with self.cycles.batch() as batch:
+            # One wait before each byte that needs a ready chip: the board carries them out in turn.
             waits = [batch.wait(READY_TIME)]
             batch.write(self.COMMAND_PORT, code)
             for pair in pairs:
@@ -155,6 +158,7 @@ class RegisterCycles(Core):
         The least significant byte is read first: it freezes the others where they are live.
         """
         async with self.cycles.batch() as batch:
+            # In one message: no other session comes between the bytes.
             later = [batch.read(address) for address in reversed(addresses)]
         data = bytes(byte.value for byte in later)
         return int.from_bytes(data, "little", signed=signed)
@@ -196,6 +200,7 @@ def calls_of(name: str, base: type, tables: ModuleType) -> Any:
         base: what it derives from: how the chip is reached.
         tables: the module that has ``COMMANDS``, with ``NOTES`` on them, or ``REGISTERS``.
     """
+    # Made at import, in half a millisecond: no committed copy can differ from the tables.
     body: dict[str, Any] = {"__doc__": _ABOUT, "__module__": f"{tables.__package__}.host"}
     notes: Mapping[str, str] = getattr(tables, "NOTES", {})
     for command in getattr(tables, "COMMANDS", ()):
@@ -208,6 +213,7 @@ def calls_of(name: str, base: type, tables: ModuleType) -> Any:
 
 
 def _add(body: dict[str, Any], owner: str, name: str, call: Any, meaning: list[str]) -> None:
+    # As if it had been written: for help(), and in tracebacks.
     call.__name__, call.__qualname__ = name, f"{owner}.{name}"
     del call.__annotations__["self"]
     call.__doc__ = "\n\n".join(filter(None, meaning))
@@ -260,24 +266,24 @@ def _meaning(row: Command, notes: Mapping[str, str]) -> list[str]:
     remarks = [notes.get(row.note, ""), _SCOPES.get(row.scope, "")]
     if row.buffered and not row.read:
         remarks.append("Takes effect at an update.")
-    told = " ".join(filter(None, remarks))
+    remark = " ".join(filter(None, remarks))
     if row.read:
-        return [title, told, f"Returns {_sense(row, 16 * row.read)}."]
+        return [title, remark, f"Returns {_sense(row, 16 * row.read)}."]
     if row.up_to > row.write:
         words = f"    words: 0 to {row.up_to - row.write} data words."
         return [
             title,
-            told,
+            remark,
             f"Args:\n    control: the control word, which says what follows.\n{words}",
         ]
     if row.write:
         width = row.bits or 16 * row.write
         return [
             title,
-            told,
+            remark,
             f"Args:\n    value: {_sense(row, width)},\n        {_range(row, width)}.",
         ]
-    return [title, told]
+    return [title, remark]
 
 
 def _register_meaning(row: Register, verb: str) -> list[str]:

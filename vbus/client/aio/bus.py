@@ -168,8 +168,10 @@ class Bus(ChipCycles):
             TransportError: the link can tell that what was sent last has not arrived (Zenoh); it
                 is closed all the same.
         """
+        # A link that is lost already has said so to the call that found it.
         with suppress(VbusError):
             await self.posting(False)
+        # Before the link goes: calls of other threads fail with a reason.
         self._wire.end(TransportError(f"{self.link.where}: this end has closed it"))
         try:
             self.link.finish()
@@ -193,6 +195,7 @@ class Bus(ChipCycles):
         for name in names:
             if name not in known:
                 raise ValueError(f"no chip {name!r}; this session has {', '.join(known)}")
+        # A set: a name given twice is one chip.
         return Chip(self, sum(1 << known.index(name) for name in set(names)))
 
     @classmethod
@@ -203,6 +206,7 @@ class Bus(ChipCycles):
             try:
                 return await cls._try(where, timeout)
             except TransportError:
+                # A link that cannot be opened yet may belong to a board that is being built.
                 if not patience.left():
                     raise
             await cls._WAITS().pause(PAUSE_SECONDS)
@@ -217,6 +221,7 @@ class Bus(ChipCycles):
                 raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
             link.check()
             link.check_board((await bus.hello()).board)
+        # Cancelled, too: no descriptor stays open.
         except BaseException:
             await bus.close()
             raise
@@ -287,6 +292,7 @@ class Bus(ChipCycles):
         so that time, counts and traces are those of a host that asks.
         """
         self._wire.stamped_polls = "polled_at" in self.info.features
+        # What a poll costs is counted by this end, so it must know the shortest cycle of each chip.
         self._wire.cycles = [chip.cycle_ps for chip in self.info.chips] if on else []
         await self._post(Message.leases, on, FORESEEING in self.info.features)
 
@@ -296,6 +302,7 @@ class Bus(ChipCycles):
         ``False`` sends what is kept back, and keeps nothing back any more (as at the start).
         """
         self._posting = on
+        # An empty message: all that is kept back goes with it.
         if not on:
             await self._exchange(Message())
 
@@ -346,6 +353,7 @@ class Bus(ChipCycles):
         """Send ``message`` with these chips selected (None: as it is) and take its replies."""
         async with self._waits:
             polls = self._wire.known(message, mask)
+            # Answered by a lease: nothing is sent, unless the board must learn of polls.
             if polls is not None:
                 self._kept += polls
                 return
@@ -353,6 +361,7 @@ class Bus(ChipCycles):
             self._passing += message.duration
             if self._kept or self._posting:
                 self._kept += sent
+                # Held back while nothing is asked, up to a size at which more gain little.
                 if self._posting and len(self._kept) < MOST_KEPT and message.done:
                     return
                 sent = bytes(self._kept)
@@ -361,11 +370,14 @@ class Bus(ChipCycles):
             rest = memoryview(sent)
             try:
                 rest = self._send(rest)
+                # A link inside the process has the answer here: no wait, and no system call.
                 if self.link.at_once:
                     self._receive()
                 waiting = bool(rest) or not message.done
                 deadline = monotonic() + self._patience() if waiting else 0.0
                 while rest or not message.done:
+                    # Waiting for room as well would return at once, and burn time, when there is
+                    # room.
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)
                     if (
@@ -378,10 +390,12 @@ class Bus(ChipCycles):
                         deadline = monotonic() + self._patience()
                     was = self._wire.paused
                     self._receive()
+                    # Paused or gone on: what was waited for until now does not count.
                     if self._wire.paused != was:
                         deadline = monotonic() + self._patience()
                     rest = self._send(rest)
             finally:
+                # A part of a request is with the board: what comes next would be read as its end.
                 if rest:
                     self._wire.end(
                         TransportError(f"{self.link.where}: a message was cut off half-way")
@@ -412,6 +426,7 @@ class Bus(ChipCycles):
     def _patience(self) -> float:
         """Return how many seconds the replies may take."""
         passing = self._passing * 1e-12
+        # Chip time that the requests let pass takes as much wall time by the board's rate.
         if self._info is not None and self._info.rate > 0:
             passing /= self._info.rate
         return min(self.timeout + passing + self.link.patience, _LONGEST_WAIT)

@@ -40,6 +40,7 @@ async def read_until(
     """
     end = await bus.now() + parse_duration(longest)
     while not good(number := await read()):
+        # Asked after the read: what is as wanted at the last moment counts.
         if await bus.now() >= end:
             raise NotReadyError(lacking.format(number, longest))
         await bus.delay(every)
@@ -74,6 +75,7 @@ class Waits:
     """
 
     def __init__(self) -> None:
+        # Here and not above: it takes about as long to import as all of the client.
         import asyncio
 
         self._lock = asyncio.Lock()

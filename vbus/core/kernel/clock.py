@@ -65,6 +65,7 @@ class Clock:
         # instant and back.
         self._plain = len(courses) == 1 and (num // shared) * (den // shared) < 1 << 62
         self.stopped = num == _STANDING
+        # The last cycle whose instant is a number of 63 bits: what lies beyond never comes.
         last = start if self.stopped else start + (NEVER - since) * den // num
         self._last = min(last, NEVER)
 
@@ -73,8 +74,10 @@ class Clock:
         if cycle > self._last:
             return _NEVER
         if self._plain:
+            # 1 MHz, 8 MHz and most clocks of boards have a period of whole picoseconds.
             if self._den == 1:
                 return cycle * self._num
+            # In two parts, so that the product of a late cycle fits a machine word.
             whole = cycle // self._den
             return whole * self._num + (cycle - whole * self._den) * self._num // self._den
         exact: int = cycle
@@ -85,6 +88,8 @@ class Clock:
         if self._plain:
             whole = ps // self._num
             into = ps - whole * self._num
+            # The inverse of ps(), which rounds down: the last cycle that starts at this instant or
+            # before.
             return whole * self._den + ((into + 1) * self._den - 1) // self._num
         exact: int = ps
         return self._exact_cycle(exact)
@@ -92,6 +97,7 @@ class Clock:
     def _exact_ps(self, cycle: int) -> int:
         start, since, num, den = self._courses[0]
         for course in reversed(self._courses):
+            # From the last course back: nearly every question is about now.
             if cycle >= course[0]:
                 start, since, num, den = course
                 break
@@ -112,6 +118,7 @@ class Clock:
         """
         if self._plain:
             return self.ps(cycles)
+        # Beyond machine words: a clock that has failed may have any period.
         exact: int = cycles
         num, den = self._courses[-1][2:] if not self.stopped else (PS_PER_SECOND, self.hz)
         return min(exact * num // den, NEVER)
@@ -136,11 +143,13 @@ class Clock:
         """
         under_way: int = self.cycle_at(now)
         start = under_way + 1
+        # A running oscillator ends its period; one that stood begins anew.
         since = now if self.stopped else self.ps(start)
         self._change((start, since, PS_PER_SECOND * MILLION, self.hz * (MILLION + ppm)))
 
     def stop(self, now: int) -> None:
         """Stand: the period under way at ``now`` does not end."""
+        # A clock that stands has no period that could be under way again.
         if not self.stopped:
             under_way: int = self.cycle_at(now)
             self._change((under_way, self.ps(under_way), _STANDING, 1))
@@ -166,10 +175,13 @@ class Clock:
             ValueError: one runs too fast, or does not begin where the one before has led.
         """
         for _, _, num, den in courses:
+            # A snapshot may come from anywhere: a clock of any speed would make samples without
+            # end.
             if min(num, den) <= 0 or den * PS_PER_SECOND > MOST_FAST * self.hz * num:
                 raise ValueError(f"a clock of {self.hz} Hz with a period of {num}/{den} ps")
         for (start, since, num, den), (then, when, _, _) in pairwise(courses):
             there = start + ((when - since + 1) * den - 1) // num
+            # A course begins with the cycle under way, or the next one.
             if not there <= then <= there + 1:
                 raise ValueError(f"a clock that jumps from cycle {there} to {then}")
         self._take(courses or [(0, 0, PS_PER_SECOND, self.hz)])

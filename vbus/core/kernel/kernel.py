@@ -40,10 +40,12 @@ class Timer:
 
     def at(self, when: i64) -> None:
         """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
+        # Chips set their timer after every access, mostly to the instant it has.
         if when == self.due:
             return
         if when < self.kernel.now:
             raise ValueError(f"instant {when} ps is past; it is {self.kernel.now} ps now")
+        # What the queue holds for other instants stays there, and is passed over when it comes up.
         self.due = when
         # One that is cancelled, and set to the same instant again, still stands there.
         if when != NEVER and when != self.queued:
@@ -109,6 +111,7 @@ class Kernel:
 
     def push(self, when: i64, rank: int, looks: bool) -> None:
         """Queue the timer ``rank``; for :class:`Timer` only."""
+        # Two queues: what only looks must not shorten what hosts are promised.
         if looks:
             heappush(self._looks, (when, rank))
         else:
@@ -140,11 +143,13 @@ class Kernel:
         """Run what :meth:`soon` asked for, in order, and close the batch of changes."""
         if self._waiting:
             queue = self._instant
+            # Tasks may ask for more: the list grows meanwhile.
             while self._done < len(queue):
                 task = queue[self._done]
                 self._done += 1
                 task.run()
             self._forget()
+        # Levels that moved up to here have moved together.
         self.batch += 1
 
     def _forget(self) -> None:
@@ -164,13 +169,16 @@ class Kernel:
             raise ValueError(f"time ends at {END} ps, asked {when} ps")
         self.settle()
         while self.next_stop <= when:
+            # The board before an onlooker: that sees what has come of the instant.
             own = self.next_due == self.next_stop
             due, rank = heappop(self._heap if own else self._looks)
             self._find_next()
             timer = self._timers[rank]
             if timer.queued == due:
                 timer.queued = NEVER
+            # Else it was cancelled, or set to another instant since.
             if timer.due == due:
+                # Before the callback, which may set it again.
                 timer.due = NEVER
                 self.now = due
                 timer.callback()
@@ -200,6 +208,7 @@ class Kernel:
             if due != NEVER:
                 self.push(due, timer.rank, timer.looks)
         for timer in self._timers:
+            # Timers of observers go on, at once if their instant has passed.
             if not timer.saved and timer.due != NEVER:
                 timer.due = max(timer.due, self.now)
                 self.push(timer.due, timer.rank, timer.looks)

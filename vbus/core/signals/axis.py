@@ -32,6 +32,7 @@ class Switch:
 
     def level(self, count: int) -> int:
         """Electrical level with the axis at ``count``."""
+        # The upper bound is open: two switches that touch share no count.
         closed = self.low <= count < self.high
         return self.active if closed else 1 - self.active
 
@@ -43,6 +44,7 @@ class Switch:
         """
         if start < self.low <= end:
             return True, self.low
+        # Coming down, the first count inside lies one below the upper bound.
         if end < self.high <= start:
             return True, self.high - 1
         return False, 0
@@ -76,6 +78,7 @@ class Plant:
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
+        # In machine words: a wheel at 1 million counts a second takes 290,000 years to leave them.
         self.count: i64 = 0
         self.switches: dict[str, Switch] = {}
         """The switches on the axis' way; names are from :data:`SWITCHES`."""

@@ -47,6 +47,7 @@ class Watcher(Task):
 
     def run(self) -> None:
         """Tell of what has changed."""
+        # Before the call: what moves in it is another event.
         self._pending = False
         self._callback()
 
@@ -96,10 +97,13 @@ class Pin:
 
     def drive(self, level: int) -> None:
         """Put ``level`` on the net (0, 1, or 0..255 for a bundle); :data:`Z` lets go."""
+        # An open-drain pin has no transistor that pulls up.
         if self.open_drain and level == HIGH:
             level = Z
         if level != self.level:
             net = self.net
+            # A part that is no chip begins to drive a wire, or lets go: who listens to it may
+            # change.
             if net.width != 8 and self.on_heard is None and (level == Z) != (self.level == Z):
                 heard = net.heard
                 self.level = level
@@ -226,11 +230,13 @@ class Net:
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
         heard = self.heard
+        # Most nets have one watcher: its tuple is shared by them all.
         self.watchers = (*self.watchers, watcher) if self.watchers else watcher.alone
         self.first_heard(heard)
 
     def observe(self, observer: Observer) -> None:
         """Report every edge to ``observer`` from now on."""
+        # Edges that were left out until now must have been, for one who looks.
         if self.guard is not None:
             self.guard.touched()
         heard = self.heard
@@ -279,7 +285,10 @@ class Net:
                 if level == Z:
                     level = pin.level
                 elif pin.level != level:
+                    # A pin that only pulls low may do so; a push-pull pin of another level is a
+                    # short.
                     fight = fight or not pin.open_drain
+                    # Of a short the low side wins, as in TTL.
                     level &= pin.level
         if fight and not self.clashing and self.clash is not None:
             self.clashing = True
@@ -293,6 +302,7 @@ class Net:
             for bend in self.bends:
                 level = bend(level)
         if level != self.value:
+            # The level before the batch stays: two edges of one batch have one before.
             if self._batch != self._kernel.batch:
                 self._batch = self._kernel.batch
                 self.previous = self.value
@@ -331,6 +341,7 @@ class Net:
         fight = False
         for pin in self.pins:
             if pin.level != Z:
+                # Snapshots hold levels, and a report of this was filed when it began.
                 if level != Z and pin.level != level:
                     fight = fight or not pin.open_drain
                 level = pin.level

@@ -1,9 +1,9 @@
 """Rules that a host can break, and the breach of one. Data."""
 
-from msgspec import Struct
+from typing import NamedTuple
 
 
-class Rule(Struct, frozen=True):
+class Rule(NamedTuple):
     """One thing a host can break, declared beside the chip's tables.
 
     Attributes:
@@ -20,7 +20,7 @@ class Rule(Struct, frozen=True):
     severity: str = "error"
 
 
-class Violation(Struct, frozen=True):
+class Violation(NamedTuple):
     """One breach of a rule.
 
     Attributes:

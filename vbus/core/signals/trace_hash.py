@@ -1,7 +1,5 @@
 """The trace hash: one number for everything a run did on its buses and wires."""
 
-import hashlib
-
 from vbus.core.signals.observer import Observer
 from vbus.core.signals.tables import Violation
 
@@ -19,10 +17,13 @@ class TraceHash(Observer):
     def __init__(self, order: list[str]) -> None:
         self._order: dict[str, int] = {name: rank for rank, name in enumerate(order)}
         self._pending: list[tuple[int, int, str]] = []
+        import hashlib  # which loads OpenSSL: 3 ms that a client, which hashes nothing, would pay
+
         self._hash = hashlib.sha256()
         self.records: int = 0
 
     def _add(self, when: int, name: str, text: str) -> None:
+        # A joined net has no chip: it comes after all of them, by name.
         rank = self._order.get(name.partition(".")[0], len(self._order))
         self._pending.append((when, rank, text))
 

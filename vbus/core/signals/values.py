@@ -6,10 +6,7 @@ conditions and what is published over Zenoh follow from the rows.
 
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import Any, Final
-
-from msgspec import Struct
-from msgspec.structs import replace
+from typing import Any, Final, NamedTuple
 
 from vbus.core.signals.lane import nearest
 
@@ -23,7 +20,7 @@ INTERRUPT: Final = "interrupt"
 _SPELLED: Final = {"cnt": "counts", "count": "counts", "ustep": "microsteps"}
 
 
-class Value(Struct, frozen=True):
+class Value(NamedTuple):
     """One value of a chip or of a plant.
 
     Attributes:
@@ -133,6 +130,8 @@ class ValueTable:
         home: str = "",
         order: Iterable[str] = (),
     ) -> None:
+        # Registers without a row are values all the same: a plug-in's map is enough for a chip
+        # view.
         mapped = {row.name: row for row in registers}
         named = {row.register for row in rows}
         rows += tuple(
@@ -147,19 +146,21 @@ class ValueTable:
             else row
             for row in rows
         )
+        # A family that names no lanes has all its numbers drawn.
         if not any(row.lane for row in rows):
-            rows = tuple(row if row.text else replace(row, lane=row.key) for row in rows)
+            rows = tuple(row if row.text else row._replace(lane=row.key) for row in rows)
         self.rows: tuple[Value, ...] = rows
         self.registers: dict[str, Value] = {row.register: row for row in rows if row.register}
         self._keyed: dict[str, Value] = {row.key: row for row in rows if row.key}
         self._order: list[str] = [*order] or [*self._keyed]
+        # Found at import: telemetry with a key missing would be found by a user.
         if {*self._order} != {*self._keyed}:
             strange = ", ".join({*self._order} ^ {*self._keyed})
             raise ValueError(f"order and rows differ in {strange}")
         drawn = [row for row in rows if row.lane]
         self._lanes: list[Value] = sorted(drawn, key=_place_of_lane)
 
-    def told(self, axes: int) -> dict[str, tuple[Value, int]]:
+    def by_key(self, axes: int) -> dict[str, tuple[Value, int]]:
         """Return row and axis (0-based) of each value of telemetry, by its key.
 
         Args:
@@ -193,7 +194,7 @@ class ValueTable:
 
     def telemetry(self, axes: int) -> Callable[[Any], dict[str, Reading]]:
         """Return the function of a chip that gives every value of telemetry by its key."""
-        rows = self.told(axes).items()
+        rows = self.by_key(axes).items()
         return reader(f"{{{', '.join(f'{k!r}: {row.number(n)}' for k, (row, n) in rows)}}}")
 
     def steps(self, axes: int) -> Callable[[Any], list[int | float]]:
@@ -202,6 +203,7 @@ class ValueTable:
         Steps are whole; a number with neither step nor fraction is given as it is. Last comes
         :data:`INTERRUPT`, 0 of a chip that has none.
         """
+        # Last, outside of all lanes: the recorder draws it as a mark.
         row = self._keyed.get(INTERRUPT)
         steps = [row.steps(axis) for row, axis in self.lanes(axes)]
         return reader(f"[{', '.join([*steps, row.number(0) if row else '0'])}]")
@@ -213,10 +215,10 @@ def _filled(value: Value, row: Any, home: str) -> Value:
     unit, fraction = value.unit or row.unit, value.fraction or row.fraction
     if not value.command:
         fields = value.fields or row.fields
-        return replace(value, place=place, unit=unit, fraction=fraction, fields=fields)
+        return value._replace(place=place, unit=unit, fraction=fraction, fields=fields)
     title = value.title or (f"what {row.name} reads" if row.read else f"as {row.name} set it")
     clause = value.clause or row.clause
-    return replace(value, place=place, unit=unit, fraction=fraction, title=title, clause=clause)
+    return value._replace(place=place, unit=unit, fraction=fraction, title=title, clause=clause)
 
 
 def _place_of_lane(row: Value) -> int:

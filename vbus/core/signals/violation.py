@@ -27,6 +27,7 @@ class Policy:
     def of(self, rule: str) -> int:
         """Return :data:`OFF`, :data:`WARN` or :data:`STRICT` for the rule named ``rule``."""
         level = self._rules.get(rule)
+        # A rule by its name, else its family, else the default.
         if level is None:
             level = self._rules.get(rule.partition(".")[0], self.default)
         return level

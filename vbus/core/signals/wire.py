@@ -98,6 +98,7 @@ class WireEnd(Net):
         level = Z
         weak = True
         for pin in self.pins:
+            # What has come from other ends is not sent back: two ends would hold a wire for ever.
             if pin.level != Z and pin not in far:
                 level = pin.level if level == Z else level & pin.level
                 weak = weak and pin.open_drain
@@ -117,6 +118,7 @@ class WireEnd(Net):
 
     def arrive(self, node: int, level: int, weak: bool) -> None:
         """What node ``node`` drives reaches this end now."""
+        # Noted in come() all the same: when the cut is mended the end drives what has come last.
         if any(wrong.cuts() for wrong in self.wrongs):
             return
         pin = self.far[node]

@@ -91,6 +91,7 @@ class Kept(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was saved."""
+        # Empty: nothing was kept when the state was saved.
         if saved != {}:
             kept_layout(type(now)).check(now, saved, Load())
         return saved
@@ -195,8 +196,10 @@ class Layout:
             raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
         fields: Saved = saved
         version = fields.get(VERSION, 1)
+        # A later vbus may have meant anything by its fields.
         if type(version) is not int or not 1 <= version <= self.version:
             raise Refused(f"version {version} of {cls}: this vbus knows 1 to {self.version}")
+        # A copy: migrate() may change what it is given.
         if version < self.version:
             fields = part.migrate(version, dict(saved))
         unknown = sorted(fields.keys() - {VERSION, *self.names})
@@ -248,6 +251,7 @@ def kept_layout(cls: Any) -> Layout:
 def layout_of(cls: Any) -> Layout:
     """Return the declaration of a class."""
     found = _LAYOUTS.get(cls)
+    # Read once for a class: a rack has thousands of parts of some forty classes.
     if found is None:
         found = _LAYOUTS[cls] = Layout(cls)
     return found
@@ -270,6 +274,7 @@ def undeclared(part: Any) -> set[str]:
         inside = vars(base)
         for declaration in ("STATE", "WIRING", "DERIVED"):
             for field in inside.get(declaration, ()):
+                # Of "limit = inputs.limit" the attribute is "inputs".
                 declared.add(field.partition(":")[0].rpartition(" = ")[2].partition(".")[0])
     if "*" in declared and not hasattr(cls, "STATE"):
         return set()
@@ -302,6 +307,8 @@ def plan_with(check: Callable[[Any, Any, Load], None], part: Any, saved: Any, wh
     """Check a saved state so; return what loads it."""
     found = Load()
     try:
+        # All is checked before anything is set: a state that does not fit leaves the board as it
+        # is.
         check(part, saved, found)
     except Refused as refused:
         place = f"{where}.{refused.place}" if refused.place else where
@@ -344,4 +351,5 @@ def differences(one: Any, other: Any, where: str = "") -> list[str]:
             for number, (a, b) in enumerate(zip(one, other, strict=True))
             for text in differences(a, b, f"{where}.{number}")
         ]
+    # 1 and True are equal, and are not the same state.
     return [] if one == other and type(one) is type(other) else [f"{where}: {one!r}, {other!r}"]

@@ -64,6 +64,7 @@ def written(
         save: what saves a part inside, by its class.
         check: what checks a saved one, by its class.
     """
+    # Numbers and flags are checked in one expression; only what else there is calls a kind.
     usual = {name: kind for name, kind in kinds.items() if kind.usual is not None}
     parts = [name for name, kind in kinds.items() if kind.STAYS]
     others = [name for name in kinds if name not in {*usual, *parts}]
@@ -95,6 +96,7 @@ def written(
         after_load="load.hooks.append(part.after_load)" if refreshes else "pass",
         attributes="".join(f"part.{places[name]}, " for name in settable),
     )
+    # Text made of names that the class declares: nothing of a snapshot is in it.
     exec(text, known)
     return known["get"], known["fit"]
 

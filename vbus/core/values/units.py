@@ -14,6 +14,7 @@ from msgspec import Struct
 from vbus.core.kernel import END, SECOND
 
 _NUMBER: Final = re.compile(r"([+-]?)(\d[\d_]*)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
+# Fractions are exact: without these two bounds a short text could ask for a number of any size.
 _LONGEST: Final = 40
 _LARGEST_EXPONENT: Final = 30
 
@@ -129,6 +130,7 @@ def parse(value: object, kind: str) -> int | float:
     """
     row = DIMENSIONS[kind]
     if not isinstance(value, str):
+        # The commonest slip: the number is right, and the unit is missing.
         if isinstance(value, int | float) and not isinstance(value, bool):
             raise UnitError(f"it has no unit; write {describe(kind)}")
         raise UnitError(f"expected {describe(kind)}")
@@ -136,6 +138,7 @@ def parse(value: object, kind: str) -> int | float:
     match = _NUMBER.match(text)
     if match is None or len(text) > _LONGEST:
         raise UnitError(f"that is not a quantity; write {describe(kind)}")
+    # A keyboard may have other signs for the product and the square.
     unit = text[match.end() :].strip().replace("·", "*").replace("²", "^2")
     if not unit:
         raise UnitError(f"it has no unit; write {describe(kind)}")
@@ -146,11 +149,13 @@ def parse(value: object, kind: str) -> int | float:
     if abs(int(exponent or 0)) > _LARGEST_EXPONENT:
         raise UnitError(f"exponent {exponent} is out of reach; write {describe(kind)}")
     number = Fraction(f"{sign}{whole.replace('_', '')}.{decimals or 0}e{exponent or 0}")
+    # Exact up to here: 0.1 us is 100000 ps, and no float on the way.
     amount = number * factor
     if not row.whole:
         return float(amount)
     if amount < 0:
         raise UnitError(f"{row.title} cannot be negative")
+    # A time that is rounded would shift the instants of a whole run.
     if amount.denominator != 1:
         step = "a picosecond" if kind == "s" else "a hertz"
         raise UnitError(f"{row.title} is a whole multiple of {step}")
@@ -160,6 +165,7 @@ def parse(value: object, kind: str) -> int | float:
 
 
 def _wrong_unit(unit: str, row: Dimension) -> str:
+    # A unit of another quantity is a better hint than a unit that is unknown.
     for other in _ROWS:
         if unit in other.units:
             return f'"{unit}" is the unit of {other.title}; write {describe(row.kind)}'
@@ -169,11 +175,13 @@ def _wrong_unit(unit: str, row: Dimension) -> str:
 def show(value: int | float, kind: str) -> str:
     """Return ``value`` as a board file would have it, in its largest exact unit."""
     row = DIMENSIONS.get(kind)
+    # A setting without a unit.
     if row is None:
         return str(value)
     if row.whole:
         best = next(iter(row.units))
         for unit, factor in row.units.items():
+            # The largest unit in which it is a whole number.
             if unit.isascii() and value % factor == 0 and (
                 value % row.units[best] or factor > row.units[best]
             ):  # fmt: skip

@@ -358,7 +358,7 @@ class _NodesRun(ServedRun):
         }  # fmt: skip
 
     def _details(self, node: Node) -> dict[str, Any]:
-        journal = self._recordings[node.rank].told
+        journal = self._recordings[node.rank].about
         return {"node": self._peers.status(node.rank)} | ({"journal": journal} if journal else {})
 
     def _end_records(self) -> None:

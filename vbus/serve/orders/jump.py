@@ -89,7 +89,7 @@ class JumpBack:
         self._steps.pause(f"goes back to {format_instant(to)}")
         work = self._work(past, path, to)
         asyncio.get_running_loop().call_soon(self._go_on, work, past, to, own, port)
-        return self._steps.told()
+        return self._steps.status()
 
     def _check(self, own: Onlooker, port: HostBus) -> Path:
         """Return where the journal is.
@@ -102,7 +102,7 @@ class JumpBack:
             no_journal({})
         if recording.journal.error:
             raise ValueError(recording.journal.error)
-        path = Path(recording.told["file"])
+        path = Path(recording.about["file"])
         if not path.is_file():
             raise ValueError(f"{path} cannot be read again: its journal must be a file")
         if not board.text:

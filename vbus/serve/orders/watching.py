@@ -131,7 +131,7 @@ class EventsView(BoardView, Observer):
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        self._add(["v", *msgspec.structs.astuple(violation)])
+        self._add(["v", *violation])
 
     def _add(self, event: list[Any]) -> None:
         if len(self._events) < MOST_EVENTS:
@@ -358,7 +358,7 @@ class ScopeView(FramesView):
     def _tell_steps(self) -> None:
         if self._connection.view is self:
             self.take_news()
-            self._connection.answer({"control": self._steps.told()})
+            self._connection.answer({"control": self._steps.status()})
 
     def end(self) -> None:
         """Record no more, and let time go on."""

@@ -103,11 +103,11 @@ class Steps(Observer):
 
     def _pause(self, request: dict[str, Any]) -> dict[str, Any]:
         self.pause("paused")
-        return self.told()
+        return self.status()
 
     def _go(self, request: dict[str, Any]) -> dict[str, Any]:
         self.go()
-        return self.told()
+        return self.status()
 
     def _rate(self, request: dict[str, Any]) -> dict[str, Any]:
         rate = float("inf") if request["rate"] == "max" else float(request["rate"])
@@ -119,7 +119,7 @@ class Steps(Observer):
             raise ValueError(f"a rate makes sense in real time; this board is {self._board.policy}")
         self._pacer.set_rate(rate)
         self._tell()
-        return self.told()
+        return self.status()
 
     def _step(self, request: dict[str, Any]) -> dict[str, Any]:
         goal = self._goal_of(request)
@@ -137,7 +137,7 @@ class Steps(Observer):
             goal.watch.begin()
         if goal.met():
             self.pause(f"{goal.text}: holds already")
-            return self.told()
+            return self.status()
         self._board.observe(self)
         self._tell(STEPPING, f"goes on until {goal.text}")
         if alone:
@@ -145,7 +145,7 @@ class Steps(Observer):
             self._pass_time()
         else:
             self._pacer.confine(goal.next_look())
-        return self.told()
+        return self.status()
 
     def _goal_of(self, request: dict[str, Any]) -> _Goal:
         board, by = self._board, request["by"]
@@ -258,7 +258,7 @@ class Steps(Observer):
 
     # -- telling ------------------------------------------------------------------------------
 
-    def told(self) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """Return its state, for the page and for ``vbus ls``."""
         rate = "max" if self._pacer.free else self._board.rate
         return {

@@ -52,7 +52,7 @@ def read_project(folder: Path) -> Project:
     allowed = accepted(where, table.get("accept", {}))
     if "suppress" in table:
         allowed += suppressions_of(str(folder / str(table["suppress"])))
-    judge = Judge(accepted=allowed).told(where, table)
+    judge = Judge(accepted=allowed).configured(where, table)
     budget = budget_of(where, table.get("budget", {}), BUDGET)
     return Project(judge, budget, tolerance_of(where, table.get("golden", {})))
 

@@ -15,7 +15,7 @@ SECTION: Final = "vbus"
 """The part of a test's report that tells of its boards."""
 
 
-def told(report: pytest.TestReport) -> str:
+def said_of(report: pytest.TestReport) -> str:
     """Return what the report of a test says of its boards; "" if it has none."""
     return next((text for name, text in report.sections if name == SECTION), "")
 
@@ -39,7 +39,7 @@ def annotation(report: pytest.TestReport, root: Path) -> str:
     if place.is_relative_to(home):
         path = place.relative_to(home).as_posix()
     where = f"file={_property(path)},line={line},title={_property(name)}"
-    message = f"{first_line(report)}\n{told(report)}"
+    message = f"{first_line(report)}\n{said_of(report)}"
     return f"::error {where}::{_message(message)}"
 
 
@@ -66,7 +66,7 @@ def summary(failed: Iterable[pytest.TestReport], passed: int, more: Sequence[str
         lines += [
             f"<details><summary><code>{report.nodeid}</code>: {heading}</summary>",
             "",
-            *(f"    {line}" for line in told(report).splitlines()),
+            *(f"    {line}" for line in said_of(report).splitlines()),
             "",
             "</details>",
             "",
@@ -86,7 +86,7 @@ def write(terminal: pytest.TerminalReporter, root: Path, more: Sequence[str]) ->
         report
         for outcome in ("failed", "error")
         for report in terminal.getreports(outcome)
-        if isinstance(report, pytest.TestReport) and told(report)
+        if isinstance(report, pytest.TestReport) and said_of(report)
     ]
     terminal.ensure_newline()
     for report in failed:

@@ -3,21 +3,27 @@
 import pickle
 import re
 import shlex
+import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing
+from functools import partial
 from hashlib import sha256
 from itertools import islice, product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import pytest
 from _pytest.runner import runtestprotocol
+
+from vbus.testing.plugins.acceptance_plugin import fail_run
 
 if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.campaign.account import Account
     from vbus.campaign.plan import PlannedWorld, WorldPlan
+    from vbus.campaign.report import Saved
     from vbus.campaign.verdict import Campaign, Result
     from vbus.campaign.world import World
     from vbus.serve.output_file import OutputFile
@@ -27,14 +33,32 @@ WORLD: pytest.StashKey["World"] = pytest.StashKey()
 """The world in which the test runs now."""
 SEARCHING: pytest.StashKey[bool] = pytest.StashKey()
 """Whether it runs to find out what comes of it there; its last run is what counts."""
-RUN: pytest.StashKey["tuple[BoardFile, Source, Account | None]"] = pytest.StashKey()
-"""The board that the test ran on, and what became of it."""
+RUN: pytest.StashKey["tuple[BoardFile, Source, Account | None, list[Path]]"] = pytest.StashKey()
+"""The board that the test ran on, what became of it, and the files that the test named."""
 LIMITS: pytest.StashKey["tuple[int, int]"] = pytest.StashKey()
 """Chip time (ps) and bus cycles that it may take in a world of a campaign."""
 TALLY: pytest.StashKey["Tally"] = pytest.StashKey()
 FILES: pytest.StashKey["dict[str, OutputFile]"] = pytest.StashKey()
 """Files of a campaign, by what they are."""
-_KINDS: Final = {"json": "JSON", "junit": "JUnit", "page": "a page for a browser"}
+BEFORE: pytest.StashKey["Saved"] = pytest.StashKey()
+"""What the file of results has of an earlier campaign."""
+KNOWN: pytest.StashKey["Collection[tuple[str, str, str]]"] = pytest.StashKey()
+"""Silent outcomes of the baseline, if there is one."""
+PROJECT: pytest.StashKey[str] = pytest.StashKey()
+"""Digest of the project's files in Python that are loaded when all tests are known."""
+_KINDS: Final = {"json": "JSON, and go on from what FILE has", "junit": "JUnit",
+                 "page": "a page for a browser"}  # fmt: skip
+_OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    **{kind: {"metavar": "FILE", "help": f"write what came of the campaign: {what}"}
+       for kind, what in _KINDS.items()},
+    "baseline": {"metavar": "FILE",
+        "help": "a file of --vbus-campaign-json: fail for a silent outcome that it has not"},
+    "only": {"metavar": "DIMENSION,...", "help": "try these dimensions alone"},
+    "phases": {"type": int, "metavar": "N", "help": "how many places in a sample (16)"},
+    "seed": {"type": int, "metavar": "N", "help": "which of a group come first (0)"},
+    "all": {"action": "store_true", "help": "tell every outcome, not 20"},
+}  # fmt: skip
+"""What ``vbus campaign`` takes, too, behind ``--vbus-campaign-``."""
 _USUAL: Final = 100
 """Worlds of each test, where nothing is said."""
 _MOST: Final = 20
@@ -48,8 +72,9 @@ class Tally:
 
     Attributes:
         tests: runs of each test that has a board.
-        worlds: of campaigns, those that were tried.
-        results: what came of them, by name.
+        worlds: of campaigns, those that have results.
+        digests: of each test that has a campaign.
+        results: what came of its worlds, by name.
         left: of each dimension and way, how many worlds were not tried.
         refused: dimensions that do not apply to the board of a test, with the reason.
         passed: tests of which no campaign can be made, with the reason.
@@ -58,6 +83,7 @@ class Tally:
     def __init__(self) -> None:
         self.tests: Counter[str] = Counter()
         self.worlds: list[PlannedWorld] = []
+        self.digests: dict[str, str] = {}
         self.results: dict[str, Result] = {}
         self.left: Counter[tuple[str, str]] = Counter()
         self.refused: dict[str, str] = {}
@@ -69,20 +95,21 @@ class Tally:
             more = getattr(other, name)
             value.extend(more) if isinstance(value, list) else value.update(more)
 
-    def add_campaign(self, test: str, plan: "WorldPlan", results: "dict[str, Result]") -> None:
+    def add_campaign(self, test: str, plan: "WorldPlan", saved: "Saved") -> None:
         """Take the campaign of one test: its groups have the name of the test before them."""
         from msgspec.structs import replace
 
         from vbus.campaign.verdict import Campaign
 
-        made = Campaign(plan, results)
+        made = Campaign(plan, saved.results)
         for one in made.tried:
-            planned = replace(one.planned, group=f"{test}: {one.planned.group}", test=test)
-            self.worlds.append(planned)
-            self.results[planned.name] = one.result
+            group = f"{test}: {one.planned.group}"
+            self.worlds.append(replace(one.planned, group=group))
+            self.results[one.planned.name] = one.result
         for total in made.totals():
             self.left[total.dimension, total.way] += total.left
         self.refused |= plan.refused
+        self.digests[test] = saved.digests[test]
 
     def campaign(self) -> "Campaign":
         """Return the campaigns of all tests as one."""
@@ -92,14 +119,14 @@ class Tally:
         worlds = sorted(self.worlds, key=lambda one: one.test)
         return Campaign(WorldPlan(worlds, self.left, self.refused | self.passed), self.results)
 
-    def lines(self) -> Iterator[str]:
+    def lines(self, config: pytest.Config) -> Iterator[str]:
         """Say in one line how many worlds there were; of a campaign, what was silent, too."""
         runs, tests = sum(self.tests.values()), len(self.tests)
         seen = f"vbus: {tests} test{'s' * (tests != 1)} in {runs} world{'s' * (runs != 1)}"
-        if not self.worlds and not self.passed:
+        if not self.digests and not self.passed:
             yield seen
             return
-        from vbus.campaign.report import QUIET
+        from vbus.campaign.report import outcomes
         from vbus.campaign.verdict import DETECTED, NO_EFFECT, VERDICTS
 
         verdicts = Counter(result.verdict for result in self.results.values())
@@ -109,22 +136,28 @@ class Tally:
         yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left.total()} not tried"
         for test, why in self.passed.items():
             yield f"  {test}: no campaign: {why}"
-        told = self.campaign().told(QUIET)
-        for one in told[:_MOST]:
-            sentence, result = one.planned.world.sentence(), one.result
-            yield f"  {result.verdict}: {one.planned.group}, {sentence}: {result.reason}"
-            yield f"    {_line(one.planned)}"
-        if len(told) > _MOST:
-            yield f"  {len(told) - _MOST} more silent outcomes"
+        everything = "--vbus-campaign-all tells them"
+        known, most = config.stash.get(KNOWN, None), None if _option(config, "all") else _MOST
+        for line in outcomes(self.campaign(), known, _line, most, everything):
+            yield f"  {line}"
 
-    def write(self, subject: str, files: "dict[str, OutputFile]") -> None:
+    def saved(self, config: pytest.Config) -> "Saved":
+        """Return all results: those of this run, and those that the file has of other tests."""
+        saved = config.stash[BEFORE]
+        for test, digest in self.digests.items():
+            saved.of(digest, test)
+        saved.results |= self.results
+        return saved
+
+    def write(self, config: pytest.Config) -> None:
         """Write what came of all campaigns, as ``vbus campaign`` does."""
         from vbus.campaign import report
 
         made = self.campaign()
-        into = {kind: file.write for kind, file in files.items()}
-        saved = report.Saved(results=self.results)
-        report.write(made, saved, made.told(report.QUIET), subject, _line, into)
+        new = made.new(config.stash.get(KNOWN, ()))
+        subject = shlex.join(["pytest", *config.invocation_params.args])
+        into = {kind: file.write for kind, file in config.stash[FILES].items()}
+        report.write(made, self.saved(config), new, subject, _line, into)
 
 
 def _line(one: "PlannedWorld") -> str:
@@ -142,12 +175,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help=f"run each test in N worlds, in each of which one thing is broken ({_USUAL}), or all"
         " of them for so long, such as 5m",
     )
-    for kind, what in _KINDS.items():
-        group.addoption(
-            f"--vbus-campaign-{kind}",
-            metavar="FILE",
-            help=f"write what came of the campaign: {what}, as vbus campaign --{kind} does",
-        )
+    for name, given in _OPTIONS.items():
+        group.addoption(f"--vbus-campaign-{name}", **given)
     group.addoption(
         "--vbus-world", metavar="WORLD", help="run the tests in one world, as a campaign names it"
     )
@@ -172,40 +201,63 @@ def _asked(config: pytest.Config) -> tuple[int | None, float | None] | None:
     return int(text), None
 
 
-def _claimed(config: pytest.Config) -> "dict[str, OutputFile]":
-    """Open the files of a campaign, before its first run; workers of pytest-xdist have none."""
-    names = {kind: config.getoption(f"--vbus-campaign-{kind}") for kind in _KINDS}
-    asked = _asked(config)
-    if not any(names.values()) or hasattr(config, "workerinput"):
-        return {}
-    from vbus.core.errors import VbusError
+def _option(config: pytest.Config, name: str) -> Any:
+    return config.getoption(f"--vbus-campaign-{name}")
+
+
+def _prepare(config: pytest.Config) -> None:
+    """Read what a campaign goes on from; open its files before its first run.
+
+    Workers of pytest-xdist write none.
+
+    Raises:
+        ValueError: an option cannot be honoured.
+        VbusError: a file cannot be read or written, or is of another kind.
+    """
+    from vbus.campaign.report import FILES as KINDS
+    from vbus.campaign.report import Saved, read_baseline, read_saved
+    from vbus.campaign.world import NO_TURNS, THREADS, read_dimensions, read_world
     from vbus.serve.output_file import OutputFile
 
-    claimed: dict[str, OutputFile] = {}
-    with ExitStack() as stack:
-        for kind, name in names.items():
-            if name and asked is None:
-                raise pytest.UsageError(f"--vbus-campaign-{kind} goes with --vbus-campaign")
-            try:
-                if name:
-                    claimed[kind] = stack.enter_context(closing(OutputFile(name)))
-            except VbusError as error:
-                raise pytest.UsageError(f"--vbus-campaign-{kind}: {error}") from None
-        config.add_cleanup(stack.pop_all().close)
-    return claimed
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker."""
-    config.stash[TALLY] = Tally()
-    config.stash[FILES] = _claimed(config)
     if config.getoption("--vbus-world"):
-        from vbus.campaign.world import read_world
-
         try:
             read_world(config.getoption("--vbus-world"))
         except ValueError as error:
-            raise pytest.UsageError(f"--vbus-world: {error}") from None
+            raise ValueError(f"--vbus-world: {error}") from None
+    given = [name for name in _OPTIONS if _option(config, name) not in (None, False)]
+    if given and _asked(config) is None:
+        raise ValueError(f"--vbus-campaign-{given[0]} goes with --vbus-campaign")
+    only, phases, seed = (_option(config, name) for name in ("only", "phases", "seed"))
+    if THREADS in read_dimensions(only) and only is not None:
+        raise ValueError(f"--vbus-campaign-only={only}: {NO_TURNS}")
+    if (phases is not None and not 2 <= phases <= 4096) or (seed is not None and seed < 0):
+        raise ValueError("--vbus-campaign-phases is 2 to 4096, --vbus-campaign-seed 0 or more")
+    if _option(config, "baseline"):
+        config.stash[KNOWN] = read_baseline(_option(config, "baseline"))
+    json = _option(config, "json")
+    config.stash[BEFORE] = read_saved(json) if json else Saved()
+    if hasattr(config, "workerinput"):
+        return
+    with ExitStack() as stack:
+        for kind in KINDS:
+            if _option(config, kind):
+                file = stack.enter_context(closing(OutputFile(_option(config, kind))))
+                config.stash[FILES][kind] = file
+        config.add_cleanup(stack.pop_all().close)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the marker; refuse options that cannot be honoured."""
+    config.stash[TALLY] = Tally()
+    config.stash[FILES] = {}
+    used = [*(f"--vbus-campaign-{name}" for name in _OPTIONS), "--vbus-campaign", "--vbus-world"]
+    if any(config.getoption(option) not in (None, False) for option in used):
+        from vbus.core.errors import VbusError
+
+        try:
+            _prepare(config)
+        except (ValueError, VbusError) as error:
+            raise pytest.UsageError(str(error)) from None
     config.addinivalue_line(
         "markers",
         "vbus_matrix(part, clock, time, seed, hostile): run a test once for each of these parts"
@@ -280,7 +332,7 @@ def world_run(item: pytest.Item, bench: "Bench") -> None:
     begun = bench.begun
     if begun is not None:
         item.config.stash[TALLY].tests[item.nodeid] += 1
-        item.stash[RUN] = (begun.file, begun.source, bench.account())
+        item.stash[RUN] = (begun.file, begun.source, bench.account(), bench.named)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -357,10 +409,14 @@ def _weak_on(item: pytest.Item, examples: int) -> "World":
 
 def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> None:
     """Run a test in many worlds, and tally what comes of it."""
+    from msgspec.json import encode
+    from msgspec.structs import replace
+
     from vbus.board.build import build
-    from vbus.campaign.plan import plan
+    from vbus.campaign.plan import PHASES, plan
+    from vbus.campaign.report import Saved, as_json
     from vbus.campaign.verdict import judge
-    from vbus.campaign.world import REFERENCE
+    from vbus.campaign.world import REFERENCE, read_dimensions
     from vbus.cli.hosted.campaign_runs import limits_of
     from vbus.core.wall_clock import monotonic
 
@@ -379,19 +435,54 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     if reference is None or why:
         tally.passed[item.nodeid] = why
         return
-    file, source, _ = item.stash[RUN]
+    file, source, _, named = item.stash[RUN]
     item.stash[LIMITS] = limits_of(reference)
-    seed = item.config.getoption("--vbus-seed") or 0
-    planned = plan(reference, file, build(file, source), seed)
-    results: dict[str, Result] = {}
-    for one in islice(planned.worlds, most):
-        if seconds is not None and monotonic() >= until:
-            break
-        run = _account(item, one.world)
-        if run is not None:
-            results[str(one.world)] = judge(reference, run, one.world)
-    del item.stash[LIMITS]
-    tally.add_campaign(item.nodeid, planned, results)
+    option = partial(_option, item.config)
+    planned = plan(
+        reference, file, build(file, source), option("seed") or 0, read_dimensions(option("only")),
+        option("phases") or PHASES,
+    )  # fmt: skip
+    planned.worlds = [replace(one, test=item.nodeid) for one in planned.worlds]
+    state = sha256(f"{_project(item.config)}{source.text}".encode() + encode(reference))
+    for path in sorted(named):
+        state.update(path.read_bytes() if path.is_file() else b"")
+    before = item.config.stash[BEFORE].of(state.hexdigest(), item.nodeid)
+    saved = Saved({item.nodeid: state.hexdigest()}, {})
+    try:
+        for one in islice(planned.worlds, most):
+            if one.name in before:
+                saved.results[one.name] = before[one.name]
+                continue
+            if seconds is not None and monotonic() >= until:
+                break
+            run = _account(item, one.world)
+            if run is not None:
+                saved.take(one.name, judge(reference, run, one.world), None)
+    finally:  # what is found until a campaign is stopped is told and stored, too
+        tally.add_campaign(item.nodeid, planned, saved)
+        del item.stash[LIMITS]
+        if "json" in item.config.stash[FILES]:
+            item.config.stash[FILES]["json"].write(as_json(tally.saved(item.config)))
+
+
+def _project(config: pytest.Config) -> str:
+    """Return a digest of the files in Python that pytest has loaded below its root."""
+    if PROJECT not in config.stash:
+        modules = [*sys.modules.values(), *config.pluginmanager.get_plugins()]
+        names = {str(getattr(module, "__file__", None) or "") for module in modules}
+        whole = sha256()
+        for path in sorted(map(Path, names)):
+            mine = path.is_relative_to(config.rootpath) and "site-packages" not in path.parts
+            if mine and path.suffix == ".py":
+                whole.update(path.read_bytes())
+        config.stash[PROJECT] = whole.hexdigest()
+    return config.stash[PROJECT]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Note what is loaded before a test loads more: it is the same in each run."""
+    if session.config.getoption("--vbus-campaign"):
+        _project(session.config)
 
 
 def _account(item: pytest.Item, world: "World") -> "Account | None":
@@ -422,9 +513,12 @@ def pytest_testnodedown(node: Any, error: object) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Hand over what this worker of pytest-xdist has seen."""
-    if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["vbus_worlds"] = pickle.dumps(session.config.stash[TALLY])
+    """Hand over what this worker of pytest-xdist has seen; fail for what a baseline has not."""
+    config = session.config
+    if hasattr(config, "workeroutput"):
+        config.workeroutput["vbus_worlds"] = pickle.dumps(config.stash[TALLY])
+    elif KNOWN in config.stash and config.stash[TALLY].campaign().new(config.stash[KNOWN]):
+        fail_run(session)
 
 
 def pytest_terminal_summary(
@@ -432,7 +526,7 @@ def pytest_terminal_summary(
 ) -> None:
     """Say how many worlds the tests have seen."""
     tally = config.stash[TALLY]
-    for line in tally.lines() if tally.tests else ():
+    for line in tally.lines(config) if tally.tests else ():
         terminalreporter.line(line)
     if config.stash[FILES]:
-        tally.write(shlex.join(["pytest", *config.invocation_params.args]), config.stash[FILES])
+        tally.write(config)

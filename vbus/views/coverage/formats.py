@@ -78,9 +78,9 @@ def tests_covering(coverage: Coverage, name: str) -> str:
                 lines.append(f"{family} {item.group}: {_place(item)}")
                 lines += [f"    {test}" for test in coverage.tests_of(family, item) or ["no test"]]
     if not lines:
-        hint = suggestion(name, known)
         raise VbusError(
-            f"nothing is called {name!r} on the chips of this coverage; {hint}".rstrip("; ")
+            f"nothing is called {name!r} on the chips of this coverage;"
+            f' {suggestion(name, known)}"vbus coverage --all" lists all there is'
         )
     return "\n".join(lines) + "\n"
 

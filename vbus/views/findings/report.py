@@ -202,8 +202,8 @@ class Compatibility(PacketReader):
                 self._uses[chip] = family.compatible_with(other, Uses)()
         if not self._uses:
             parts = {name for family in families.values() for name in family.compatibility}
-            known = ", ".join(sorted(parts)) or "none"
-            raise ConfigError(f'no chip of this run stands in for "{other}"; known are {known}')
+            known = f"they stand in for {', '.join(sorted(parts))}" if parts else "nor for another"
+            raise ConfigError(f'no chip of this run stands in for the part "{other}"; {known}')
         for uses in {type(uses): uses for uses in self._uses.values()}.values():
             report.rules = [*report.rules, *uses.RULES]
 

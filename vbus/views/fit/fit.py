@@ -20,8 +20,8 @@ from vbus.plant.dc_motor import DcMotor
 from vbus.plant.shaft import TWO_PI
 from vbus.views.fit.moves import RecordedMove
 
-TOLD: Final = 0.02
-"""A number is told if its error is below this part of it, at three standard deviations."""
+SURE: Final = 0.02
+"""A number is sure if its error is below this part of it, at three standard deviations."""
 ROUNDED: Final = sqrt(1.0 / 12.0)
 """Standard deviation of what rounding to a count adds."""
 SETTLED: Final = 3e-5
@@ -58,7 +58,7 @@ class Found:
         unit: of it.
         value: what it is, or what the file has, if the run does not tell it.
         error: half of the interval in which it lies with 95 %.
-        told: whether the run tells it to 2 %.
+        sure: whether the run tells it to 2 %.
         why: why not, or "".
     """
 
@@ -66,7 +66,7 @@ class Found:
     unit: str
     value: float
     error: float
-    told: bool
+    sure: bool
     why: str = ""
 
 
@@ -374,11 +374,11 @@ class MotorFit:
     def _one(self, one: int, values: Vector, errors: Vector) -> Found:
         value, error = values[one], errors[one]
         size = max(abs(value), values[COULOMB]) if one == LOAD else abs(value)
-        told = (
-            self._astray < ASTRAY and self._promise < PROMISE and 3.0 / 1.96 * error <= TOLD * size
+        sure = (
+            self._astray < ASTRAY and self._promise < PROMISE and 3.0 / 1.96 * error <= SURE * size
         )
         return Found(
-            NAMES[one], UNITS[one], value, error, told, "" if told else self._why(one, values)
+            NAMES[one], UNITS[one], value, error, sure, "" if sure else self._why(one, values)
         )
 
     def _why(self, one: int, values: Vector) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import pytest
-from msgspec.structs import replace
 
 from vbus.core.signals import TraceHash, Violation
 
@@ -28,7 +27,7 @@ def edge(when: int, net: str, level: int = 1) -> Callable[[TraceHash], None]:
 
 
 def found(**parts: int | str) -> Callable[[TraceHash], None]:
-    return lambda trace: trace.violation(replace(FOUND, **parts))  # type: ignore[arg-type]
+    return lambda trace: trace.violation(FOUND._replace(**parts))  # type: ignore[arg-type]
 
 
 def settled(when: int) -> Callable[[TraceHash], None]:

@@ -12,7 +12,7 @@ class TwoWire : public Stream {
 public:
     void begin();
     void end() {}
-    void setClock(uint32_t hertz) { half_ = UINT64_C(500000000000) / hertz; }
+    void setClock(uint32_t hertz);
     void beginTransmission(uint8_t address);
     void beginTransmission(int address) { beginTransmission((uint8_t)address); }
     uint8_t endTransmission(bool stop = true); /* 0; 1 too long, 2 no such slave, 3 byte refused */
@@ -30,13 +30,6 @@ public:
     void flush() {}
 
 private:
-    void line(unsigned bit, bool level);
-    bool clocked(bool level);
-    bool send(uint8_t value);
-    void start();
-    void stop();
-
-    uint64_t half_ = 5000000; /* of a clock period, in picoseconds: 100 kHz */
     uint8_t bytes_[BUFFER_LENGTH];
     int count_ = 0, next_ = 0;
     uint8_t address_ = 0;

@@ -1,6 +1,7 @@
 /* wire_shim.cpp - see Wire.h. License: Apache-2.0. */
 #define VBUS_SHIM_SOURCE
 #include "Wire.h"
+#include "../i2c.h"
 
 TwoWire Wire;
 
@@ -12,70 +13,38 @@ const unsigned PORT = 2, SCL = 5, SDA = 4;
 const unsigned PORT = 3, SCL = 0, SDA = 1;
 #endif
 
+class Lines : public vbus_shim::I2cMaster {
+public:
+    void clock(bool level) override { line(SCL, level); }
+    void data(bool level) override { line(SDA, level); }
+    bool sensed() override { return vbus_shim::port_input(PORT) >> SDA & 1; }
+
+private:
+    void line(unsigned number, bool level)
+    {
+        unsigned mask = 1U << number;
+        uint8_t drive = vbus_shim::port_drive(PORT), up = vbus_shim::port_level(PORT);
+
+        if (level == !(drive & mask))
+            return;
+        if (level) {
+            vbus_shim::set_drive(PORT, (uint8_t)(drive & ~mask));
+        } else {
+            vbus_shim::set_level(PORT, (uint8_t)(up & ~mask));
+            vbus_shim::set_drive(PORT, (uint8_t)(drive | mask));
+        }
+    }
+} lines;
+
 } // namespace
 
 void TwoWire::begin()
 {
-    line(SDA, true);
-    line(SCL, true);
+    lines.data(true);
+    lines.clock(true);
 }
 
-/* Let go, which a pull-up makes high, or pull low. */
-void TwoWire::line(unsigned number, bool level)
-{
-    unsigned mask = 1U << number;
-    uint8_t drive = vbus_shim::port_drive(PORT), up = vbus_shim::port_level(PORT);
-
-    if (level == !(drive & mask))
-        return;
-    if (level) {
-        vbus_shim::set_drive(PORT, (uint8_t)(drive & ~mask));
-    } else {
-        vbus_shim::set_level(PORT, (uint8_t)(up & ~mask));
-        vbus_shim::set_drive(PORT, (uint8_t)(drive | mask));
-    }
-}
-
-bool TwoWire::clocked(bool level)
-{
-    bool seen;
-
-    line(SDA, level);
-    vbus_shim::pass(half_);
-    line(SCL, true);
-    vbus_shim::pass(half_);
-    seen = vbus_shim::port_input(PORT) >> SDA & 1;
-    line(SCL, false);
-    return seen;
-}
-
-bool TwoWire::send(uint8_t value)
-{
-    for (int place = 7; place >= 0; place--)
-        clocked(value >> place & 1);
-    return !clocked(true);
-}
-
-void TwoWire::start()
-{
-    line(SDA, true);
-    vbus_shim::pass(half_);
-    line(SCL, true);
-    vbus_shim::pass(half_);
-    line(SDA, false);
-    vbus_shim::pass(half_);
-    line(SCL, false);
-}
-
-void TwoWire::stop()
-{
-    line(SDA, false);
-    vbus_shim::pass(half_);
-    line(SCL, true);
-    vbus_shim::pass(half_);
-    line(SDA, true);
-    vbus_shim::pass(half_);
-}
+void TwoWire::setClock(uint32_t hertz) { lines.set_clock(hertz); }
 
 void TwoWire::beginTransmission(uint8_t address)
 {
@@ -99,13 +68,13 @@ uint8_t TwoWire::endTransmission(bool ends)
     uint8_t result = too_long_ ? 1 : 0;
 
     if (!result) {
-        start();
-        if (!send((uint8_t)(address_ << 1)))
+        lines.start();
+        if (!lines.send((uint8_t)(address_ << 1)))
             result = 2;
         for (int place = 0; place < count_ && !result; place++)
-            result = send(bytes_[place]) ? 0 : 3;
+            result = lines.send(bytes_[place]) ? 0 : 3;
         if (ends || result)
-            stop();
+            lines.stop();
     }
     count_ = next_ = 0;
     return result;
@@ -114,19 +83,15 @@ uint8_t TwoWire::endTransmission(bool ends)
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t count, bool ends)
 {
     count_ = next_ = 0;
-    start();
-    if (send((uint8_t)(address << 1 | 1)))
-        while (count_ < count && count_ < BUFFER_LENGTH) {
-            uint8_t value = 0;
-
-            for (int place = 0; place < 8; place++)
-                value = (uint8_t)(value << 1 | clocked(true));
-            bytes_[count_++] = value;
-            clocked(count_ == count || count_ == BUFFER_LENGTH);
+    lines.start();
+    if (lines.send((uint8_t)(address << 1 | 1)))
+        for (bool more = true; count_ < count && more;) {
+            more = count_ + 1 < count && count_ + 1 < BUFFER_LENGTH;
+            bytes_[count_++] = lines.receive(more);
         }
     else
         ends = true;
     if (ends)
-        stop();
+        lines.stop();
     return (uint8_t)count_;
 }

@@ -3,6 +3,7 @@
 #define VBUS_STM32F1
 #define USE_HAL_DRIVER
 #include "vbus_stm32.h"
+#include "../i2c.h"
 
 #include <stdio.h>
 
@@ -13,6 +14,10 @@ HANDLER(EXTI0_IRQHandler) HANDLER(EXTI1_IRQHandler) HANDLER(EXTI2_IRQHandler)
 HANDLER(EXTI3_IRQHandler) HANDLER(EXTI4_IRQHandler) HANDLER(EXTI9_5_IRQHandler)
 HANDLER(EXTI15_10_IRQHandler)
 extern "C" __attribute__((weak)) void HAL_GPIO_EXTI_Callback(uint16_t) {}
+#define CALLBACK(name) extern "C" __attribute__((weak)) void name(I2C_HandleTypeDef *) {}
+CALLBACK(HAL_I2C_MasterTxCpltCallback) CALLBACK(HAL_I2C_MasterRxCpltCallback)
+CALLBACK(HAL_I2C_MemTxCpltCallback) CALLBACK(HAL_I2C_MemRxCpltCallback)
+CALLBACK(HAL_I2C_ErrorCallback)
 
 uint32_t SystemCoreClock = 72000000;
 
@@ -28,6 +33,7 @@ const uint32_t BY_ODR = 3; /* an F1 pulls an input to what ODR has */
 struct Port {
     uint32_t modes, pulls; /* two bits a pin, as MODER and PUPDR have them */
     uint16_t odr, open_drain;
+    uint16_t low; /* pins that I2C pulls low */
     bool warned;
 } ports[PORTS];
 
@@ -65,7 +71,7 @@ void apply(unsigned number)
         }
     }
     set_pull_down(number, down);
-    set_port(number, drive, up);
+    set_port(number, drive | port.low, up & (port_t)~port.low);
 }
 
 /* Without its clock a port is dead. */
@@ -110,6 +116,117 @@ void write_f1_mode(Port &port, unsigned first, uint32_t word)
                                      | (uint32_t)(out && word & 4) << pin);
     }
 }
+
+/* --- I2C ---------------------------------------------------------------------------------------- */
+
+enum : uint32_t {
+    SB = 1, ADDR = 2, BTF = 4, RXNE = 0x40, TXE = 0x80, AF = 0x400, MSL = 1 << 16, BUSY = 2 << 16,
+    TRA = 4 << 16
+};
+
+/* A byte comes when the driver asks for its flag, so that what it has said of the acknowledge and of
+ * the stop counts: as it does in time with the part, where a byte takes 20 us or more. */
+class I2cUnit : public I2cMaster {
+public:
+    I2cUnit(unsigned scl, unsigned sda) : scl_(1U << scl), sda_(1U << sda) {}
+
+    uint32_t flags(uint32_t wanted)
+    {
+        uint32_t seen, state = flags_ & (MSL | BUSY);
+        bool before = held_;
+
+        while ((wanted & RXNE && !held_) || (wanted & BTF && held_ < 2) || (stops_ && !held_))
+            if (!take())
+                break;
+        seen = flags_ | (held_ ? (uint32_t)RXNE : 0) | (held_ > 1 ? (uint32_t)BTF : 0);
+        if (wanted & ADDR)
+            flags_ &= ~ADDR;
+        /* RM0008, 26.3.3: RXNE comes with the byte's acknowledge, before a stop has ended the bus. */
+        return !before && held_ ? seen | state : seen;
+    }
+    uint8_t taken()
+    {
+        uint8_t value = bytes_[0];
+
+        flags_ &= ~ADDR;
+        if (!held_ && take())
+            value = bytes_[0];
+        bytes_[0] = bytes_[1];
+        held_ -= held_ > 0;
+        return value;
+    }
+    void step(Stm32I2cStep what, uint32_t value)
+    {
+        switch (what) {
+        case I2C_START:
+            flags(0); /* a stop that waits for its byte comes first */
+            if (value) {
+                start();
+                flags_ = SB | MSL | BUSY;
+                held_ = 0;
+                receives_ = false;
+            }
+            break;
+        case I2C_ADDRESS:
+            receives_ = value & 1;
+            first_ = true;
+            flags_ = MSL | BUSY | (!send((uint8_t)value) ? (uint32_t)AF
+                                   : receives_ ? (uint32_t)ADDR : ADDR | TXE | TRA);
+            receives_ = receives_ && !(flags_ & AF);
+            break;
+        case I2C_SEND:
+            flags_ = MSL | BUSY | TRA | (send((uint8_t)value) ? TXE | BTF : (uint32_t)AF);
+            break;
+        case I2C_ACK: more_ = value; break;
+        case I2C_POS: next_ = value == 0x800; break;
+        case I2C_CLEAR: flags_ &= ~(value & AF); break;
+        case I2C_STOP:
+            stops_ = value;
+            if (value && !receives_)
+                finish();
+            break;
+        }
+    }
+
+private:
+    void line(unsigned pin, bool level)
+    {
+        Port &port = ports[PORT];
+
+        port.low = (uint16_t)(level ? port.low & ~pin : port.low | pin);
+        apply(PORT);
+    }
+    void clock(bool level) override { line(scl_, level); }
+    void data(bool level) override { line(sda_, level); }
+    bool sensed() override { return port_input(PORT) & sda_; }
+    bool take()
+    {
+        bool more = more_ || (next_ && first_); /* POS: the acknowledge is meant for the second */
+
+        if (!receives_ || held_ > 1)
+            return false;
+        flags_ &= ~ADDR;
+        bytes_[held_++] = receive(more);
+        first_ = false;
+        receives_ = more;
+        if (stops_)
+            finish();
+        return true;
+    }
+    void finish()
+    {
+        stop();
+        stops_ = receives_ = false;
+        flags_ &= AF;
+    }
+
+    static const unsigned PORT = 1; /* B */
+    const unsigned scl_, sda_;
+    uint32_t flags_ = 0;
+    uint8_t bytes_[2];
+    int held_ = 0;
+    bool receives_ = false, more_ = false, next_ = false, first_ = false, stops_ = false;
+} i2c[] = {{6, 7}, {10, 11}};
 
 /* --- interrupts --------------------------------------------------------------------------------- */
 
@@ -330,6 +447,58 @@ bool stm32_core(uint32_t hertz, bool f1)
     return true;
 }
 
+void stm32_i2c_clock(unsigned bus, uint32_t hertz) { i2c[bus].set_clock(hertz ? hertz : 100000); }
+
+void stm32_i2c_step(unsigned bus, Stm32I2cStep what, uint32_t value)
+{
+    Inside shim;
+
+    if (clocked(1))
+        i2c[bus].step(what, value);
+}
+
+uint32_t stm32_i2c_flags(unsigned bus, uint32_t wanted)
+{
+    Inside shim;
+
+    compute(period);
+    return i2c[bus].flags(wanted);
+}
+
+uint8_t stm32_i2c_taken(unsigned bus)
+{
+    Inside shim;
+
+    return i2c[bus].taken();
+}
+
+bool stm32_i2c(unsigned bus, uint8_t address, const uint8_t *head, unsigned heads,
+               const uint8_t *out, unsigned outs, uint8_t *in, unsigned ins)
+{
+    Inside shim;
+    I2cUnit &unit = i2c[bus];
+    bool heard = clocked(1);
+
+    if (heard && (heads || outs || !ins)) {
+        unit.start();
+        heard = unit.send((uint8_t)(address & 0xFE));
+        while (heard && heads--)
+            heard = unit.send(*head++);
+        while (heard && outs--)
+            heard = unit.send(*out++);
+    }
+    if (heard && ins) {
+        unit.start();
+        heard = unit.send(address | 1);
+        while (heard && ins--)
+            *in++ = unit.receive(ins > 0);
+    }
+    if (clocked(1))
+        unit.stop();
+    return heard;
+}
+
+I2C_TypeDef i2c_unit[2] = {{0}, {1}};
 EXTI_TypeDef exti_unit = {EXTI_IMR, EXTI_EMR, EXTI_RTSR, EXTI_FTSR, EXTI_SWIER, EXTI_PR};
 SysTick_Type systick = {SYSTICK_CTRL, SYSTICK_LOAD, SYSTICK_VAL, SYSTICK_CALIB};
 DWT_Type dwt = {0, DWT_CYCCNT};

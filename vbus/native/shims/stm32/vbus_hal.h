@@ -1,4 +1,4 @@
-/* vbus_hal.h - the functions of HAL: GPIO, delays, clock enables, NVIC, UART; see vbus_stm32.h.
+/* vbus_hal.h - the functions of HAL: GPIO, delays, clock enables, NVIC, UART, I2C; see vbus_stm32.h.
  * License: Apache-2.0. */
 #ifndef VBUS_SHIM_STM32_HAL_H
 #define VBUS_SHIM_STM32_HAL_H
@@ -77,6 +77,8 @@ static inline void HAL_GPIO_EXTI_IRQHandler(uint16_t pin)
 #define __HAL_RCC_AFIO_CLK_ENABLE() ((void)0)
 #define __HAL_RCC_SYSCFG_CLK_ENABLE() ((void)0)
 #define __HAL_RCC_PWR_CLK_ENABLE() ((void)0)
+#define __HAL_RCC_I2C1_CLK_ENABLE() ((void)0)
+#define __HAL_RCC_I2C2_CLK_ENABLE() ((void)0)
 #define __HAL_RCC_USART1_CLK_ENABLE() ((void)0)
 #define __HAL_RCC_USART2_CLK_ENABLE() ((void)0)
 #define __HAL_AFIO_REMAP_SWJ_NOJTAG() ((void)0)
@@ -114,5 +116,95 @@ static inline HAL_StatusTypeDef HAL_UART_Transmit(UART_HandleTypeDef *uart, cons
         uart->Instance->DR = *data++;
     return HAL_OK;
 }
+
+/* I2C: what ends with _IT or _DMA is over, and its callback has been called, when it returns. */
+struct I2C_InitTypeDef {
+    uint32_t ClockSpeed, DutyCycle, OwnAddress1, AddressingMode, DualAddressMode, OwnAddress2,
+        GeneralCallMode, NoStretchMode;
+};
+struct I2C_HandleTypeDef { I2C_TypeDef *Instance; I2C_InitTypeDef Init; volatile uint32_t ErrorCode; };
+enum : uint32_t {
+    I2C_DUTYCYCLE_2 = 0, I2C_DUTYCYCLE_16_9 = 0x4000, I2C_ADDRESSINGMODE_7BIT = 0x4000,
+    I2C_DUALADDRESS_DISABLE = 0, I2C_GENERALCALL_DISABLE = 0, I2C_NOSTRETCH_DISABLE = 0,
+    I2C_MEMADD_SIZE_8BIT = 1, I2C_MEMADD_SIZE_16BIT = 16, GPIO_AF4_I2C1 = 4, GPIO_AF4_I2C2 = 4,
+    HAL_I2C_ERROR_NONE = 0, HAL_I2C_ERROR_AF = 4
+};
+enum HAL_I2C_StateTypeDef { HAL_I2C_STATE_READY = 0x20 };
+extern "C" {
+void HAL_I2C_MasterTxCpltCallback(I2C_HandleTypeDef *i2c);
+void HAL_I2C_MasterRxCpltCallback(I2C_HandleTypeDef *i2c);
+void HAL_I2C_MemTxCpltCallback(I2C_HandleTypeDef *i2c);
+void HAL_I2C_MemRxCpltCallback(I2C_HandleTypeDef *i2c);
+void HAL_I2C_ErrorCallback(I2C_HandleTypeDef *i2c);
+}
+static inline HAL_StatusTypeDef HAL_I2C_Init(I2C_HandleTypeDef *i2c)
+{
+    vbus_shim::stm32_i2c_clock(i2c->Instance->vbus_bus, i2c->Init.ClockSpeed);
+    i2c->ErrorCode = HAL_I2C_ERROR_NONE;
+    return HAL_OK;
+}
+static inline HAL_StatusTypeDef HAL_I2C_DeInit(I2C_HandleTypeDef *) { return HAL_OK; }
+static inline HAL_I2C_StateTypeDef HAL_I2C_GetState(I2C_HandleTypeDef *)
+{
+    return HAL_I2C_STATE_READY;
+}
+static inline uint32_t HAL_I2C_GetError(I2C_HandleTypeDef *i2c) { return i2c->ErrorCode; }
+static inline void HAL_I2C_EV_IRQHandler(I2C_HandleTypeDef *) {}
+static inline void HAL_I2C_ER_IRQHandler(I2C_HandleTypeDef *) {}
+
+static inline HAL_StatusTypeDef vbus_i2c(I2C_HandleTypeDef *i2c, uint16_t device, uint16_t memory,
+                                         uint16_t width, const uint8_t *out, unsigned outs,
+                                         uint8_t *in, unsigned ins)
+{
+    const uint8_t head[] = {(uint8_t)(memory >> 8), (uint8_t)memory};
+    unsigned heads = width == I2C_MEMADD_SIZE_16BIT ? 2 : width;
+    bool heard = vbus_shim::stm32_i2c(i2c->Instance->vbus_bus, (uint8_t)device, head + 2 - heads,
+                                      heads, out, outs, in, ins);
+
+    i2c->ErrorCode = heard ? HAL_I2C_ERROR_NONE : HAL_I2C_ERROR_AF;
+    return heard ? HAL_OK : HAL_ERROR;
+}
+static inline HAL_StatusTypeDef HAL_I2C_IsDeviceReady(I2C_HandleTypeDef *i2c, uint16_t device,
+                                                      uint32_t trials, uint32_t)
+{
+    while (trials--)
+        if (vbus_i2c(i2c, device, 0, 0, 0, 0, 0, 0) == HAL_OK)
+            return HAL_OK;
+    return HAL_ERROR;
+}
+static inline HAL_StatusTypeDef vbus_i2c_over(I2C_HandleTypeDef *i2c, HAL_StatusTypeDef how,
+                                              void (*done)(I2C_HandleTypeDef *))
+{
+    (how == HAL_OK ? done : HAL_I2C_ErrorCallback)(i2c);
+    return HAL_OK;
+}
+
+/* A transfer by its name, the parameters of its place, what they are to vbus_i2c(), and a callback. */
+#define VBUS_I2C(name, place, ends, ...)                                                            \
+    static inline HAL_StatusTypeDef name(I2C_HandleTypeDef *i2c, VBUS_LIST place, uint8_t *data,   \
+                                         uint16_t size, uint32_t)                                  \
+    {                                                                                              \
+        return vbus_i2c(i2c, __VA_ARGS__);                                                         \
+    }                                                                                              \
+    static inline HAL_StatusTypeDef name##_IT(I2C_HandleTypeDef *i2c, VBUS_LIST place,             \
+                                              uint8_t *data, uint16_t size)                        \
+    {                                                                                              \
+        return vbus_i2c_over(i2c, vbus_i2c(i2c, __VA_ARGS__), ends);                               \
+    }                                                                                              \
+    static inline HAL_StatusTypeDef name##_DMA(I2C_HandleTypeDef *i2c, VBUS_LIST place,            \
+                                               uint8_t *data, uint16_t size)                       \
+    {                                                                                              \
+        return vbus_i2c_over(i2c, vbus_i2c(i2c, __VA_ARGS__), ends);                               \
+    }
+#define VBUS_LIST(...) __VA_ARGS__
+#define VBUS_CELL (uint16_t device, uint16_t memory, uint16_t width)
+VBUS_I2C(HAL_I2C_Master_Transmit, (uint16_t device), HAL_I2C_MasterTxCpltCallback, device, 0, 0, data,
+         size, 0, 0)
+VBUS_I2C(HAL_I2C_Master_Receive, (uint16_t device), HAL_I2C_MasterRxCpltCallback, device, 0, 0, 0, 0,
+         data, size)
+VBUS_I2C(HAL_I2C_Mem_Write, VBUS_CELL, HAL_I2C_MemTxCpltCallback, device, memory, width, data, size,
+         0, 0)
+VBUS_I2C(HAL_I2C_Mem_Read, VBUS_CELL, HAL_I2C_MemRxCpltCallback, device, memory, width, 0, 0, data,
+         size)
 
 #endif

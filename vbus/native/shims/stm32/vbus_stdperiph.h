@@ -1,4 +1,4 @@
-/* vbus_stdperiph.h - the functions of the Standard Peripheral Library: GPIO, RCC, EXTI, NVIC, USART;
+/* vbus_stdperiph.h - the functions of the Standard Peripheral Library: GPIO, RCC, EXTI, NVIC, USART, I2C;
  * see vbus_stm32.h. License: Apache-2.0. */
 #ifndef VBUS_SHIM_STM32_STDPERIPH_H
 #define VBUS_SHIM_STM32_STDPERIPH_H
@@ -175,6 +175,65 @@ static inline uint16_t USART_ReceiveData(USART_TypeDef *usart) { return (uint16_
 static inline FlagStatus USART_GetFlagStatus(USART_TypeDef *usart, uint16_t flag)
 {
     return usart->SR & flag ? SET : RESET;
+}
+
+/* Flags as in SR1, with bit 28, or in SR2; events are both registers. */
+enum : uint32_t {
+    I2C_FLAG_SB = 0x10000001, I2C_FLAG_ADDR = 0x10000002, I2C_FLAG_BTF = 0x10000004,
+    I2C_FLAG_RXNE = 0x10000040, I2C_FLAG_TXE = 0x10000080, I2C_FLAG_AF = 0x10000400,
+    I2C_FLAG_MSL = 0x10000, I2C_FLAG_BUSY = 0x20000, I2C_FLAG_TRA = 0x40000,
+    I2C_EVENT_MASTER_MODE_SELECT = 0x30001, I2C_EVENT_MASTER_TRANSMITTER_MODE_SELECTED = 0x70082,
+    I2C_EVENT_MASTER_RECEIVER_MODE_SELECTED = 0x30002, I2C_EVENT_MASTER_BYTE_RECEIVED = 0x30040,
+    I2C_EVENT_MASTER_BYTE_TRANSMITTING = 0x70080, I2C_EVENT_MASTER_BYTE_TRANSMITTED = 0x70084,
+    RCC_APB1Periph_I2C1 = 1 << 21, RCC_APB1Periph_I2C2 = 1 << 22
+};
+enum : uint16_t {
+    I2C_Mode_I2C = 0, I2C_DutyCycle_2 = 0xBFFF, I2C_DutyCycle_16_9 = 0x4000, I2C_Ack_Disable = 0,
+    I2C_Ack_Enable = 0x400, I2C_AcknowledgedAddress_7bit = 0x4000, I2C_NACKPosition_Next = 0x800,
+    I2C_NACKPosition_Current = 0xF7FF
+};
+enum : uint8_t { I2C_Direction_Transmitter, I2C_Direction_Receiver };
+struct I2C_InitTypeDef {
+    uint32_t I2C_ClockSpeed;
+    uint16_t I2C_Mode, I2C_DutyCycle, I2C_OwnAddress1, I2C_Ack, I2C_AcknowledgedAddress;
+};
+#define VBUS_STEP(name, step, type)                                                                \
+    static inline void name(I2C_TypeDef *i2c, type value)                                          \
+    {                                                                                              \
+        vbus_shim::stm32_i2c_step(i2c->vbus_bus, vbus_shim::step, value);                          \
+    }
+VBUS_STEP(I2C_GenerateSTART, I2C_START, FunctionalState)
+VBUS_STEP(I2C_GenerateSTOP, I2C_STOP, FunctionalState)
+VBUS_STEP(I2C_AcknowledgeConfig, I2C_ACK, FunctionalState)
+VBUS_STEP(I2C_NACKPositionConfig, I2C_POS, uint16_t)
+VBUS_STEP(I2C_SendData, I2C_SEND, uint8_t)
+VBUS_STEP(I2C_ClearFlag, I2C_CLEAR, uint32_t)
+static inline void I2C_Send7bitAddress(I2C_TypeDef *i2c, uint8_t address, uint8_t direction)
+{
+    vbus_shim::stm32_i2c_step(i2c->vbus_bus, vbus_shim::I2C_ADDRESS, (address & 0xFE) | direction);
+}
+static inline uint8_t I2C_ReceiveData(I2C_TypeDef *i2c)
+{
+    return vbus_shim::stm32_i2c_taken(i2c->vbus_bus);
+}
+static inline uint32_t I2C_GetLastEvent(I2C_TypeDef *i2c)
+{
+    return vbus_shim::stm32_i2c_flags(i2c->vbus_bus, 0xFFFFFF);
+}
+static inline ErrorStatus I2C_CheckEvent(I2C_TypeDef *i2c, uint32_t event)
+{
+    return (vbus_shim::stm32_i2c_flags(i2c->vbus_bus, event) & event) == event ? SUCCESS : ERROR;
+}
+static inline FlagStatus I2C_GetFlagStatus(I2C_TypeDef *i2c, uint32_t flag)
+{
+    return vbus_shim::stm32_i2c_flags(i2c->vbus_bus, flag) & flag & 0xFFFFFF ? SET : RESET;
+}
+static inline void I2C_Cmd(I2C_TypeDef *, FunctionalState) {}
+static inline void I2C_DeInit(I2C_TypeDef *) {}
+static inline void I2C_Init(I2C_TypeDef *i2c, const I2C_InitTypeDef *how)
+{
+    vbus_shim::stm32_i2c_clock(i2c->vbus_bus, how->I2C_ClockSpeed);
+    I2C_AcknowledgeConfig(i2c, how->I2C_Ack ? ENABLE : DISABLE);
 }
 
 #endif

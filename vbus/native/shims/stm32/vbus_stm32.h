@@ -3,8 +3,9 @@
  * stm32f1xx_hal.h, stm32f4xx.h or stm32f4xx_hal.h.
  *
  * Ports A to K. The clock is 72 MHz (F1) or 168 MHz (F4), or F_CPU. A port whose clock is not enabled
- * in RCC takes no writes, with a message. USARTs are the console. Timers, DMA, SPI, I2C, ADC and
- * bit-band addresses are not there: code that uses them does not compile. License: Apache-2.0.
+ * in RCC takes no writes, with a message. USARTs are the console. I2C1 (PB6, PB7) and I2C2
+ * (PB10, PB11) have the libraries' functions and no registers. Timers, DMA, SPI, ADC and bit-band
+ * addresses are not there: code that uses them does not compile. License: Apache-2.0.
  */
 #ifndef VBUS_SHIM_STM32_H
 #define VBUS_SHIM_STM32_H
@@ -44,6 +45,15 @@ void stm32_irq(int number, bool on);
 void stm32_interrupts(bool on);
 extern volatile uint32_t stm32_clocks; /* those of the ports, a bit each */
 bool stm32_core(uint32_t hertz, bool f1);
+
+/* I2C as a master: a whole transfer (false: a byte was not acknowledged), or one step at a time. */
+void stm32_i2c_clock(unsigned bus, uint32_t hertz);
+bool stm32_i2c(unsigned bus, uint8_t address, const uint8_t *head, unsigned heads,
+               const uint8_t *out, unsigned outs, uint8_t *in, unsigned ins);
+enum Stm32I2cStep { I2C_START, I2C_ADDRESS, I2C_SEND, I2C_ACK, I2C_POS, I2C_STOP, I2C_CLEAR };
+void stm32_i2c_step(unsigned bus, Stm32I2cStep what, uint32_t value);
+uint32_t stm32_i2c_flags(unsigned bus, uint32_t wanted); /* SR1, and SR2 in the high half */
+uint8_t stm32_i2c_taken(unsigned bus);
 
 /* A register of the vendor's structures; what they have in an index is the port and the register. */
 struct Stm32 : Register32 {
@@ -92,6 +102,7 @@ struct EXTI_TypeDef { vbus_shim::Stm32 IMR, EMR, RTSR, FTSR, SWIER, PR; };
 struct SysTick_Type { vbus_shim::Stm32 CTRL, LOAD, VAL, CALIB; };
 struct DWT_Type { volatile uint32_t CTRL; vbus_shim::Stm32 CYCCNT; };
 struct CoreDebug_Type { volatile uint32_t DEMCR; };
+struct I2C_TypeDef { const unsigned vbus_bus; };
 struct USART_TypeDef { vbus_shim::Stm32 SR, DR; volatile uint32_t BRR, CR1, CR2, CR3, GTPR; };
 #ifdef VBUS_STM32F1
 struct RCC_TypeDef {
@@ -121,6 +132,7 @@ extern SysTick_Type systick;
 extern DWT_Type dwt;
 extern CoreDebug_Type core_debug;
 extern USART_TypeDef usart[6];
+extern I2C_TypeDef i2c_unit[2];
 
 } // namespace vbus_shim
 
@@ -140,6 +152,8 @@ extern USART_TypeDef usart[6];
 #define SysTick (&vbus_shim::systick)
 #define DWT (&vbus_shim::dwt)
 #define CoreDebug (&vbus_shim::core_debug)
+#define I2C1 (&vbus_shim::i2c_unit[0])
+#define I2C2 (&vbus_shim::i2c_unit[1])
 #define USART1 (&vbus_shim::usart[0])
 #define USART2 (&vbus_shim::usart[1])
 #define USART3 (&vbus_shim::usart[2])
@@ -156,6 +170,7 @@ extern USART_TypeDef usart[6];
 enum FunctionalState { DISABLE, ENABLE };
 enum FlagStatus { RESET, SET };
 typedef FlagStatus ITStatus;
+enum ErrorStatus { ERROR, SUCCESS };
 enum { GPIO_PIN_RESET, GPIO_PIN_SET };
 typedef int GPIO_PinState;
 enum BitAction { Bit_RESET, Bit_SET };
@@ -174,7 +189,7 @@ VBUS_PINS(GPIO_Pin_)
 
 enum IRQn_Type {
     SysTick_IRQn = -1, EXTI0_IRQn = 6, EXTI1_IRQn, EXTI2_IRQn, EXTI3_IRQn, EXTI4_IRQn,
-    EXTI9_5_IRQn = 23, USART1_IRQn = 37, USART2_IRQn, USART3_IRQn, EXTI15_10_IRQn
+    EXTI9_5_IRQn = 23, I2C1_EV_IRQn = 31, I2C1_ER_IRQn, I2C2_EV_IRQn, I2C2_ER_IRQn, USART1_IRQn = 37, USART2_IRQn, USART3_IRQn, EXTI15_10_IRQn
 };
 extern "C" {
 void SysTick_Handler(void);
