@@ -19,6 +19,9 @@ from tests.mutation.mutants import (
 
 UNKNOWN: Final = "?"
 """What killed a mutant before verdicts had the name of a test; a time-out has none either."""
+UNREACHED: Final = "unreached"
+"""The verdict of a mutant to which no test of the map gets: nothing has been tried."""
+ALIVE: Final = ("survived", UNREACHED)
 SLACK: Final = 10
 """A room may have a part of so many of its quota stale beyond what is listed."""
 
@@ -30,7 +33,7 @@ class Result:
     Attributes:
         id: the mutant.
         digest: of the source of its scope when it was tried, or how it begins.
-        verdict: "killed", "survived" or "timeout".
+        verdict: "killed", "survived" or "timeout"; "unreached" if there is no test for it.
         by: the test that failed.
         tests: how many tests were chosen.
         cpu: seconds of processor time, all its processes together.
@@ -196,7 +199,7 @@ def _string(text: str) -> str:
 
 def share(results: Iterable[Result]) -> float:
     """Return which part of the mutants was killed."""
-    killed = [result.verdict != "survived" for result in results]
+    killed = [result.verdict not in ALIVE for result in results]
     return sum(killed) / len(killed) if killed else 1.0
 
 
@@ -217,14 +220,18 @@ def judge(
             continue
         valid[mutant.id] = result
         entry = entries.get(mutant.id)
-        if result.verdict == "survived" and entry is None:
+        if result.verdict in ALIVE and entry is None:
             new.append(mutant)
-        elif result.verdict != "survived" and entry is not None:
+        elif result.verdict not in ALIVE and entry is not None:
             problems.append(
                 f"{mutant.file}:{mutant.line}: {mutant.id} is listed, but {result.verdict}"
             )
     if new:
-        problems.append(f"{len(new)} mutants survive and are not listed")
+        unreached = sum(valid[it.id].verdict == UNREACHED for it in new)
+        if unreached:
+            problems.append(f"no test of the map gets to {unreached} mutants")
+        if len(new) > unreached:
+            problems.append(f"{len(new) - unreached} mutants survive and are not listed")
     if missing := len(chosen) - len(valid):
         problems.append(f"{missing} of {len(chosen)} mutants have not been tried as they are now")
     known = {mutant.id for mutant in chosen}

@@ -43,7 +43,7 @@ from tests.mutation.mutants import (
     mutated,
     sample,
 )
-from tests.mutation.records import Entry, Result
+from tests.mutation.records import ALIVE, UNREACHED, Entry, Result
 
 HERE: Final = Path(__file__).resolve().parent
 TESTS: Final = ("tests/conformance", "tests/properties", "tests/reference", "tests/frozen",
@@ -214,7 +214,7 @@ def do_run(bed: Bed) -> int:
 def _open(bed: Bed, mutant: Mutant, result: Result | None) -> bool:
     if result is None or not result.holds(mutant, bed.root):
         return True
-    return bed.options.again and result.verdict == "survived"
+    return bed.options.again and result.verdict in ALIVE
 
 
 def _share(jobs: int, work: Callable[[int], None]) -> None:
@@ -254,7 +254,7 @@ def _prune(bed: Bed, found: cover.Map) -> None:
 def _work(bed: Bed, found: cover.Map, known: dict[str, Result], todo: Sequence[Mutant]) -> None:
     for mutant in todo:
         result = try_mutant(bed, found, mutant, _suspects(bed, found, known, mutant))
-        if result.verdict == "survived" and not found.tests:
+        if not found.tests and result.verdict in ALIVE:
             print(f"open     {mutant.id} {mutant.file}:{mutant.line}: run `map` first", flush=True)
             continue
         records.append(bed.results, result)
@@ -282,7 +282,7 @@ def try_mutant(bed: Bed, found: cover.Map, mutant: Mutant, suspects: Sequence[st
     draw = [name for name in tests if found.tests[name].draws]
     stages = ((suspects, trial.FEW), (few, trial.FEW), (tests[len(few) :], trial.FEW), (draw, 0))
     cpu = 0.0
-    verdict, by = "survived", ""
+    verdict, by = "survived" if tests else UNREACHED, ""
     for names, examples in stages:
         if names:
             task = trial.Task(names, _limit(bed, found, names), mutant.file, source, examples)
@@ -353,11 +353,13 @@ def do_report(bed: Bed) -> int:
             whole = next((name for name in WANTED if mutant.file.startswith(name)), "")
             for row in (folder(mutant.file), f"all in {whole}" if whole else "all elsewhere"):
                 rows.setdefault(row, []).append(valid[mutant.id])
-    print(f"{'':24}{'tried':>7}{'killed':>8}{'timeout':>9}{'survived':>10}{'killed':>9}")
+    print(f"{'':24}{'tried':>7}{'killed':>8}{'timeout':>9}{'survived':>10}{'no test':>9}"
+          f"{'killed':>9}")  # fmt: skip
     for name, found in sorted(rows.items(), key=lambda row: (row[0].startswith("all"), row[0])):
         counts = Counter(result.verdict for result in found)
         print(f"{name:24}{len(found):7}{counts['killed']:8}{counts['timeout']:9}"
-              f"{counts['survived']:10}{records.share(found):9.1%}")  # fmt: skip
+              f"{counts['survived']:10}{counts[UNREACHED]:9}"
+              f"{records.share(found):9.1%}")  # fmt: skip
         wanted = WANTED.get(name.removeprefix("all in "), ELSEWHERE)
         if name.startswith("all") and records.share(found) < wanted:
             problems.append(f"{name}: less than {wanted:.0%} are killed")
@@ -379,7 +381,8 @@ def do_keep(bed: Bed) -> int:
     """Write down the verdicts of the sample, to be checked in."""
     known = bed.known()
     valid = [(it, known[it.id]) for it in bed.sample()
-             if it.id in known and known[it.id].holds(it, bed.root)]  # fmt: skip
+             if it.id in known and known[it.id].holds(it, bed.root)
+             and known[it.id].verdict != UNREACHED]  # fmt: skip
     records.keep(bed.kept, valid)
     records.write_budget(
         bed.budget, records.without_verdict(records.read_kept(bed.kept).values(), ())

@@ -146,7 +146,7 @@ def test_killed_survived_hanging_crashed_and_not_importable_are_told_apart(toy: 
         "FIRST": {("killed", f"{tests}values"), ("killed", "collection")},
         "double": {("killed", f"{tests}double")},
         "forgotten": {("survived", "")},
-        "unseen": {("survived", "")},
+        "unseen": {("unreached", "")},
         "wait": {("timeout", "")},
         "stop": {("killed", "SIGABRT"), ("survived", "")},
     }
@@ -494,6 +494,7 @@ def listed(reason: str, number: str = "1") -> list[Entry]:
         (verdict("timeout"), [], []),
         (verdict("survived"), listed("so"), []),
         (verdict("survived"), [], ["1 mutants survive and are not listed"]),
+        (verdict("unreached"), [], ["no test of the map gets to 1 mutants"]),
         (verdict("survived"), listed(""), ["a.py: 1 is listed without a reason"]),
         (verdict("killed"), listed("so"), ["a.py:3: 1 is listed, but killed"]),
         (verdict("killed"), listed("so", "2"), ["a.py: 2 is listed, but is not in the sample"]),

@@ -64,6 +64,10 @@ class Form(Struct, frozen=True, eq=False, kw_only=True):
         """Whether both say the same, wherever that stands."""
         return isinstance(other, Form) and self._said() == other._said()
 
+    def __ne__(self, other: object) -> bool:
+        # Not by itself the opposite: a Struct has an inequality of its own, which is of identity.
+        return not self == other
+
     def __hash__(self) -> int:
         return hash(self._said())
 

@@ -237,6 +237,7 @@ def test_an_account_waits_for_motors_to_come_to_rest() -> None:
     assert not axis.runs
     assert axis.moves[-1][2:] == (axis.moves[-1][0], axis.moves[-1][1])
     assert abs(axis.last - 3000) <= 4
+    assert 20 < axis.speed < 50, "looks are a millisecond apart"
 
 
 def test_edges_of_outputs_are_those_of_the_reference_run() -> None:

@@ -148,9 +148,13 @@ def test_a_mistake_is_shown_where_it_is(text: str, message: str, at: int) -> Non
 
 
 def test_forms_are_the_same_if_they_say_the_same_and_in_no_other_case() -> None:
-    assert Number(value=3, at=1) == Number(value=3, at=9)
-    assert Number(value=3) != Number(value=4)
-    assert Number(value=4) != Number(value=3)
-    assert Number(value=3) != Name(parts=("x",))
-    pair = (Number(value=3), Number(value=4))
-    assert Several(word="and", parts=pair, at=1) == Several(word="and", parts=pair, at=9)
+    three, four = Number(value=3), Number(value=4)
+    both = Several(word="and", parts=(three, four), at=1)
+    for one, other, same in (
+        (three, Number(value=3, at=9), True),
+        (both, Several(word="and", parts=(three, four), at=9), True),
+        (three, four, False),
+        (four, three, False),
+        (three, Name(parts=("x",)), False),
+    ):
+        assert (one == other, one != other) == (same, not same)

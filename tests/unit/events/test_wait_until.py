@@ -73,6 +73,8 @@ def test_a_number_rises_while_it_grows_and_falls_while_it_shrinks() -> None:
     soon = wait_until(moving(), "x.real > 100", SECOND)
     assert wait_until(moving(), "rising(x.real)", SECOND) < soon
     assert wait_until(moving(-500), "falling(x.real)", SECOND) < soon
+    assert wait_until(moving(), "rising(x.real + 1)", SECOND) < soon
+    assert wait_until(moving(-500), "falling(x.real + 1)", SECOND) < soon
 
 
 def test_and_or_not() -> None:

@@ -1,6 +1,7 @@
 """Pacer: wall time to chip time, with a wall clock under the test's control."""
 
 import asyncio
+import os
 from collections.abc import Callable
 from contextlib import closing
 from fractions import Fraction
@@ -853,3 +854,30 @@ def test_hosts_of_a_board_that_cannot_follow_do_not_wait_for_a_slice_each() -> N
 
     # Only the first ones do not know yet how long a stretch takes.
     assert max(shares[10:]) <= 100_000 * 2 + SLICE_NS * 2 // 300
+
+
+@pytest.mark.parametrize(("rate", "wait"), [(1.0, 500_000), (0.3, 1_666_667), (2.0, 250_000)])
+def test_the_timer_is_set_to_the_wall_time_until_the_next_wake_up_rounded_up(
+    rate: float, wait: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[int] = []
+
+    class Timer:
+        """Notes what it is set to."""
+
+        def __init__(self) -> None:
+            self.fd = os.eventfd(0)
+
+        def set(self, ns: int) -> None:
+            waits.append(ns)
+
+        def close(self) -> None:
+            os.close(self.fd)
+
+    monkeypatch.setattr("vbus.serve.time.pacer.TimerFd", Timer)
+    board, pacer, _ = paced(rate)
+    with closing(asyncio.new_event_loop()) as loop:
+        pacer.start(loop)
+        pacer.wake_at(board.now + AHEAD + 500 * US, lambda: None)
+        pacer.stop()
+    assert waits[-1] == wait

@@ -10,6 +10,7 @@ import pytest
 from tests.unit.faults.bench import build
 from vbus.board.board import Board
 from vbus.core.kernel import MS, SECOND, US
+from vbus.core.signals import Observer
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.fast_path import CROWDED, LATE_NS
@@ -305,3 +306,31 @@ def test_a_host_is_not_looked_for_where_others_have_the_processor(gap: int, look
             host.send(READ)
             it.turn(1)
         assert (ways[0] > before) == (looked > 1)
+
+
+def test_an_error_of_the_program_ends_one_session_and_the_board_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Fails(Observer):
+        def bus_cycle(
+            self, when: int, host: str, chip: str, write: bool, address: int, data: int
+        ) -> None:
+            raise RuntimeError("a mistake")
+
+    fails = Fails()
+    with served() as it:
+        first = it.connect()
+        first.send(READ)
+        it.rest()
+        assert first.recv(100) == b"D\x84"
+        it.board.observe(fails)
+        first.send(READ)
+        it.rest()
+        assert first.recv(100) == b""
+        assert "internal error while serving x; its session ends, the board goes on" in caplog.text
+        assert it.ended == it.sessions
+        it.board.unobserve(fails)
+        second = it.connect()
+        second.send(READ)
+        it.rest()
+        assert second.recv(100) == b"D\x84"

@@ -1,5 +1,6 @@
 """Histograms of integers in fixed buckets."""
 
+from vbus.serve.nodes.realtime_nodes import BOUNDS_NS
 from vbus.serve.time.statistics import LAG_PS, ROUND_TRIP_NS, Histogram
 
 
@@ -40,3 +41,13 @@ def test_values_beyond_the_last_bound_show_as_the_largest_of_them() -> None:
 def test_the_bounds_ascend() -> None:
     for bounds in (LAG_PS, ROUND_TRIP_NS):
         assert list(bounds) == sorted(set(bounds))
+
+
+def test_the_buckets_reach_from_a_microsecond_to_half_a_second_and_to_five() -> None:
+    for bounds, first, last in (
+        (ROUND_TRIP_NS, 1_000, 500_000_000),
+        (LAG_PS, 1_000_000, 5_000_000_000_000),
+        (BOUNDS_NS, 10_000, 50_000_000),
+    ):
+        assert (bounds[0], bounds[-1]) == (first, last)
+        assert list(bounds) == sorted({*bounds})

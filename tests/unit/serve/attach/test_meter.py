@@ -79,6 +79,15 @@ def test_what_lets_time_pass_is_no_measure_of_the_way() -> None:
     assert (talk.trips.all.count, talk.trips.answers) == (1, 5)
 
 
+def test_an_answer_from_before_a_wait_does_not_end_it() -> None:
+    talk = Talk()
+    talk.send(b"\x10" + request("DELAY", 10**6))
+    talk.answer()
+    talk.send(b"\x10")
+    talk.answer()
+    assert (talk.trips.all.count, talk.trips.answers) == (1, 2)
+
+
 def test_answers_that_do_not_come_are_lost_and_those_of_a_host_that_went_are_not() -> None:
     talk = Talk()
     talk.send(b"\x10\x20\x01\x11\x11")
