@@ -3,6 +3,7 @@
 import time
 from collections import OrderedDict
 from typing import Any, Final
+from weakref import WeakSet
 
 import zenoh
 from msgspec.structs import replace
@@ -53,6 +54,8 @@ class ZenohTransport(Transport):
         self._traffic.cut = self._cut
         self.traffic = self._traffic
         self._links: dict[str, ZenohLink] = {}
+        self._sending: WeakSet[ZenohLink] = WeakSet()
+        """Also those that have ended, while a thread still sends their replies."""
         self._ended: OrderedDict[str, str] = OrderedDict()
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
@@ -285,6 +288,7 @@ class ZenohTransport(Transport):
         )  # fmt: skip
         link.token_seen = link.token in self._tokens
         self._links[session] = link
+        self._sending.add(link)
         self.on_link(link)
         if not link.token_seen:
             self.loop.call_later(TOKEN_SECONDS, self._check_token, link)
@@ -356,3 +360,5 @@ class ZenohTransport(Transport):
     def _end_hosts(self) -> None:
         for link in list(self._links.values()):
             link.host_ended("the board has stopped")
+        for link in list(self._sending):
+            link.settle()
