@@ -135,3 +135,15 @@ def test_a_link_that_closes_drops_replies_that_wait_and_settles_when_none_blocks
     assert not settling.is_alive()
     assert [name for name, _ in log] == ["reply"]
     assert threading.get_ident() not in [thread for _, thread in log]
+
+
+def test_events_that_have_waited_are_one_message() -> None:
+    """Of four at once Zenoh has dropped two, on a machine that let its threads wait."""
+    heard = threading.Event()
+    heard.set()
+    log: list[tuple[str, int]] = []
+    link = BoardLink(Any, "b", "s", (), Traffic(), lambda link: None, posts=False)  # type: ignore[arg-type]
+    for number in range(4):
+        link.push(bytes([number]))
+    link.hear(DeafQuery(heard, log), 0)  # type: ignore[arg-type]
+    assert [name for name, _ in log] == ["reply"]
