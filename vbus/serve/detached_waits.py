@@ -76,6 +76,8 @@ class DetachedWaits:
         if not (port.held or session.more()):
             report_half(session.link.peer, protocol)
             return None
+        # Nothing stands behind the wait: in real time it would only let time pass, and a claim
+        # would end with its host.
         if not (session.more() or protocol.awaited()) and (real or by_claim(port)):
             return None
         self.under_way.append(session)

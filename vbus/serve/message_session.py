@@ -11,7 +11,8 @@ from vbus.transports import states
 from vbus.transports.base import MessageLink
 
 SLICE: Final = 4096
-"""Bytes of a message that are carried out before other sessions have their turn."""
+"""Bytes of a message that are carried out before other sessions have their turn: some 4 ms of
+requests of a byte, which take 1 us each in the interpreted core."""
 
 
 class MessageSession(Session):
@@ -70,7 +71,7 @@ class MessageSession(Session):
                 self._served()
 
     def _answer(self) -> None:
-        if not self._settled():
+        if not self._settled():  # a durable journal is full; the session has ended
             return
         reply = bytes(self._collected)
         self._collected.clear()

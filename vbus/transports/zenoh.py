@@ -215,7 +215,7 @@ class ZenohTransport(Transport):
         self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int
     ) -> None:
         """A message that was asked has arrived, so many times."""
-        if not times:
+        if not times:  # the query ends without a reply, so its host asks again
             send_reply(query, b"", times=0)
         for _ in range(times):
             self._take(query, header, data)
@@ -244,6 +244,7 @@ class ZenohTransport(Transport):
             header = envelope.unpack(sample.attachment.to_bytes())
         except envelope.EnvelopeError:
             return
+        # Anyone may publish at this key; the envelope's secret says whose message it is.
         if session in self._links and envelope.public(header.session) == session:
             data = sample.payload.to_bytes()
             self._traffic.pass_on(
@@ -360,5 +361,6 @@ class ZenohTransport(Transport):
     def _end_hosts(self) -> None:
         for link in list(self._links.values()):
             link.host_ended("the board has stopped")
+        # The Zenoh session closes next: see GIVES_UP_SECONDS.
         for link in list(self._sending):
             link.settle()
