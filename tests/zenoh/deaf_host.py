@@ -31,11 +31,13 @@ def main() -> None:
         return envelope.Envelope(envelope.REQUESTS, name, number, 1 if number else 0).pack()
 
     def ask(number: int, data: bytes) -> bytes:
-        while True:  # what has been lost is asked again
-            seconds = 130.0 if number else 10.0
-            for reply in session.get(BUS, payload=data, attachment=cover(number), timeout=seconds):
+        while True:  # a link that has stood still for a lease is given up, with what was under way
+            for reply in session.get(BUS, payload=data, attachment=cover(number), timeout=5.0):
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
+                assert reply.err is not None
+                if reply.err.payload.to_bytes().startswith(envelope.GONE.encode()):
+                    sys.exit(reply.err.payload.to_bytes().decode())
 
     kept: list[Any] = [
         session.liveliness().declare_token(token),

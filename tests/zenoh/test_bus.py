@@ -1,7 +1,9 @@
 """The bus of each chip over Zenoh: same calls, same bytes, many hosts."""
 
 import asyncio
+import gc
 import threading
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from vbus.core.signals import Observer
 from vbus.network import keys
 from vbus.serve.registry import order
 from vbus.serve.server import LinkSpec
+from vbus.transports.zenoh_inbox import Inbox
 
 
 def board(time: str = "lockstep") -> Board:
@@ -235,3 +238,27 @@ def test_a_second_board_of_the_same_name_is_refused_by_the_token(processes: Proc
     first.stop()
     again = processes.start_elsewhere("bench", connected_to(endpoint), elsewhere)
     assert again.ready, again.said
+
+
+class Owner:
+    """Refers to its inbox and its callback, as a transport does; the callback refers back."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.inbox = Inbox(loop)
+        self.inbox.open()
+        self.entry = self.inbox.entry(self.take)
+
+    def take(self, item: object) -> None:
+        """Take what comes."""
+
+
+def test_who_has_closed_its_inbox_leaves_memory() -> None:
+    """A callback of Zenoh is no link that Python's collector sees."""
+    loop = asyncio.new_event_loop()
+    owner = Owner(loop)
+    left = weakref.ref(owner)
+    owner.inbox.close()
+    del owner
+    gc.collect()
+    loop.close()
+    assert left() is None

@@ -55,6 +55,7 @@ class Exchange:
             return
         self._forget(acknowledged)
         message = _Received(data, answer, refuse)
+        # A repeated message whose reply was lost: the bus cycles are not made again.
         if number in self._stored:
             answer(self._stored[number])
         elif number == self.following - 1 and self._current is not None:
@@ -62,6 +63,7 @@ class Exchange:
             self._current = message
         elif number < self.following:
             refuse(GONE, f"message {number} has been carried out; its reply is no longer stored")
+        # A bound of memory: no host has more under way.
         elif number >= self.following + WINDOW:
             refuse(GONE, f"message {number} came before message {self.following}: too far ahead")
         else:
@@ -113,6 +115,7 @@ class Exchange:
         self._current = None
         self._stored[self.following - 1] = reply
         self._stored_bytes += len(reply)
+        # The newest stays whatever its size: the host may have to ask for it again.
         while self._stored_bytes > MOST_STORED and len(self._stored) > 1:
             first = next(iter(self._stored))
             self._stored_bytes -= len(self._stored.pop(first))
@@ -123,7 +126,7 @@ class Exchange:
         """Take what waits for its turn, up to the first message that has not come.
 
         The host has said good-bye: these messages, and the one being carried out, are answered
-        with nothing, which says that they are carried out.
+        with nothing, which says that the board has them; it carries them out, long ones in turns.
         """
         current, self._current = self._current, None
         messages = [] if current is None else [current]

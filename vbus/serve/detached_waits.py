@@ -26,6 +26,9 @@ class Departed(typing.Protocol):
     port: HostPort
     protocol: Protocol
 
+    def more(self) -> bool:
+        """Whether the protocol has not been given all that the host had sent."""
+
     def give_up(self, why: str) -> None:
         """Carry out no more of what it waits for."""
 
@@ -67,17 +70,19 @@ class DetachedWaits:
         Returns:
             None: there is nothing to do. A reason why it is given up at once; "" if it is not.
         """
-        port, protocol = session.port, session.protocol
+        port, protocol, real = session.port, session.protocol, self._pacer.real
         if self.closed:
             return None
-        if not port.held:
+        if not (port.held or session.more()):
             report_half(session.link.peer, protocol)
             return None
-        real = self._pacer.real
-        if not protocol.awaited() and (real or by_claim(port)):
+        # Nothing stands behind the wait: in real time it would only let time pass, and a claim
+        # would end with its host.
+        if not (session.more() or protocol.awaited()) and (real or by_claim(port)):
             return None
         self.under_way.append(session)
-        long = real and not by_claim(port) and port.hold_until - self._pacer.now > LONGEST
+        waits = real and port.held and not by_claim(port)
+        long = waits and port.hold_until - self._pacer.now > LONGEST
         return "others go on in real time" if long else ""
 
     def look_at(self, until: int) -> int:

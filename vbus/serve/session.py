@@ -308,8 +308,7 @@ class Session:
                 self._move(states.GO_ON)
                 self._block()
             elif self.state == states.DEPARTED and not self.port.held:
-                report_half(self.link.peer, self.protocol)
-                self._close(states.DONE)
+                self._served()
         elif self.state == states.DEPARTED and self._detached.gives_up(self.port):
             self.give_up("another host waits to be let in")
         else:
@@ -519,17 +518,32 @@ class Session:
         self._move(states.HOLD)
         if why:
             self.give_up(why)
-        else:
+        elif self.port.held:
             self._wake_in_time()
+        else:
+            self._served()
+
+    def more(self) -> bool:
+        """Whether the protocol has not been given all that the host had sent."""
+        return False
+
+    def _served(self) -> None:
+        """What a host that has gone had sent is carried out: the session is over."""
+        report_half(self.link.peer, self.protocol)
+        self._close(states.DONE)
 
     def give_up(self, why: str) -> None:
         """Carry out no more of what a host that has gone waits for."""
         log.warning(
             "%s: the host has gone, and what it had sent still waits for %s; %s, so the rest is"
-            " discarded", self.link.peer,
-            "another host's claim" if by_claim(self.port) else "chip time", why,
+            " discarded", self.link.peer, self._waits_for(), why,
         )  # fmt: skip
         self._close(states.GIVE_UP)
+
+    def _waits_for(self) -> str:
+        if by_claim(self.port):
+            return "another host's claim"
+        return "chip time" if self.port.held else "its turn"
 
     def _close(self, event: str) -> None:
         """Let go of everything."""

@@ -3,6 +3,7 @@
 import time
 from collections import OrderedDict
 from typing import Any, Final
+from weakref import WeakSet
 
 import zenoh
 from msgspec.structs import replace
@@ -53,6 +54,8 @@ class ZenohTransport(Transport):
         self._traffic.cut = self._cut
         self.traffic = self._traffic
         self._links: dict[str, ZenohLink] = {}
+        self._sending: WeakSet[ZenohLink] = WeakSet()
+        """Also those that have ended, while a thread still sends their replies."""
         self._ended: OrderedDict[str, str] = OrderedDict()
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
@@ -212,7 +215,7 @@ class ZenohTransport(Transport):
         self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int
     ) -> None:
         """A message that was asked has arrived, so many times."""
-        if not times:
+        if not times:  # the query ends without a reply, so its host asks again
             send_reply(query, b"", times=0)
         for _ in range(times):
             self._take(query, header, data)
@@ -241,6 +244,7 @@ class ZenohTransport(Transport):
             header = envelope.unpack(sample.attachment.to_bytes())
         except envelope.EnvelopeError:
             return
+        # Anyone may publish at this key; the envelope's secret says whose message it is.
         if session in self._links and envelope.public(header.session) == session:
             data = sample.payload.to_bytes()
             self._traffic.pass_on(
@@ -285,6 +289,7 @@ class ZenohTransport(Transport):
         )  # fmt: skip
         link.token_seen = link.token in self._tokens
         self._links[session] = link
+        self._sending.add(link)
         self.on_link(link)
         if not link.token_seen:
             self.loop.call_later(TOKEN_SECONDS, self._check_token, link)
@@ -356,3 +361,6 @@ class ZenohTransport(Transport):
     def _end_hosts(self) -> None:
         for link in list(self._links.values()):
             link.host_ended("the board has stopped")
+        # The Zenoh session closes next: see GIVES_UP_SECONDS.
+        for link in list(self._sending):
+            link.settle()

@@ -9,6 +9,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Final
 
 import zenoh
@@ -36,6 +37,8 @@ class Inbox:
         self._loop: asyncio.AbstractEventLoop = loop
         self._items: deque[tuple[Handle, Any]] = deque()
         self._lock: threading.Lock = threading.Lock()
+        self._handles: dict[int, Handle] = {}
+        self._numbers: count[int] = count()
         self._fd: int = -1
         self.dropped: int = 0
 
@@ -54,25 +57,32 @@ class Inbox:
             handle: takes what comes.
             ended: is called in the event loop, too, when no more is to come; never left out.
         """
-        items = self._items
-        lock = self._lock
+        items, lock, handles = self._items, self._lock, self._handles
+        number = next(self._numbers)
+        handles[number] = handle
 
         def put(item: tuple[Handle, Any]) -> None:
-            items.append(item)
             with lock:
                 if self._fd >= 0:
+                    items.append(item)
                     os.eventfd_write(self._fd, 1)
 
+        # Python's collector does not see what a callback of Zenoh refers to: only this number.
         def enter(item: Any) -> None:
             if len(items) >= MOST_WAITING:
                 self.dropped += 1
-                return
-            put((handle, item))
+            elif (taker := handles.get(number)) is not None:
+                put((taker, item))
 
         if ended is None:
             return zenoh.handlers.Callback(enter, indirect=False)
         over = ended  # the event of the end
-        return zenoh.handlers.Callback(enter, lambda: put((lambda _: over(), None)), indirect=False)
+
+        def end(_: Any) -> None:
+            handles.pop(number, None)
+            over()
+
+        return zenoh.handlers.Callback(enter, lambda: put((end, None)), indirect=False)
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -100,3 +110,4 @@ class Inbox:
             self._loop.remove_reader(fd)
             os.close(fd)
         self._items.clear()
+        self._handles.clear()

@@ -8,16 +8,19 @@ from contextlib import contextmanager
 import pytest
 
 from tests.unit.faults.bench import build
+from tests.waiting import until
 from vbus.board.board import Board
 from vbus.core.kernel import MS, SECOND, US
 from vbus.core.signals import Observer
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.fast_path import CROWDED, LATE_NS
+from vbus.serve.message_session import SLICE, MessageSession
 from vbus.serve.session import BURST, Serving, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.transports.base import Link
+from vbus.transports import states
+from vbus.transports.base import Link, MessageLink
 from vbus.transports.sockets import SocketLink
 
 READ = b"\x10"
@@ -334,3 +337,37 @@ def test_an_error_of_the_program_ends_one_session_and_the_board_goes_on(
         second.send(READ)
         it.rest()
         assert second.recv(100) == b"D\x84"
+
+
+class LeftBehind(MessageLink):
+    """A host that goes while messages of its own wait."""
+
+    def __init__(self, messages: list[bytes]) -> None:
+        super().__init__("x")
+        self.messages: list[bytes] = messages
+
+    def left(self) -> list[bytes]:
+        return self.messages
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "realtime"])
+@pytest.mark.parametrize("wait", [b"", delay(3 * MS)])
+def test_the_rest_of_a_host_that_has_gone_takes_its_turns(policy: str, wait: bytes) -> None:
+    with served(policy) as it:
+        port = it.board.open_port("host0")
+        link = LeftBehind([wait + b"\x20\x00" * SLICE, b"\x20\x00" * 2])
+        session = MessageSession(it.serving, link, port, ByteProtocol(port))
+        session.begin()
+        before = it.board.counters["writes"]
+        link.on_end(False)
+        assert it.board.counters["writes"] - before <= SLICE
+        it.connect()
+        # In lockstep the next host is let in behind the rest.
+        assert len(it.sessions) == (policy == "realtime")
+        it.rest()
+        until(lambda: (it.turn(3), session.state == states.CLOSED)[1], "the end of the rest")
+        assert it.board.counters["writes"] - before == SLICE + 2
+        assert len(it.sessions) == 1
