@@ -10,6 +10,7 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.board.snapshot import fork
 from vbus.circuit.stream import PacketReader
 from vbus.core.kernel import MS, NS
 from vbus.core.signals import Observer, Z
@@ -126,6 +127,29 @@ def test_hosts_of_cycles_and_of_strobes_get_the_same_bytes_watched(part: str, wa
     for seed in range(SEEDS):
         seen, unseen = run(part, seed, watched), run(part, seed, "")
         assert seen[: 2 + bool(seen[2])] == unseen[: 2 + bool(seen[2])], seed
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_lines_held_through_a_whole_cycle_are_held_after_a_snapshot(watched: bool) -> None:
+    made = board("LM629N-8")
+    port = made.open_port("h")
+    held_low = {name: 1 << port.line_number(name) for name in ("/CS", "/RD", "/WR")}
+    port.lines(sum(held_low.values()), held_low["/WR"])
+    if watched:
+        for pin in made.chips[0].bus_pins:
+            pin.net.observe(Observer())
+    port.read(0)
+    twin = fork(made)
+    assert [(pin.name, pin.level) for pin in twin.ports[0].pins.driven()] == [
+        ("h:/CS", 0), ("h:/RD", 0), ("h:/WR", 1),
+    ]  # fmt: skip
+    seen = []
+    for one in (made, twin):
+        host = one.ports[0]
+        host.delay(MS)
+        host.lines(held_low["/RD"], held_low["/RD"])
+        seen.append((host.sample(), host.read(0), one.now))
+    assert seen[0] == seen[1]
 
 
 @pytest.mark.parametrize("name", ["board-two-hosts-claim-realtime", "board-wired-lines"])
