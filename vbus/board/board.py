@@ -236,7 +236,7 @@ class Board(Circuit):
     def save(self) -> Saved:
         """Return the whole state: time, chips with their plants, nets, pins, hosts, faults."""
         self.catch_up()
-        saved: Saved = {**self.player.saved(lambda: save(self)), "parts": tuple(self.parts)}
+        saved: Saved = {**save(self), "parts": tuple(self.parts)}
         if self.through is not None and self.through.remembers():
             saved["through"] = save(self.through)
         if self._faults is not None and self._faults.all():

@@ -57,7 +57,7 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
 
 def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.flush()
-    board.player.forget()
+    board.player.lent.clear()
     if breaking is not None:
         breaking.apply()
     # Pending events are sent now: they belong to the run that is left behind.

@@ -1,61 +1,63 @@
 """Whole bus cycles as edges on the nets, for observed buses."""
 
 from collections import deque
-from collections.abc import Callable
 from typing import ClassVar
 
 from vbus.chips.base import Chip
-from vbus.chips.front_end import BusFrontEnd
-from vbus.circuit.glue_cycles import GlueCycles
 from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
 from vbus.core.kernel import NEVER, Kernel
-from vbus.core.signals import Guard, Net, Pin, Z
+from vbus.core.signals import Guard, Pin, Z
 from vbus.core.state import Names, Saved, load, save
 
 
 class LentBus:
-    """How a chip's bus stands: as hosts have left it by hand, or as whole cycles have it now.
+    """How a chip's bus stood before whole cycles moved its lines.
 
     Args:
         chip: the chip.
         hosts: the pins of every host.
+
+    Attributes:
+        chip: the chip.
+        byte: what the last cycle has left on the data bus.
     """
 
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, hosts: list[HostPins]) -> None:
         self.chip: Chip = chip
-        # D0-D7 have the latest byte, until a pin there moves again.
-        self.lines: list[Net] = [pin.net for pin in chip.bus_pins if pin is not chip.data_pin]
-        nets = [*self.lines, chip.bus_net]
-        if chip.front is not None:
-            chip.front.conclude()
-        self._edges: Saved = save(chip.front) if chip.front is not None else {}
-        self._levels: dict[int, int] = {id(pin): pin.level for pin in self.pins(hosts)}
-        self._nets: list[tuple[Net, bool, tuple[int, ...]]] = [
-            (net, net.clashing, net.history) for net in nets
+        self.byte: int = 0
+        self._driven: list[tuple[Pin, int]] = [
+            (own, own.level) for one in hosts for own in one.at(chip) if own.level != Z
         ]
+        self._data: int = chip.data_pin.level
+        self._history: list[tuple[int, ...]] = [pin.net.history for pin in chip.bus_pins]
+        self._edges: Saved = {}
+        if chip.front is not None:
+            chip.front.settle()
+            self._edges = save(chip.front)
 
-    def pins(self, hosts: list[HostPins]) -> list[Pin]:
-        """Return what drives the bus: the hosts' pins, and the chip's own on its data bus."""
-        return [self.chip.data_pin, *(own for one in hosts for own in one.at(self.chip))]
-
-    def move(self, hosts: list[HostPins], back: bool) -> None:
-        """Put the pins back, or let go of the bus; the lines are still to follow."""
-        for pin in self.pins(hosts):
-            # A pin soldered since drove nothing.
-            pin.level = self._levels.get(id(pin), Z) if back else Z
-        if back:
-            for net, clashing, _ in self._nets:
-                net.clashing = clashing  # nothing is fought that was not
+    def put_back(self, hosts: list[HostPins]) -> None:
+        """Put the hosts' pins back; no time is judged from these edges."""
+        self.chip.judged = False
+        there = [own for one in hosts for own in one.at(self.chip)]
+        driven = [(own, level) for own, level in self._driven if own in there]
+        for own in there:  # before others drive: nothing is fought that was not
+            if all(own is not one for one, _ in driven):
+                own.release()
+        for own, level in driven:
+            own.drive(level)
 
     def recall(self) -> None:
-        """Let the chip know of the edges it knew, and the nets of their past."""
-        if self.chip.front is not None:
-            self.chip.front.forget_edges()
-            load(self.chip.front, self._edges)
-        for net, _, history in self._nets:
-            net.history = history
+        """Let the chip know of the edges before, and of none since."""
+        chip = self.chip
+        if chip.front is not None:
+            chip.front.forget_edges()
+            load(chip.front, self._edges)
+        chip.data_pin.drive(self._data)
+        for pin, history in zip(chip.bus_pins, self._history, strict=True):
+            pin.net.history = history
+        chip.bus_net.value = self.byte
 
 
 class StrobePlayer:
@@ -63,33 +65,24 @@ class StrobePlayer:
 
     A cycle is over for its host at the latching edge. What comes after it (hold times) is queued
     and happens at its instant, or when the next cycle begins, if that is earlier.
-
-    Args:
-        kernel: the board's time.
-        chips: the board's chips.
     """
 
-    WIRING: ClassVar[Names] = ("_chips", "_kernel", "_timer", "guards", "hosts", "through")
-    DERIVED: ClassVar[Names] = ("_tail", "_user", "by_hand", "lent")
+    WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards", "hosts")
+    DERIVED: ClassVar[Names] = ("_tail", "_user", "lent")
 
-    def __init__(self, kernel: Kernel, chips: list[Chip]) -> None:
+    def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
-        self._chips: list[Chip] = chips
         self._tail: deque[tuple[int, Pin, int]] = deque()
         # Saved with the kernel: hold edges of a snapshot come at their instants.
         self._timer = kernel.timer(self._run_tail)
         self.hosts: list[HostPins] = []
         """Pins of every host that is there."""
-        self.by_hand: bool = True
-        """Whether a host may hold lines of a bus by hand: :meth:`lend` comes before a cycle."""
         self.lent: dict[str, LentBus] = {}
-        """Buses that whole cycles have had since a host moved lines itself, by chip."""
+        """Buses whose lines whole cycles have moved since a host moved some itself, by chip."""
         self._user: HostPins | None = None
-        """Pins of the host of the last cycle that was played."""
+        """Pins of the host of the last cycle."""
         self.guards: list[Guard] = []
         """Who may owe nets their levels."""
-        self.through: GlueCycles | None = None
-        """Sees the cycles at chips behind glue."""
 
     def play(
         self, chips: list[Chip], pins: HostPins, write: bool, address: int, data: int, when: int
@@ -103,11 +96,11 @@ class StrobePlayer:
         kernel = self._kernel
         strobes: list[CycleEdge] = []
         for chip in chips:
+            chip.judged = False
             strobes = strobes + pins.strobes(chip, write, address, data)
-        if not chips[0].CONNECTOR:
-            self.lend(chips, pins)
         if not strobes:
             return self._answer(chips, write, address, data, when)
+        self._lend(chips, pins)
         # What a computer's bus moves at one instant moves together; no decoder sees it half.
         at_once = chips[0].CONNECTOR
         if len(chips) > 1 and not at_once:
@@ -123,17 +116,15 @@ class StrobePlayer:
                 kernel.settle()
                 value = together(chips)
                 latched = True
+                self._note_bytes(chips)
             if offset > 0:
                 self._tail.append((when + offset, pin, level))
                 continue
             if when + offset > kernel.now:
                 kernel.run_until(when + offset)
-            if at_once:
-                pin.drive(level)
-                if offset < 0 and strobes[number + 1].offset > offset:
-                    kernel.settle()
-            else:
-                self._drive(pin, level)
+            pin.drive(level)
+            if offset < 0 and not (at_once and strobes[number + 1].offset == offset):
+                kernel.settle()
         kernel.settle()
         if self._tail and self._timer.due == NEVER:
             self._timer.at(self._tail[0][0])
@@ -149,111 +140,46 @@ class StrobePlayer:
             else:
                 chip.begin_read(address)
                 chip.bus_net.value = chip.end_read()
+        self._note_bytes(chips)
         self._kernel.settle()
         return together(chips)
 
-    # A whole cycle moves lines only while they are observed, and passes by what hosts hold. So what
-    # it leaves of them decides about nothing: before it every host lets go, and before a host moves
-    # lines itself, they and what chips know of edges are as hosts have left them by hand. Chips
-    # hear no edge of that; glue on these wires does.
+    # A whole cycle moves lines only while they are observed. So what it leaves of them decides
+    # about nothing: before another host's cycle its host lets go of them, and before a host moves
+    # lines itself, they and what the chip knows of edges are as hosts have left them by hand.
 
-    def lend(self, chips: list[Chip], user: HostPins | None = None) -> None:
-        """Give the buses that hosts hold by hand to whole cycles.
+    def _lend(self, chips: list[Chip], pins: HostPins) -> None:
+        """Give chips' buses to a host for a whole cycle."""
+        to = [chip for chip in chips if not chip.CONNECTOR]
+        taken = [chip for chip in to if chip.name not in self.lent]
+        for chip in to:  # the latest is the last
+            known = self.lent.pop(chip.name, None)
+            self.lent[chip.name] = known if known is not None else LentBus(chip, self.hosts)
+        if self._user is not pins:
+            self._user = pins
+            taken = [bus.chip for bus in self.lent.values()]
+        for chip in taken:
+            chip.judged = False
+            for other in self.hosts:
+                if other is not pins:
+                    for own in other.at(chip):
+                        own.release()
+        if taken:
+            self._kernel.settle()
 
-        Args:
-            chips: those whose cycle is played: their buses are given in any case.
-            user: pins of the host whose cycle is played.
-        """
-        nets = {id(pin.net) for chip in chips for pin in chip.bus_pins}
-        if self.by_hand:
-            self.by_hand = False
-            nets |= {id(pin.net) for one in self.hosts for pin in one.driven()}
-        elif self._user is user and all(chip.name in self.lent for chip in chips):
-            return
-        # All chips on these wires: none is to take another's cycle for the end of its own.
-        taken = [
-            LentBus(chip, self.hosts) for chip in self._chips
-            if not chip.CONNECTOR and chip.name not in self.lent
-            and any(id(pin.net) in nets for pin in chip.bus_pins)
-        ]  # fmt: skip
-        self.lent |= {bus.chip.name: bus for bus in taken}
-        if user is not None and user is not self._user:
-            taken = list(self.lent.values())
-        self._user = user
-        self._move(taken, back=False)
+    def _note_bytes(self, chips: list[Chip]) -> None:
+        for chip in chips:
+            if chip.name in self.lent:
+                self.lent[chip.name].byte = chip.bus_net.value
 
     def give_back(self) -> None:
         """Put every bus back as hosts have left it by hand."""
         self.flush()
-        lent = list(self.lent.values())
-        self.forget()
-        if lent:
-            self._move(lent, back=True)
-            for bus in lent:
-                bus.chip.rearm()
-                if bus.chip.front is not None:
-                    bus.chip.front.refresh()  # cycles may have changed what a read shows
-
-    def forget(self) -> None:
-        """All stands as hosts have left it by hand: so a state is loaded."""
-        self.lent, self._user, self.by_hand = {}, None, True
-
-    def _move(self, buses: list[LentBus], back: bool) -> None:
-        """Move buses, and what the chips know of edges, without an edge for any chip."""
-        fronts: list[BusFrontEnd] = [bus.chip.front for bus in buses if bus.chip.front is not None]
-        deaf = [ear for front in fronts for ear in front.ears]
-        if self.through is not None:
-            deaf.append(self.through.watcher)
-        for ear in deaf:
-            ear.deaf = True
-        for bus in buses:
-            bus.move(self.hosts, back)
-        for bus in buses:
-            for net in bus.lines:
-                net.resolve()
+        lent, self.lent = self.lent, {}
+        for bus in lent.values():
+            bus.put_back(self.hosts)
         self._kernel.settle()
-        for ear in deaf:
-            ear.deaf = False
-        for bus in buses:
-            if back:
-                bus.recall()
-        if not back:
-            for front in fronts:
-                front.forget_edges()
-        if self.through is not None:
-            self.through.after_load()
-
-    def saved(self, take: Callable[[], Saved]) -> Saved:
-        """Return what ``take`` does with every bus as hosts have left it by hand.
-
-        So a saved state is the same whether or not somebody looks on, and whole cycles go on from
-        it as from here. Nobody sees the buses move: pins and nets are exchanged for the moment.
-        """
-        if not self.lent:
-            return take()
-        lent = list(self.lent.values())
-        mine = {id(pin) for bus in lent for pin in bus.pins(self.hosts)}
-        now = [LentBus(bus.chip, self.hosts) for bus in lent]
-        tail, due = self._tail, self._timer.due
-        self._tail = deque([row for row in tail if id(row[1]) not in mine])
-        self._timer.due = self._tail[0][0] if self._tail else NEVER
-        self._exchange(lent)
-        try:
-            return take()
-        finally:
-            self._exchange(now)
-            self._tail, self._timer.due = tail, due
-            self._kernel.settle()
-
-    def _exchange(self, buses: list[LentBus]) -> None:
-        for bus in buses:
-            bus.move(self.hosts, back=True)
-        for net in dict.fromkeys(net for bus in buses for net in bus.lines):
-            heard = net.watchers, net.observers, net.clash, net.guard
-            net.watchers, net.observers, net.clash, net.guard = (), (), None, None
-            net.resolve()
-            net.watchers, net.observers, net.clash, net.guard = heard
-        for bus in buses:
+        for bus in lent.values():
             bus.recall()
 
     def leave(self, when: int, pin: Pin, level: int) -> None:
@@ -271,7 +197,8 @@ class StrobePlayer:
         if self._tail:
             while self._tail:
                 _, pin, level = self._tail.popleft()
-                self._drive(pin, level)
+                pin.drive(level)
+                self._kernel.settle()
             self._timer.cancel()
 
     def tail(self, hosts: list[HostPins]) -> list[tuple[int, int, str, int]]:
@@ -289,20 +216,10 @@ class StrobePlayer:
         for when, number, name, level in tail:
             self._tail.append((when, hosts[number].named(name), level))
 
-    def _drive(self, pin: Pin, level: int) -> None:
-        """Make one edge of a whole cycle; such an edge carries no time of its host to be judged."""
-        judged = [bus.chip for bus in self.lent.values() if bus.chip.judged]
-        for chip in judged:
-            chip.judged = False
-        pin.drive(level)
-        self._kernel.settle()
-        for chip in judged:
-            chip.judged = True
-
     def _run_tail(self) -> None:
         while self._tail and self._tail[0][0] <= self._kernel.now:
             _, pin, level = self._tail.popleft()
-            self._drive(pin, level)
+            pin.drive(level)
         if self._tail:
             self._timer.at(self._tail[0][0])
 
