@@ -167,4 +167,4 @@ def test_beyond_the_most_outcomes_there_is_one_line_that_counts_the_others() -> 
 def test_of_outcomes_alike_the_earliest_cycle_is_shown_by_its_number() -> None:
     worlds = [world(number, "lost") for number in (10, 9)]
     made = Campaign(WorldPlan(worlds, {}, {}), {one.name: Result(SILENT, "so") for one in worlds})
-    assert [one.planned.world.where for one in made.told()] == ["x.9"]
+    assert [one.planned.world.where for one in made.listed()] == ["x.9"]
