@@ -105,10 +105,10 @@ class Circuit:
         self.glue: Glue = Glue(self.kernel, self._swing)
         """What stands between hosts and chips: the interrupts of cards, decoders, latches."""
         self.through: GlueCycles | None = None
+        """Sees the cycles at chips behind it; None: no chip is."""
         self.missed: dict[str, tuple[int, int, int, int]] = {}
         """Bytes that hosts have looked for outside the strobes that gave them, by chip: how many,
         and of the first what was seen, what the chip gave, and when (ps)."""
-        """Sees the cycles at chips behind it; None: no chip is."""
         self.pins: list[Pin] = []
         """The chips' pins, and those of :attr:`glue`."""
         self._pin_nets: list[Net] = []
