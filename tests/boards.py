@@ -2,6 +2,17 @@
 
 from typing import Final
 
+ALONE: Final = """\
+[board]
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""
+"""One LM629 without a motor, in lockstep, and no host."""
+
 BENCH: Final = """\
 [board]
 name = "bench"

@@ -60,3 +60,16 @@ def firmware(tmp_path: Path) -> Compile:
         return compile_avr(tmp_path / "main.elf", source, *used, mmcu=mmcu)
 
     return make
+
+
+LOOK = "    data = (uint8_t)((PINB & LOW_BITS) | (PIND & HIGH_BITS));\n"
+STROBE = "    cbi(PORTC, RD);\n"
+
+
+def early_bus(output: Path) -> Path:
+    """Write the bus of the bit-bang example, which takes each byte before its read strobe."""
+    text = (EXAMPLES / "lm629_avr_bitbang" / "lm629_bus.c").read_text()
+    assert text.count(LOOK) == 1
+    assert text.count(STROBE) == 1
+    output.write_text(text.replace(LOOK, "").replace(STROBE, LOOK + STROBE))
+    return output

@@ -1,7 +1,6 @@
 """AVR firmware against chips: what real firmware does, and how a run ends."""
 
 import os
-import re
 import socket
 import subprocess
 import threading
@@ -687,31 +686,3 @@ def test_the_example_runs_the_same_bus_cycles_in_simavr_and_through_the_shim(
 def exec_command(arguments: list[str]) -> int:
     code: int = exec_module.command.main(arguments, standalone_mode=False)
     return code
-
-
-LOOK = "    data = (uint8_t)((PINB & LOW_BITS) | (PIND & HIGH_BITS));\n"
-EARLY = ("    cbi(PORTC, RD);\n", LOOK + "    cbi(PORTC, RD);\n")
-
-
-@pytest.mark.parametrize("simulated", [True, False], ids=["simavr", "shim"])
-@pytest.mark.parametrize("early", [True, False], ids=["early", "right"])
-def test_a_byte_that_is_taken_before_its_strobe_is_told_with_what_the_chip_gave(
-    simulated: bool, early: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    folder = EXAMPLES / "lm629_avr_bitbang"
-    text = (folder / "lm629_bus.c").read_text()
-    source = tmp_path / "lm629_bus.c"
-    source.write_text(text.replace(LOOK, "").replace(*EARLY) if early else text)
-    sources = [folder / "main.c", source, EXAMPLES / "lm629_c" / "lm629_driver.c"]
-    if simulated:
-        elf = compile_avr(tmp_path / "move.elf", *sources)
-        run_avr(f"{UNO},cycles=16000000", str(elf), str(BOARD))
-    else:
-        folders = [f"-I{EXAMPLES / 'lm629_c'}", f"-I{folder}"]
-        program = compile_for("avr", tmp_path / "move", "-DF_CPU=16000000UL", *folders, *sources)
-        exec_command(["--board", str(BOARD), "--limit", "1 s", str(program)])
-    told = [line for line in capfd.readouterr().err.splitlines() if "the host took" in line]
-    assert len(told) == early
-    for line in told:
-        assert re.search(r"x: the host took ..h where the chip gave ..h at \d", line)
-        assert "look while the strobe is low" in line

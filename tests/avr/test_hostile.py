@@ -4,8 +4,7 @@ import shutil
 
 import pytest
 
-from tests.avr.conftest import EXAMPLES, Compile, compile_avr
-from tests.avr.test_firmware import EARLY, LOOK
+from tests.avr.conftest import EXAMPLES, Compile, compile_avr, early_bus
 from tests.avr.test_wiring import BEHIND
 
 pytest_plugins = "pytester"
@@ -45,9 +44,7 @@ def test_a_byte_that_is_taken_before_its_strobe_is_in_the_report_of_a_failing_te
     folder = EXAMPLES / "lm629_avr_bitbang"
     board = BEHIND if behind else (folder / "board.toml").read_text()
     (pytester.path / "board.toml").write_text(board)
-    text = (folder / "lm629_bus.c").read_text()
-    source = pytester.path / "lm629_bus.c"
-    source.write_text(text.replace(LOOK, "").replace(*EARLY))
+    source = early_bus(pytester.path / "lm629_bus.c")
     main = pytester.path / "main.c"
     main.write_text(f'#include "firmware.h"\n{HASTY}\n')
     driver = EXAMPLES / "lm629_c" / "lm629_driver.c"

@@ -1,11 +1,12 @@
 """Firmware whose port bits, or whose memory bus, go through glue before they reach chips."""
 
+import re
 from pathlib import Path
 
 import pytest
 
-from tests.avr.conftest import EXAMPLES, compile_avr
-from tests.avr.test_firmware import EARLY, LOOK, UNO, bus_of, exec_command
+from tests.avr.conftest import EXAMPLES, compile_avr, early_bus
+from tests.avr.test_firmware import UNO, bus_of, exec_command
 from tests.firmware import run_avr
 from tests.shims.conftest import compile_for
 
@@ -98,15 +99,16 @@ def test_the_bit_bang_example_makes_the_same_cycles_through_a_decoder(
 
 @pytest.mark.parametrize("simulated", [True, False], ids=["simavr", "shim"])
 @pytest.mark.parametrize("early", [True, False], ids=["early", "right"])
-def test_a_byte_that_is_taken_before_its_strobe_behind_glue_is_told(
-    simulated: bool, early: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("behind", [False, True], ids=["wired", "behind glue"])
+def test_a_byte_that_is_taken_before_its_strobe_is_named_with_what_the_chip_gave(
+    behind: bool, simulated: bool, early: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    board = tmp_path / "board.toml"
-    board.write_text(BEHIND)
-    text = (BIT_BANG / "lm629_bus.c").read_text()
-    source = tmp_path / "lm629_bus.c"
-    source.write_text(text.replace(LOOK, "").replace(*EARLY) if early else text)
-    sources = [BIT_BANG / "main.c", source, DRIVER]
+    board = BIT_BANG / "board.toml"
+    if behind:
+        board = tmp_path / "board.toml"
+        board.write_text(BEHIND)
+    bus = early_bus(tmp_path / "lm629_bus.c") if early else BIT_BANG / "lm629_bus.c"
+    sources = [BIT_BANG / "main.c", bus, DRIVER]
     if simulated:
         elf = compile_avr(tmp_path / "move.elf", *sources)
         run_avr(f"{UNO},cycles=16000000", str(elf), str(board))
@@ -114,5 +116,8 @@ def test_a_byte_that_is_taken_before_its_strobe_behind_glue_is_told(
         folders = [f"-I{EXAMPLES / 'lm629_c'}", f"-I{BIT_BANG}"]
         program = compile_for("avr", tmp_path / "move", "-DF_CPU=16000000UL", *folders, *sources)
         exec_command(["--board", str(board), "--limit", "1 s", str(program)])
-    told = [line for line in capfd.readouterr().err.splitlines() if "the host took" in line]
-    assert len(told) == early
+    found = [line for line in capfd.readouterr().err.splitlines() if "the host took" in line]
+    assert len(found) == early
+    for line in found:
+        assert re.search(r"x: the host took ..h where the chip gave ..h at \d", line)
+        assert "look while the strobe is low" in line

@@ -9,17 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import ALONE
 from tests.e2e.command import vbus
 from tests.exec.conftest import compile_c
 
-BOARD = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
+BOARD = f"""{ALONE}
 [cards.slot]
 base = 0x340
 decode = "direct"

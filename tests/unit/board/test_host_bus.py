@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.boards import ALONE
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -661,7 +662,7 @@ def test_an_edge_that_a_lazy_chip_owes_was_before_events_are_asked_for() -> None
 def test_a_look_outside_the_strobe_that_gave_another_byte_is_noted(
     looks: str, found: dict[str, tuple[int, int, int]]
 ) -> None:
-    board = load_board_text(LOOKED_AT)
+    board = load_board_text(ALONE)
     port = board.open_port("host")
     mask = {name.split(".")[1]: 1 << n for n, name in enumerate(port.info().lines)}
 
@@ -681,14 +682,3 @@ def test_a_look_outside_the_strobe_that_gave_another_byte_is_noted(
             port.release()
         look("after")
     assert {chip: row[:3] for chip, row in board.missed.items()} == found
-
-
-LOOKED_AT = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-"""

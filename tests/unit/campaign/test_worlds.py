@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.boards import ALONE
 from tests.unit.faults.bench import Lm
 from tests.unit.faults.bench import build as build_lm
 from vbus.board.build import build
@@ -251,21 +252,10 @@ def test_edges_of_outputs_are_those_of_the_reference_run() -> None:
 
 
 def test_names_of_bits_differ_by_themselves_between_specimens() -> None:
-    file, source = read_board_text(EITHER_SPECIMEN, "board.toml")
+    file, source = read_board_text(ALONE, "board.toml")
     idle = FunctionSubject(file, source, lambda bus: None)
     reference = idle.run(REFERENCE, None)
     world = read_world("specimen:+0us:x.reset_status=C4")
     run = idle.run(world, reference)
     assert run.values["x names of the signals"] != reference.values["x names of the signals"]
     assert judge(reference, run, world).verdict == NO_EFFECT
-
-
-EITHER_SPECIMEN = """
-[board]
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-"""

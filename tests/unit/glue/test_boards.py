@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.boards import ALONE
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import fork, restore, take
@@ -10,16 +11,7 @@ from vbus.core.kernel import MS, NS, US
 from vbus.core.signals import Observer
 from vbus.glue.part import MOST_TURNS
 
-BOARD = """
-[board]
-time = "lockstep"
-power_on = "done"
-
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-
+BOARD = f"""{ALONE}
 [chips.y]
 part = "LM629N-8"
 clock = "8 MHz"
