@@ -682,3 +682,23 @@ def test_a_look_outside_the_strobe_that_gave_another_byte_is_noted(
             port.release()
         look("after")
     assert {chip: row[:3] for chip, row in board.missed.items()} == found
+
+
+def test_a_byte_that_changes_while_its_strobe_is_low_has_not_been_missed() -> None:
+    board = load_board_text(ALONE)
+    port = board.open_port("host")
+    mask = {name.split(".")[1]: 1 << n for n, name in enumerate(port.info().lines)}
+    port.lines(mask["/PS"] | mask["/CS"], 0)
+    for level in (0, mask["/WR"]):  # RSTI: the chip is busy with it
+        port.lines(mask["/WR"], level)
+        port.drive(0x1D)
+        port.delay(US)
+    port.release()
+    port.lines(mask["/RD"], 0)
+    port.delay(US)
+    busy = port.sample()[0]
+    port.delay(MS)
+    free = port.board.chip("x").bus_net.value
+    port.lines(mask["/RD"], mask["/RD"])
+    assert (busy & 1, free & 1) == (1, 0)
+    assert board.missed == {}
