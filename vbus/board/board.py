@@ -71,12 +71,11 @@ class Board(Circuit):
         "_by_name", "_fights", "_links", "_on_clash", "_trace", "axes", "beyond", "buses",
         "clock_step", "file", "granted", "limit", "listeners", "name", "nets", "observers", "pins",
         "plants", "player", "policy", "port_type", "rate", "seed", "sliced", "stream", "text",
-        "through",
-        "violation_policy", "waits",
+        "through", "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",
-        "writes",
+        "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "missed", "reads",
+        "violations", "writes",
     )  # fmt: skip
 
     def __init__(

@@ -257,7 +257,7 @@ NO_WAYS = {
     "Board": "add_chip add_glue adopt after_load axes beyond broken buses catch_up caught chip"
     " chips clock_step connect counters disturbed end_leases faults file file_violation find_pin"
     " glue glue_of granted hints hosts join kernel levels left_over limit listen listeners load"
-    " meet name nets next_due now observe observers open_port parts pass_until pin_nets pins"
+    " meet missed name nets next_due now observe observers open_port parts pass_until pin_nets pins"
     " plants player policy port_type ports power_on rate reads save seed serve_links set_counters"
     " settled share_bus sliced start_trace state_hash stream stride tail tell_cycle text through"
     " trace_hash unobserve violation_policy violations watch wires writes",
