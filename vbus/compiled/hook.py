@@ -63,7 +63,7 @@ COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py", "ac_table.py",
     "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "host.py", "demo.py", "core/signals/values.py",
-    "core/signals/trace_hash.py", "core/signals/violation.py", "plant/fmu.py",
+    "core/signals/trace_hash.py", "core/signals/violation.py", "plant/fmu.py", "plant/outside.py",
 })  # fmt: skip
 """Tables, what reads them once, of a chip's folder all but its behaviour, and what gains little
 by being compiled; by the ends of paths."""
