@@ -64,7 +64,7 @@ POISON = """
 #include <malloc.h>
 #include <stddef.h>
 
-/* What C++ has freed reads as the last hold on an object; to let go of that is a jump to nowhere. */
+/* What C++ has freed reads as the last hold on an object; letting go of that is a crash. */
 void _ZdlPv(void *freed)
 {
     for (size_t word = 0; freed && word < malloc_usable_size(freed) / 8; word++)
