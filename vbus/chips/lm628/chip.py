@@ -496,7 +496,6 @@ class LM628(FrontEndHost):
 
     def after_load(self) -> None:
         """Work out what is due."""
-        self._front.settle()
         self._refresh()
 
     def overdue(self) -> bool:

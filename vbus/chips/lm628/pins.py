@@ -311,15 +311,23 @@ class BusPins(BusFrontEnd):
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
 
+    def conclude(self) -> None:
+        """Judge the hold times that have passed; of others nothing more is found."""
+        self.settle()
+        self._wrote = self._read = _LONG_AGO
+        self._undo = {}
+
     def forget_edges(self) -> None:
         """Take the control lines as they are; no edge has been, and no time is judged from one."""
         self._levels = self.levels()
         self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO
         self._ended = self._wrote = self._read = self._data_wrote = self._data_read = _LONG_AGO
         self._began = self._byte = self._left = 0
-        self._lost = self._fought = False
+        self._lost = self._fought = self.driving = False
+        self.show_at = NEVER
         self._undo = {}
         self._timer.cancel()
+        self._live.cancel()
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
