@@ -285,8 +285,8 @@ class StrobePlayer:
         loads = [plan(lent[name], row, f"the state: lent: {name}") for name, row in rows.items()]
 
         def go() -> None:
-            for load in loads:
-                load.apply()
+            for loading in loads:
+                loading.apply()
             for bus in lent.values():
                 bus.hosts = self.hosts
             self.lent, self.by_hand = lent, False
