@@ -226,10 +226,12 @@ class StrobePlayer:
         self.forget()
         if lent:
             self._move(lent, back=True)
+            # A read under way shows what the chip has now, and each change at its instant.
             for bus in lent:
-                bus.chip.rearm()
+                bus.chip.advance()
                 if bus.chip.front is not None:
-                    bus.chip.front.refresh()  # cycles may have changed what a read shows
+                    bus.chip.front.refresh()
+                bus.chip.rearm()
 
     def forget(self) -> None:
         """All stands as hosts have left it by hand: so a state is loaded."""

@@ -131,8 +131,7 @@ class BusPins(BusFrontEnd):
         if fell & _WR:
             self._wr_fell = self._kernel.now
         self.edges(before, self._levels)
-        if self.driving:
-            self.show()
+        self.refresh()
         chip.rearm()
 
     def act(self, action: str, before: i64, after: i64) -> None:
@@ -331,6 +330,11 @@ class BusPins(BusFrontEnd):
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
+    def refresh(self) -> None:
+        """Drive what a read that is under way shows by now."""
+        if self.driving:
+            self.show()
+
     def show(self) -> None:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
         if self._kernel.now >= self.show_at:
@@ -340,8 +344,7 @@ class BusPins(BusFrontEnd):
 
     def _changes(self) -> None:
         self._chip.advance()
-        if self.driving:  # or another state has been loaded since
-            self.show()
+        self.refresh()  # no read is under way if another state has been loaded since
 
 
 class EncoderPins:
