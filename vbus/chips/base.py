@@ -372,8 +372,9 @@ class Chip:
             self._heard = True
             self.advance()
             self.rearm()
-        # Lazy again: the next question brings the chip up to date.
-        elif self._heard:
+        # Lazy again: the next question brings the chip up to date. A state that was saved while
+        # somebody listened has set the timer.
+        elif self._heard or self._timer.due != NEVER:
             self._heard = False
             self._timer.cancel()
 
