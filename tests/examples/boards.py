@@ -1,5 +1,6 @@
 """Examples: where they lie, how they are compiled and run, and what they print."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,16 @@ from pathlib import Path
 from tests.left_out import require
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
+
+
+def as_installed() -> dict[str, str]:
+    """Return the environment of what users type.
+
+    ``VBUS_INSTALLED`` names a folder whose vbus runs there in place of the sources: in CI that of
+    the compiled core, which users have, and which moves axes in half of the processor's time.
+    """
+    folder = os.environ.get("VBUS_INSTALLED")
+    return {**os.environ, **({"PYTHONPATH": folder} if folder else {})}
 
 
 def vbus(*arguments: str) -> list[str]:
