@@ -417,6 +417,19 @@ def test_is_and_equal_are_taken_as_the_same(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_the_digest_is_of_the_code_and_of_no_comment_docstring_or_layout(tmp_path: Path) -> None:
+    source = 'X = 1\n"""One."""\n\ndef f(a):\n    """Add."""\n    return a + 1\n'
+    digests = [mutant.digest for mutant in of(tmp_path, source)]
+    for old, new in (
+        ("Add", "Add one"), ("One", "1"), ("1\n", "1  # a number\n"), ("(a)", "(\n    a\n)"),
+        ("    return", "    # one more\n    return"),
+    ):  # fmt: skip
+        assert [it.digest for it in of(tmp_path, source.replace(old, new))] == digests, new
+    changed = [it.digest for it in of(tmp_path, source.replace("a + 1", "1 + a"))]
+    assert changed[: digests.index(digests[-1])] == digests[: digests.index(digests[-1])]
+    assert not {*changed} >= {*digests}
+
+
 def test_a_mutant_keeps_its_name_when_something_else_is_edited(tmp_path: Path) -> None:
     plain = of(tmp_path, CODE)
     edited = CODE.replace("UP = 5", "UP = 9\nMORE = 3").replace("value * 3", "value * 33")

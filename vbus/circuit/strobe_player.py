@@ -58,6 +58,10 @@ class LentBus:
         for pin, history in zip(chip.bus_pins, self._history, strict=True):
             pin.net.history = history
         chip.bus_net.value = self.byte
+        # A read under way shows what the chip has now, and each change from here on at its instant.
+        if chip.front is not None:
+            chip.advance()
+            chip.touched()
 
 
 class StrobePlayer:

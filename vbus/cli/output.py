@@ -85,6 +85,22 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         raise click.BadParameter(str(error)) from None
 
 
+def endpoint_option(*names: str, text: str, multiple: bool = False) -> Decorator:
+    """Return an option that takes an endpoint of Zenoh; port 0 is any free one."""
+
+    def checked(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+        from vbus.network.session import check_endpoint
+
+        try:
+            for endpoint in value if multiple else filter(None, [value]):
+                check_endpoint(endpoint.replace("tls/", "tcp/", 1))  # certificates come later
+        except VbusError as error:
+            raise click.BadParameter(str(error)) from None
+        return value
+
+    return click.option(*names, callback=checked, multiple=multiple, metavar="ENDPOINT", help=text)
+
+
 def time_option(*names: str, text: str, default: str | None = None) -> Decorator:
     """Return an option that takes an instant or a span of chip time, in ps to the verb."""
     return click.option(*names, callback=duration, default=default, metavar="TIME", help=text)

@@ -15,7 +15,7 @@ from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
-from vbus.core.errors import ConfigError, VbusError, read_errors
+from vbus.core.errors import ConfigError, OptionError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.serve.loop import tell_ready
@@ -80,7 +80,8 @@ def serve(
         snapshot: file to go on from; see :mod:`vbus.board.snapshot`.
 
     Raises:
-        ConfigError: the file has mistakes, or no hosts; or ``metrics`` is no address.
+        ConfigError: the file has mistakes, or no hosts.
+        OptionError: one of these makes no sense, or not for this board.
         TransportError: a link cannot be opened.
         SnapshotError: the snapshot is none, or is of another board.
         VbusError: a file cannot be written, or has not all it should have.
@@ -111,16 +112,16 @@ def paced(file: BoardFile, rate: float | None) -> BoardFile:
     """Return a board file with another rate, if there is one.
 
     Raises:
-        ConfigError: the board has no rate, or its nodes cannot keep to this one.
+        OptionError: the board has no rate, or its nodes cannot keep to this one.
     """
     if rate is None:
         return file
     if file.board.time != "realtime":
-        raise ConfigError(
+        raise OptionError(
             f"{file.path}: a rate makes sense in real time only; this board is {file.board.time}"
         )
     if file.nodes and isinf(rate):
-        raise ConfigError(
+        raise OptionError(
             f"{file.path}: --rate max is for boards without nodes: these keep step by the wall"
             ' clock; give a number, or write time = "lockstep", which runs as fast as it can'
         )
@@ -131,13 +132,13 @@ def metrics_of(file: BoardFile) -> tuple[str, int] | None:
     """Return where the numbers of a board are read, if anywhere.
 
     Raises:
-        ConfigError: that is no address; what the file itself says has been checked.
+        OptionError: that is no address; what the file itself says has been checked.
     """
     counted = file.metrics
     try:
         return metrics_address(counted.listen, counted.remote) if counted.listen else None
     except ValueError as error:
-        raise ConfigError(f"--metrics: {error}") from None
+        raise OptionError(f"--metrics: {error}") from None
 
 
 def serve_read(
@@ -164,7 +165,7 @@ def serve_read(
     board = build(file, source)
     if snapshot:
         if file.record.journal:
-            raise VbusError(
+            raise OptionError(
                 "a journal begins at power-on: it cannot be kept of a run that goes on from a"
                 " snapshot"
             )

@@ -7,6 +7,7 @@ import pytest
 from tests.boards import BENCH
 from vbus.board.build import load_board_text
 from vbus.cli.cli import main
+from vbus.core import exit_codes
 from vbus.record.journal import Journal
 
 
@@ -58,6 +59,43 @@ def test_a_wrong_use_is_answered(
         main(words.split())
     assert said in capsys.readouterr().err
     assert ended.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("run bench.toml --metrics foo", '--metrics: found "foo"; write "HOST:PORT"'),
+        ("run bench.toml --metrics 0.0.0.0:0", "lets other computers in; write"),
+        ("run bench.toml --report x.foo", "x.foo: a report's name ends in .txt, .json"),
+        ("run bench.toml --coverage x.foo", "x.foo: a coverage file's name ends in one of"),
+        ("run bench.toml --durable machine", "durable is what a journal survives"),
+        ("run bench.toml --rate 2", "a rate makes sense in real time only"),
+        ("run bench.toml --rate x", '"x" is no rate; write a number from 0.001 up'),
+        ("run bench.toml --cpu 4000", "--cpu 4000: this process may run on processors"),
+        ("run bench.toml --scope foo", '--scope: found "foo"; write "HOST:PORT"'),
+        ("run bench.toml --node x", "--node is for boards with nodes; bench.toml has none"),
+        ("run bench.toml --listen foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("exec --board bench.toml --report x.foo -- true", "x.foo: a report's name ends in"),
+        ("exec --board bench.toml --metrics foo -- true", '--metrics: found "foo"; write'),
+        ("exec --board bench.toml --pinmap q -- true", "there is no [pinmaps.q]"),
+        ("exec --link foo -- true", "--link: 'foo' is no link; allowed are pty:PATH"),
+        ("scope run.vbj --listen foo", '--listen: found "foo"; write "HOST:PORT"'),
+        ("scope run.vbj --key x", "--certificate and --key belong together"),
+        ("report run.vbj --compatibility foo", 'no chip of this run stands in for the part "foo"'),
+        ("wave run.vbj -o x.vcd --before 1ms", "--before counts from a trigger; give one with"),
+        ("router --listen foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("up bench.toml --router foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("run bench.toml --journal x.vbj --from x.vbs", "a journal begins at power-on"),
+    ],
+)
+def test_an_option_that_makes_no_sense_ends_with_the_code_of_a_wrong_command_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: str, said: str
+) -> None:
+    """By itself, beside others, or for this board."""
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+    assert said in capsys.readouterr().err
+    assert ended.value.code == exit_codes.USAGE
 
 
 def test_a_name_that_is_nearly_that_of_a_board_is_guessed(

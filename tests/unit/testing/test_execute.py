@@ -144,7 +144,7 @@ def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
 
         def test_no_program(vbus_exec):
             import pytest
-            with pytest.raises(Exception, match="nothing: cannot be run: No such file"):
+            with pytest.raises(Exception, match="nothing: there is no such program; build it"):
                 vbus_exec("nothing")
 
         def test_no_source(vbus_exec, request):

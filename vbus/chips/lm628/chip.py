@@ -472,7 +472,7 @@ class LM628(FrontEndHost):
         )
 
     def left_over(self) -> list[tuple[Rule, str]]:
-        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
+        """Return that HI stands, what was loaded in vain, and that no real position was read."""
         self.advance()
         axis, host = self.axis, self.host
         # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
@@ -492,6 +492,9 @@ class LM628(FrontEndHost):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
         if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        if axis.reads & (1 << ds.RDDP) and not axis.reads & (1 << ds.RDRP):
+            text = "RDDP was read, which the motor does not change, and RDRP never"
+            found.append((ds.DESIRED_ALONE, text))
         return found
 
     def after_load(self) -> None:

@@ -4,11 +4,10 @@ import io
 import os
 import runpy
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,7 +23,7 @@ from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import REFERENCE, World, begin, of_world
-from vbus.cli.hosted.program import HostedProgram, Ran, run_beside
+from vbus.cli.hosted.program import HostedProgram, run_beside
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
@@ -107,14 +106,12 @@ class ProgramSubject:
         def prepare(board: Board) -> None:
             seen.append(_begun(board, world, reference is None))
 
-        with private_runtime(), _said() as said:
-            ran: Ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare)
+        with private_runtime():
+            ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare, taken=True)
         stuck = ran.hangs[0] if ran.hangs else ""
-        output, errors = said
         return seen[0].account(
-            code=ran.code, stuck=stuck, slow=ran.slow, output=output, errors=errors,
-            turns=takes_turns(program),
-        )  # fmt: skip
+            **ran.ended._asdict(), stuck=stuck, slow=ran.slow, turns=takes_turns(program)
+        )
 
 
 class FunctionSubject:
@@ -177,29 +174,6 @@ def function_of(text: str) -> Callable[[Bus], object]:
         raise VbusError(f"{text}: {path} has no function {name}")
     call: Callable[[Bus], object] = found
     return call
-
-
-@contextmanager
-def _said() -> Iterator[list[str]]:
-    """Catch what this process and those that come from it say; what it was is in the list then."""
-    said: list[str] = []
-    sys.stdout.flush()
-    sys.stderr.flush()
-    before = [os.dup(1), os.dup(2)]
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        os.dup2(output.fileno(), 1)
-        os.dup2(errors.fileno(), 2)
-        try:
-            yield said
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            for number, copy in enumerate(before, 1):
-                os.dup2(copy, number)
-                os.close(copy)
-            for file in (output, errors):
-                file.seek(0)
-                said.append(file.read().decode(errors="replace"))
 
 
 # -- processes ------------------------------------------------------------------------------------

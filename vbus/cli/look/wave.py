@@ -43,6 +43,8 @@ def command(
 
     if as_json and output == "-":
         raise click.UsageError('"-o -" prints the waveform: with --json name a file')
+    if before and not trigger:
+        raise click.UsageError("--before counts from a trigger; give one with --trigger")
     section = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
         duration=length, sample=max(sample, 1),
