@@ -3,9 +3,12 @@
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from tests.left_out import require
+from vbus.cli.run.firmware import simulator
+from vbus.core.errors import VbusError
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
 
@@ -16,8 +19,12 @@ def as_installed() -> dict[str, str]:
     ``VBUS_INSTALLED`` names a folder whose vbus runs there in place of the sources: in CI that of
     the compiled core, which users have, and which moves axes in half of the processor's time.
     """
-    folder = os.environ.get("VBUS_INSTALLED")
-    return {**os.environ, **({"PYTHONPATH": folder} if folder else {})}
+    known = dict(os.environ)
+    if "VBUS_INSTALLED" in known:
+        known["PYTHONPATH"] = known["VBUS_INSTALLED"]
+        with suppress(VbusError):  # what cannot be had is left out, with the reason, by its page
+            known.setdefault("VBUS_AVR", simulator())
+    return known
 
 
 def vbus(*arguments: str) -> list[str]:
