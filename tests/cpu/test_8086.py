@@ -135,8 +135,21 @@ def test_a_request_whose_line_falls_before_it_is_served_is_forgotten(
     board = tmp_path / "board.toml"
     board.write_text(
         AXIS.format(time="slaved", model="ideal")
-        + '[[hosts]]\ntransport = "unix:$VBUS_RUNTIME/x.sock"\ncard = "isa"\npinmap = "isa"\n[cpu]\nclock = "8 MHz"\ncycles = 10\n[cards.isa]\n'
-        'base = 0x340\ndecode = "direct"\nchips = ["x"]\n[pinmaps.isa.pins]\nIRQ5 = "x.HI"\n'
+        + """
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x.sock"
+card = "isa"
+pinmap = "isa"
+[cpu]
+clock = "8 MHz"
+cycles = 10
+[cards.isa]
+base = 0x340
+decode = "direct"
+chips = ["x"]
+[pinmaps.isa.pins]
+IRQ5 = "x.HI"
+"""
     )
     body = (
         """mov dx, isr

@@ -108,7 +108,7 @@ class Pc(Processor):
     def levels(self) -> None:
         """Notice edges at IRQ 0 to 15."""
         levels = self.machine.wired_levels(INTERRUPTS)
-        # The 8259 of a PC notices edges, and forgets a request whose line falls before it is served.
+        # The 8259 of a PC notices edges; a request goes with its line if it is not served before.
         self._request &= ~(self._levels & ~levels)
         self._raise(levels & ~self._levels)
         self._levels = levels

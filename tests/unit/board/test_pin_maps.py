@@ -227,8 +227,8 @@ def test_chips_of_the_same_map_without_glue_are_decoded_by_the_host_as_ever() ->
     ("old", "new", "message"),
     [
         ('"u1.1A"', '["u1.1A", "x./CS"]', '"x./CS" is driven by glue; wire the port bit to the'),
-        ('"u1.1A"', '"u1.1X"', '"u1" has no pin "1X"; it has 1Y0, 1Y1; list a further'
-         ' pin of it in "hosts" of [glue.u1]'),
+        ('"u1.1A"', '"u1.1X"', '"u1" has no pin "1X"; it has 1Y0, 1Y1, 1Y2, 1Y3, 1A, 1/G;'
+         ' list a further pin of it in "hosts" of [glue.u1]'),
         ('"u1.1A"', '"u2.1A"', 'there is no [chips.u2]'),
         ('PC1 = "/PS"\n', "", '"x" cannot be reached: /PS not wired'),
     ],
