@@ -327,7 +327,7 @@ def test_a_timer_counts_at_the_clock_of_its_bus(bench: Bench) -> None:
 
 def test_dma_copies_from_the_card_and_interrupts(bench: Bench) -> None:
     bench.board = (
-        BOARD.split("[pinmaps")[0]
+        BOARD.split("[pinmaps")[0].replace("\n\n", '\npower_on = "done"\n\n', 1)
         + """[cards.fsmc]
 base = 0x60000000
 memory = true
