@@ -325,6 +325,32 @@ def test_a_timer_counts_at_the_clock_of_its_bus(bench: Bench) -> None:
     assert bench.run(body, spec="cortex-m4") == (11, "", "")
 
 
+def test_dma_copies_from_the_card_and_interrupts(bench: Bench) -> None:
+    bench.board = (
+        BOARD.split("[pinmaps")[0].replace("\n\n", '\npower_on = "done"\n\n', 1)
+        + """[cards.fsmc]
+base = 0x60000000
+memory = true
+ports = [{ offset = 0, chip = "x", address = 0 }]
+
+[pinmaps.none]
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/bench.sock"
+card = "fsmc"
+pinmap = "none"
+"""
+    )
+    # Four reads of one address go to four bytes; the channel is on with nothing left.
+    body = """static volatile uint32_t flags; static volatile uint8_t taken[4];
+        void done(void) { flags = R(0x40020000); R(0x40020004) = 1; }
+        int main(void) { R(0x4002000C) = 4; R(0x40020010) = 0x60000000;
+            R(0x40020014) = (uint32_t)taken; R(0xE000E100) = 1 << 11;
+            R(0x40020008) = 0x4000 | 0x80 | 2 | 1;
+            return flags == 7 && R(0x4002000C) == 0 && taken[0] == taken[3] ? taken[3] : 1; }"""
+    assert bench.run(body, "[16 + 11] = (void *)done") == (0x84, "", "")
+
+
 def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
     # PRIGROUP 5: two bits of four interrupt. Interrupt 1 is higher within the group of 0.
     body = """static volatile int order;
