@@ -12,7 +12,6 @@ from random import Random
 from typing import Any
 
 import aiohttp
-import click
 import pytest
 import trustme
 from aiohttp import ClientSession, CookieJar, WSServerHandshakeError
@@ -20,7 +19,7 @@ from aiohttp import ClientSession, CookieJar, WSServerHandshakeError
 from vbus.cli.look.scope_bookmarks import Bookmarks
 from vbus.cli.look.scope_page import PagePlace
 from vbus.cli.look.scope_server import ScopeServer
-from vbus.core.errors import TransportError, VbusError
+from vbus.core.errors import OptionError, TransportError, VbusError
 from vbus.views.scope.frames import ALL, NOW, frame
 from vbus.views.scope.stream import Stream
 
@@ -398,10 +397,10 @@ async def test_an_address_that_is_taken_is_named() -> None:
     ],
 )  # fmt: skip
 def test_addresses_that_are_refused(listen: str, told: str) -> None:
-    with pytest.raises(click.UsageError) as error:
+    with pytest.raises(OptionError) as error:
         PagePlace(listen)
     assert told in error.value.message
-    with pytest.raises(click.UsageError):
+    with pytest.raises(OptionError):
         PagePlace(listen, remote=True)
 
 
@@ -412,7 +411,7 @@ async def test_other_computers_come_in_by_tls(tmp_path: Path) -> None:
     certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
     mine.cert_chain_pems[0].write_to_path(certificate)
     mine.private_key_pem.write_to_path(key)
-    with pytest.raises(click.UsageError, match="belong together"):
+    with pytest.raises(OptionError, match="belong together"):
         PagePlace("127.0.0.1:0", True, certificate)
     with pytest.raises(VbusError, match="no certificate with this key"):
         PagePlace("127.0.0.1:0", True, key, certificate)
