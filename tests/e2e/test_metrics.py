@@ -217,15 +217,15 @@ def test_an_address_of_the_command_line_that_is_none_is_not_blamed_on_the_board_
     done = vbus(command, "--metrics", "foo", *board, *program)
 
     assert done.returncode == exit_codes.USAGE
-    assert 'found "foo"; write HOST:PORT' in done.stderr
+    assert 'found "foo"; write HOST:PORT with a port' in done.stderr
     assert str(board_file) not in done.stderr
 
 
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        ("9100", "write HOST:PORT"),
-        ("127.0.0.1:70000", "write HOST:PORT"),
+        ("9100", "write HOST:PORT with"),
+        ("127.0.0.1:70000", "write HOST:PORT with"),
         ("here.example:9100", "is no address"),
         ("[::]:9100", '"[::1]:9100"'),
     ],

@@ -47,8 +47,8 @@ def refusing(function: str, *more: Any) -> Callable[..., Any]:
 
     def checked(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         try:
-            if value:
-                resolve_name(function)(str(value), *more)
+            for one in value if isinstance(value, tuple) else filter(None, [value]):
+                resolve_name(function)(str(one), *more)
         except (ValueError, VbusError) as error:
             raise click.BadParameter(str(error)) from None
         return value
@@ -133,18 +133,9 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 
 def endpoint_option(*names: str, text: str, multiple: bool = False) -> Decorator:
     """Return an option that takes an endpoint of Zenoh; port 0 is any free one."""
-
-    def checked(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-        from vbus.network.session import check_endpoint
-
-        try:
-            for endpoint in value if multiple else filter(None, [value]):
-                check_endpoint(endpoint.replace("tls/", "tcp/", 1))  # certificates come later
-        except VbusError as error:
-            raise click.BadParameter(str(error)) from None
-        return value
-
-    return click.option(*names, callback=checked, multiple=multiple, metavar="ENDPOINT", help=text)
+    # Whether there are certificates is known later, when the file that names them is read.
+    check = refusing("vbus.network.session:check_endpoint", True)
+    return click.option(*names, callback=check, multiple=multiple, metavar="ENDPOINT", help=text)
 
 
 def time_option(*names: str, text: str, default: str | None = None) -> Decorator:
