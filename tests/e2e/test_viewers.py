@@ -81,7 +81,7 @@ def test_what_makes_no_sense_is_refused(folder: Path) -> None:
     assert done.returncode == 4
     assert 'no board called "nobody" can be watched' in done.stderr
     done = vbus("scope", "nobody", "--foxglove", "0.0.0.0:1")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert '--foxglove: "0.0.0.0:1" lets other computers in; write "127.0.0.1:1"' in done.stderr
     done = vbus("scope", folder / "bench.toml", "--foxglove")
     assert done.returncode == 2
