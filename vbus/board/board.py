@@ -159,7 +159,7 @@ class Board(Circuit):
         Args:
             label: the host's name in traces.
             chips: names, in the order of SELECT's bits.
-            cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
+            cycle_ps: what a whole bus cycle costs; 0: 1 us, or the chip's minimum in real time.
             card: address decoding of a plug-in card, for hosts that know card addresses.
             pin_map: wiring of a microcontroller's port bits, for hosts that know only those.
         """

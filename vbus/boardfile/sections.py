@@ -162,7 +162,7 @@ class HostSection(Section, frozen=True, kw_only=True):
         "chips that the host reaches, in the order of SELECT's bits; else all",
         ref="chips")] = ()  # fmt: skip
     cycle: Annotated[
-        int, row("duration of a whole bus cycle; 0 s: as the time policy has it", "s", low=0)
+        int, row("how long a bus cycle takes; 0 s: 1 us, in real time the chip's least", "s", low=0)
     ] = 0
     card: Annotated[str, row("the card whose addresses the host uses", ref="cards")] = ""
     pinmap: Annotated[

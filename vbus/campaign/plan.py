@@ -141,6 +141,10 @@ def drawn(seed: int, what: object) -> int:
 
 
 def _cycles(made: WorldPlan, reference: Account, board: Board, seed: int) -> Iterator[PlannedWorld]:
+    """Give a world for each way to break each cycle of the reference run, at most 64 of a group.
+
+    ``made`` takes what is not tried: the reason (``refused``), or how many worlds (``left``).
+    """
     if not reference.seen:
         made.refused[CYCLE] = "the reference run has no bus cycle at a chip whose bus is known"
     known = faults()
@@ -158,6 +162,7 @@ def _cycles(made: WorldPlan, reference: Account, board: Board, seed: int) -> Ite
         ways += [] if rows[0].write else [LATE]
         if len(rows) > _EACH:
             for way in ways:
+                # All eight bits are one way: flip.
                 made.left[CYCLE, way.rstrip("01234567")] += len(rows) - _EACH
             # Drawn over the whole run: the first 64 polls of a wait are all alike.
             rows = sorted(rows, key=lambda row: drawn(seed, row.number))[:_EACH]

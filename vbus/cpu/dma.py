@@ -13,6 +13,10 @@ from vbus.cpu.cortex_m import IRQ, CortexM
 from vbus.cpu.machine import CpuMachine
 from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
+_DIR, _CIRC, _PINC, _MINC, _PSIZE, _MSIZE = range(6)
+"""Bits of a control register, as :attr:`Dma.BITS` lists them."""
+_END, _HALF, _ERROR = range(3)
+"""What a channel tells, as :attr:`Dma.ENABLES` lists it."""
 _COUNT, _PORT, _MEMORY = 4, 8, 12
 """Where a channel has its counter and both addresses, behind its control register."""
 _COPIES: Final = 0x4000
@@ -36,7 +40,7 @@ class Dma(RegisterBlock):
         VECTORS: interrupt of each channel.
         FLAGS: where the flags of each begin in the status registers, which follow each other.
         ENABLES: bits of the control register that let the end, the half and an error interrupt.
-        LAG: how much further left a flag stands than the bit that lets it interrupt.
+        LAG: how much further left a flag stands than the bit that lets it interrupt; so 1 is an F4.
         BITS: where the control register has DIR, CIRC, PINC, MINC, PSIZE and MSIZE.
         REQUESTS: the channels that may serve a peripheral, and CHSEL for it.
         asks: functions that let a peripheral ask again, because a channel has been turned on.
@@ -69,6 +73,7 @@ class Dma(RegisterBlock):
         """Transfers of a round, which a circular channel begins again."""
 
     def _bit(self, channel: int, which: int) -> int:
+        """Return two bits of a channel's control register from one of ``BITS`` on."""
         return self.values[self._places[channel]] >> self.BITS[which] & 3
 
     # -- requests -----------------------------------------------------------------------------
@@ -120,30 +125,30 @@ class Dma(RegisterBlock):
         """Make one transfer."""
         at, left = self._places[channel], self._left(channel)
         done = self._whole[channel] - left
-        sizes = [1 << self._bit(channel, which) for which in (4, 5)]
+        sizes = [1 << self._bit(channel, which) for which in (_PSIZE, _MSIZE)]
         port, memory = (
             self.values[at + where] + (done * size if self._bit(channel, which) & 1 else 0)
-            for where, which, size in zip((_PORT, _MEMORY), (2, 3), sizes, strict=True)
+            for where, which, size in zip((_PORT, _MEMORY), (_PINC, _MINC), sizes, strict=True)
         )
         # Counted before the peripheral is touched, which may have its next request by that.
         self.values[at + _COUNT] = left - 1
         ends = [(port, sizes[0]), (memory, sizes[1])]
-        if self._bit(channel, 0) & 1:
+        if self._bit(channel, _DIR) & 1:
             ends.reverse()
         value = self._get(*ends[0])
         moved = value is not None and self._put(*ends[1], value)
         if not moved:
             # RM0008, 13.3.5: an error of the bus turns the channel off.
             self.values[at] &= ~1
-            self._came(channel, 2)
+            self._came(channel, _ERROR)
         elif left == 1:
-            self._came(channel, 0)
-            if self._bit(channel, 1) & 1:
+            self._came(channel, _END)
+            if self._bit(channel, _CIRC) & 1:
                 self.values[at + _COUNT] = self._whole[channel]
             elif self.LAG:
                 self.values[at] &= ~1  # RM0090, 10.3.13; an F1's stays on, with nothing left
         elif left - 1 == self._whole[channel] // 2:
-            self._came(channel, 1)
+            self._came(channel, _HALF)
 
     def _came(self, channel: int, which: int) -> None:
         self._flags |= self.ENABLES[which] << self.LAG + self.FLAGS[channel]

@@ -10,9 +10,9 @@ from vbus.plant.encoder import EncodedPlant, bounded
 
 
 class OutsidePlant(EncodedPlant):
-    """Shows its drive to the tool around the board, and goes where that says.
+    """Gives its drive to the tool around the board, and goes where the tool says.
 
-    In each period it goes, in a straight line, to the count that was given last.
+    In each period it goes, at a constant speed, to the count that was given last.
     """
 
     STATE: ClassVar[Names] = ("given", "command: float", *EncodedPlant.STATE)

@@ -99,11 +99,11 @@ class JournalRows:
         """Entries that have not been taken."""
         self._others: list[Any] = []
         self._fours: list[int] = []
-        """Words by four, as signed numbers of 64 bits."""
+        """Groups of four words of 16 bits, each group as one signed number of 64 bits."""
         self._words: i64 = 0
-        """Those that are no four yet."""
+        """The words of the group that is not full yet."""
         self._waiting: i64 = 0
-        """How many they are."""
+        """How many words that group has."""
         self._end: i64 = 0
         # -1 until there has been a cycle in this block: no word is written before.
         self._session: i64 = -1
@@ -116,7 +116,7 @@ class JournalRows:
         """Numbers of chips that strobes have reached, by their names."""
         self._chips: str = ""
         self._name: i64 = -1
-        """Those of the cycle before, and their number."""
+        """Names of the chips of the strobed cycle before, and the number of these names."""
 
     def strobed(
         self, key: i64, chips: str, write: bool, address: i64, data: i64, when: i64, after: i64
@@ -275,10 +275,10 @@ class JournalRows:
         return made
 
     def take(self) -> tuple[bytes, list[Any]]:
-        """Return the words (most significant byte first), and the entries beside them.
+        """Return the words (most significant byte first) and the entries beside the words.
 
-        Of each of those: key, value, start counted from the end of the entry before, and what it
-        took (ps).
+        An entry is four items of the list: key, value, start counted from the end of the entry
+        before (ps), and duration (ps).
         """
         if self._again != 0:
             self._put_again()

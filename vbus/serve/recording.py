@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 from vbus.board.board import Board
 from vbus.board.check.checks import all_rules
 from vbus.boardfile.sections import RecordSection, WaveSection
-from vbus.core.errors import OptionError, VbusError, write_errors
+from vbus.core.errors import ConfigError, OptionError, VbusError, write_errors
 from vbus.core.signals import Observer
 from vbus.serve.output_file import OutputFile, output
 from vbus.serve.registry import journal_path
@@ -97,8 +97,9 @@ class Recording:
         The board's name must be this process's (:func:`~vbus.serve.registry.own_board`).
 
         Raises:
+            ConfigError: the board file wants a format that is none; options were refused before.
             OptionError: what is wanted makes no sense.
-        VbusError: a file cannot be written.
+            VbusError: a file cannot be written.
         """
         if wanted.durable != "no" and not wanted.journal:
             raise OptionError(ALONE)
@@ -155,7 +156,7 @@ class Recording:
         try:
             style = FORMATS[format_of(path)]
         except ValueError as error:
-            raise OptionError(str(error)) from None
+            raise ConfigError(f"{self._name}: record.report: {error}") from None
         accepted = suppressions_of(suppress_file)
         board = self._board
         report = Report(board.name, _families(board), all_rules(), accepted, self._name)
@@ -168,7 +169,7 @@ class Recording:
         try:
             style = coverage_format(path)
         except ValueError as error:
-            raise OptionError(str(error)) from None
+            raise ConfigError(f"{self._name}: record.coverage: {error}") from None
         board = self._board
         observer = CoverageObserver(_families(board), board.name)
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))

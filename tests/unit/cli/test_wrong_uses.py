@@ -35,6 +35,7 @@ BOARDS = {
     "wave": '[waves.a]\nfile = "x.fst"',
     "unit": '[chips.n]\npart = "LM629N-8"\nplant = "none"\nclock = 8 MHz',
     "when": '[[faults]]\nfault = "jam"\nwhen = "5 ms"',
+    "report": '[record]\nreport = "x.pdf"',
     "serial": '[[hosts]]\ntransport = "serial:/dev/nothing"',
 }
 """What newcomers add to a board file."""
@@ -87,6 +88,7 @@ BOARDS = {
         ("check wave.toml", 3, "waves.a.file: x.fst: a waveform is a VCD file"),
         ("check unit.toml", 3, 'a text stands in quotes: clock = "8 MHz"'),
         ("check when.toml", 3, 'faults[1].when: an instant is written "at 5 ms"'),
+        ("run report.toml", 3, "report.toml: record.report: x.pdf: a report's name ends in .txt,"),
         ("run serial.toml", 4, "plug the device in, or write the name that it has in /dev"),
     ],
 )

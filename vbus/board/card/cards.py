@@ -188,9 +188,9 @@ def active_low(pin: str) -> bool:
 def add_interrupt(board: Circuit, name: str, outputs: list[str], latched: bool, edge: bool) -> None:
     """Put what stands between the outputs of a card that interrupt and its line on a board.
 
-    The outputs are one wire, active as long as one of them is. Without a flip-flop ``/INT`` follows
-    it. With one ``/INT`` is low until ``/ACK`` is low: edge sensing, from when the wire becomes
-    active; level sensing, from when it is active, and at least as long.
+    The outputs are one wire, active as long as one output is. Without a flip-flop ``/INT`` is low
+    while the wire is active. With one, ``/INT`` falls when the wire becomes active and rises when
+    ``/ACK`` is low; with level sensing ``/INT`` stays low while the wire is active.
 
     Args:
         board: the board.

@@ -216,6 +216,13 @@ class BusPins(BusFrontEnd):
     # -- ends of cycles -----------------------------------------------------------------------
 
     def _end_write(self, now: int, port: i64, early: bool) -> None:
+        """End a write: the chip takes the byte, unless a strict limit has lost the cycle.
+
+        Args:
+            now: instant (ps) at which /WR or /CS has risen.
+            port: 0 for the command port, 1 for the data port.
+            early: whether /CS rose first, so that /WR is still low.
+        """
         chip = self._chip
         net = self._data.net
         # LM-BUS-2: data that moves together with the edge comes too late.
@@ -242,6 +249,7 @@ class BusPins(BusFrontEnd):
             if floats:
                 chip.report(ds.FLOATING_WRITE, detail=f"no pin drives D0-D7: {byte:02X}H is taken")
             chip.write(port, byte)
+        # The data has left together with the edge: its hold time is 0 and is judged at once.
         if byte != net.value:
             self.settle()
 

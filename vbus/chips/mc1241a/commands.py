@@ -76,6 +76,7 @@ class Commands:
         else:
             number = value
             fitted = value & (1 << row.bits) - 1
+        # A field narrower than 15 bits has unused bits beside it; a wider one is a number's range.
         if row.bits < 15:
             self._check_unused(row, value, row.bits)
         elif fitted != number:

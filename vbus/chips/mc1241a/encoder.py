@@ -87,10 +87,13 @@ class AxisInputs:
         self._levels: list[int] = [-1, -1]
         # Something at the pins may wait to be believed.
         self._unsettled: bool = True
+        # Counts up to which two plants have been looked at: the one that turns this encoder, and
+        # that of this axis, which has its switches. They are two if encoder_N names another axis.
         self._seen: i64 = 0
         self._mechanics_seen: i64 = 0
         self.count: i64 = 0
         """The hardware counter since the board was made; plain, never wraps."""
+        # The counter at position 0, and as the cycle before has read it.
         self._zero: i64 = 0
         self._read: i64 = 0
         self.reset()

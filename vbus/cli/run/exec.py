@@ -18,10 +18,13 @@ _ORDER: Final = ("unix", "tcp", "pty")
 
 
 def link_of(name: str, firmware: bool = False) -> str:
-    """Return a link of the running board ``name`` that speaks the byte protocol.
+    """Return the link of a running board by which a program joins; it speaks the byte protocol.
 
-    Links whose host has a card come first (``firmware``: a pin map); among those the order is that
-    of :data:`_ORDER`.
+    The first of :data:`_ORDER` whose host has a card, or for firmware a pin map; else the first.
+
+    Args:
+        name: the board, as ``vbus ls`` shows it.
+        firmware: whether the program moves port bits.
 
     Raises:
         TransportError: no board of that name answers, or it has no such link.

@@ -196,9 +196,10 @@ def calls_of(name: str, base: type, tables: ModuleType) -> Any:
     """Return a class with a call for each row of a chip's tables.
 
     Args:
-        name: the class's.
-        base: what it derives from: how the chip is reached.
-        tables: the module that has ``COMMANDS``, with ``NOTES`` on them, or ``REGISTERS``.
+        name: name of the class.
+        base: its base class, which has what moves words or registers.
+        tables: the chip's ``datasheet``: ``COMMANDS``, with the ``NOTES`` to which the rows refer,
+            or ``REGISTERS``.
     """
     # Made at import, in half a millisecond: no committed copy can differ from the tables.
     body: dict[str, Any] = {"__doc__": _ABOUT, "__module__": f"{tables.__package__}.host"}

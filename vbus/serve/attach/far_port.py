@@ -58,6 +58,7 @@ class FarPort(RelayPort):
         message = Message()
         self._hello: Later[PortInfo] = message.hello()
         upstream.send(self._wire.send(message))
+        # No call is carried out before the board has said which chips this session has.
         self._hold()
 
     # -- between the protocol and the link ------------------------------------------------------

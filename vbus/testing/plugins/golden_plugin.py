@@ -83,7 +83,10 @@ def vbus_golden(request: pytest.FixtureRequest, vbus_bench: "Bench") -> Golden:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Fail a test that has passed, and is not as in its golden."""
+    """Fail a test that has passed with another run than its golden has.
+
+    A run in a broken world of a campaign is not compared: it is to differ.
+    """
     result = yield
     asked = item.stash.get(ASKED, None)
     if asked is None and any("golden" in mark.kwargs for mark in item.own_markers):

@@ -106,9 +106,14 @@ def _number(text: str) -> int:
 def _samples(
     archive: zipfile.ZipFile, parts: list[str], unit: int, hertz: int, mask: int, name: str
 ) -> Iterator[Sample]:
-    number = 0
+    """Give the samples that differ from the one before: instant (ps), and the channels as bits.
+
+    Raises:
+        CaptureError: the archive is damaged.
+    """
+    number = 0  # of the first sample of this block
     current = b""
-    rest = b""
+    rest = b""  # the beginning of a sample that a block has cut
     try:
         for part in parts:
             with archive.open(part) as stream:
