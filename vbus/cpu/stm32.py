@@ -205,7 +205,7 @@ class Port4(Port):
     """GPIO of an F4: two bits of MODER for each pin."""
 
     RESETS: ClassVar[dict[str, dict[int, int]]] = {
-        "A": {0x00: 0xA8000000, 0x08: 0x0C000000, 0x0C: 0x64000000},
+        "A": {0x00: 0xA8000000, 0x0C: 0x64000000},
         "B": {0x00: 0x00000280, 0x08: 0x000000C0, 0x0C: 0x00000100},
     }
     REGISTERS = (
