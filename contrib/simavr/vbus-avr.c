@@ -695,6 +695,9 @@ static void twi_out(avr_irq_t *irq, uint32_t value, void *param)
         twi_move(1, 0);
         twi_move(1, 1);
     }
+    /* The processor waits until the lines have moved: what it does next comes behind that. */
+    if (sim.ahead > own)
+        sim.avr->cycle += sim.ahead - own;
     sim.ahead = own;
 }
 
