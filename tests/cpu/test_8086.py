@@ -191,6 +191,28 @@ came:   db 0"""
     assert run(tmp_path, capfd, image, board)[0] == 1
 
 
+def test_the_timer_takes_another_divisor_without_a_command(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    body = (
+        """mov al, 36h
+        out 43h, al
+        mov cx, 2
+again:  mov al, 0
+        out 40h, al
+        mov al, 80h
+        out 40h, al
+        loop again
+        mov al, 0
+        out 43h, al
+        in al, 40h
+        in al, 40h
+        """
+        + END
+    )
+    assert run(tmp_path, capfd, program(tmp_path, body))[0] in (0x7F, 0x80)
+
+
 FAILURES = {
     "port": ("mov dx, 300h\n in al, dx\n" + END, 0xFF,
              "no chip of the card answers at 300h: it is read"),
