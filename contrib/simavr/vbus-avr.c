@@ -84,6 +84,7 @@ static struct {
     avr_irq_t *twi_in;
     unsigned twi_port, scl, sda; /* where its pins are, a bit each */
     unsigned twi_low;            /* those that it pulls low */
+    int twi_addressed;           /* an address was sent, and its status has not come */
 
     int terminal, kept, pace;
     struct timespec began;
@@ -670,7 +671,10 @@ static void twi_out(avr_irq_t *irq, uint32_t value, void *param)
     (void)irq;
     (void)param;
     message.u.v = value;
+    /* simavr 1.6 leaves TWINT set, and firmware that polls it would take the status before. */
+    avr_regbit_clear(sim.avr, sim.twi->twi.raised);
     if (message.u.twi.msg & TWI_COND_START) {
+        sim.twi_addressed = 1;
         twi_move(!(sim.twi_low & sim.scl), 1);
         twi_move(1, 1);
         twi_move(1, 0); /* the start, or one that is repeated */
@@ -691,7 +695,20 @@ static void twi_out(avr_irq_t *irq, uint32_t value, void *param)
         twi_move(1, 0);
         twi_move(1, 1);
     }
+    /* The processor waits until the lines have moved: what it does next comes behind that. */
+    if (sim.ahead > own)
+        sim.avr->cycle += sim.ahead - own;
     sim.ahead = own;
+}
+
+/* simavr 1.6 gives an address that is to be written to the status of a data byte: 28h for 18h. */
+static void twi_status(avr_irq_t *irq, uint32_t value, void *param)
+{
+    (void)irq;
+    (void)param;
+    if (sim.twi_addressed && (value == 0x28 || value == 0x30))
+        avr_regbit_setto_raw(sim.avr, sim.twi->twsr, value - 0x10);
+    sim.twi_addressed = 0;
 }
 
 static void open_twi(const char *part)
@@ -714,6 +731,8 @@ static void open_twi(const char *part)
     sim.twi_in = avr_io_getirq(sim.avr, AVR_IOCTL_TWI_GETIRQ(sim.twi->name), TWI_IRQ_INPUT);
     avr_irq_register_notify(
         avr_io_getirq(sim.avr, AVR_IOCTL_TWI_GETIRQ(sim.twi->name), TWI_IRQ_OUTPUT), twi_out, NULL);
+    avr_irq_register_notify(
+        avr_io_getirq(sim.avr, AVR_IOCTL_TWI_GETIRQ(sim.twi->name), TWI_IRQ_STATUS), twi_status, NULL);
 }
 
 /* --- UART ----------------------------------------------------------------------------------------- */

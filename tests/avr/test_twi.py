@@ -112,6 +112,16 @@ static uint8_t status(void)
             "say_hex(load(0x21, 3));",
             ["00", "84", "81", "FE"],
         ),
+        (
+            "PCA9554",
+            # Each status is that of the byte which TWINT says has been sent, as drivers check it.
+            "say_hex(step(_BV(TWSTA))); say_hex(send(0x42)); say_hex(send(0));"
+            "say_hex(step(_BV(TWSTA))); say_hex(send(0x43)); say_hex(step(0));"
+            "stop(); step(_BV(TWSTA)); say_hex(send(0x44));"
+            "stop(); uint8_t turn[] = {3, 0xFE}; store(0x21, turn, 2); say_hex(load(0x21, 3));"
+            "say_hex(status());",
+            ["08", "18", "28", "10", "40", "58", "20", "FE", "84"],
+        ),
     ],
 )
 def test_an_expander_on_the_twi_resets_the_chip(

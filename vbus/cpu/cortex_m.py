@@ -124,7 +124,7 @@ class CortexM(Processor):
 
     def enter(self) -> None:
         """Begin the most urgent exception that waits, if its priority allows."""
-        # Of equal priorities the lowest number comes first (ARMv7-M, B1.5.4).
+        # Of equal priorities the lowest number comes first (ARMv7-M).
         number = min(self.pending & self.enabled, key=lambda n: (self._priority(n), n))
         if self._priority(number) & self.groups < self._level():
             self._begin(number)
@@ -135,7 +135,7 @@ class CortexM(Processor):
         xpsr = get(arm.UC_ARM_REG_XPSR)
         stack = get(self.SP)
         # Frames begin at multiples of 8; bit 9 of the saved xPSR says that 4 bytes were left out
-        # for that (ARMv7-M, B1.5.7).
+        # for that (ARMv7-M).
         frame = (stack - 32) & ~7
         values = [get(register) for register in _FRAME]
         saved = (xpsr & ~_ALIGNED) | (_ALIGNED if (stack - 32) & 4 else 0) | _THUMB
@@ -163,7 +163,7 @@ class CortexM(Processor):
         """Return from an exception as EXC_RETURN says."""
         get, put = self.machine.get, self.machine.set
         number = self.active.pop() if self.active else 0
-        # ARMv7-M, B3.4.1: a request that still stands when its handler returns waits again.
+        # ARMv7-M: a request that still stands when its handler returns waits again.
         if self.stands(number):
             self.pending.add(number)
         put(arm.UC_ARM_REG_FAULTMASK, 0)
@@ -291,7 +291,7 @@ class SystemControl(RegisterBlock):
         *stored("SHCSR", "CFSR", "HFSR", "DFSR", "MMFAR", "BFAR", "AFSR", first=0xD24),
         IoRegister("CPACR", 0xD88, 0, "floating point on"),
         IoRegister("STIR", 0xF00, 0, "let an interrupt wait", write="put_stir"),
-        IoRegister("FPCCR", 0xF34),
+        IoRegister("FPCCR", 0xF34, 0xC0000000),
     )
 
     def __init__(
@@ -340,7 +340,7 @@ class SystemControl(RegisterBlock):
 
     def put_rvr(self, _: int, value: int) -> None:
         """Count from here, beginning now."""
-        # ARMv7-M, B3.3.4: the reload value has 24 bits.
+        # SYST_RVR: the reload value has 24 bits.
         self.values[0x14] = value & 0xFFFFFF
         self.put_cvr(0, 0)
 
@@ -440,7 +440,7 @@ class SystemControl(RegisterBlock):
 
     def put_vtor(self, _: int, value: int) -> None:
         """Move the vector table; address 0 shows the program memory."""
-        # ARMv7-M, B3.2.5: the table begins at a multiple of 128.
+        # VTOR: the table begins at a multiple of 128.
         self._processor.vectors = (value & ~0x7F) or self.machine.section.rom
 
     def put_aircr(self, _: int, value: int) -> None:

@@ -1,6 +1,6 @@
 """DMA1 of an STM32F1 or F4: what I2C and USARTs ask for goes between their registers and memory.
 
-Registers and requests: ST's reference manuals RM0008 (F1, chapter 13) and RM0090 (F4, chapter 10).
+Registers and requests: ST's reference manuals RM0008 (F1) and RM0090 (F4).
 A request is served at once, and a copy (MEM2MEM of an F1) is made at once. Priorities, FIFOs and
 double buffers are not there, nor are copies by an F4, whose DMA2 alone makes them.
 """
@@ -52,7 +52,7 @@ class Dma(RegisterBlock):
     ENABLES: ClassVar[tuple[int, int, int]] = (2, 4, 8)
     LAG: ClassVar[int] = 0
     BITS: ClassVar[tuple[int, ...]] = (4, 5, 6, 7, 8, 10)
-    REQUESTS: ClassVar[dict[str, tuple[tuple[int, ...], int]]] = {  # RM0008, 13.3.7
+    REQUESTS: ClassVar[dict[str, tuple[tuple[int, ...], int]]] = {  # RM0008, the table of requests
         "I2C1_TX": ((5,), 0), "I2C1_RX": ((6,), 0), "I2C2_TX": ((3,), 0), "I2C2_RX": ((4,), 0),
         "USART1_TX": ((3,), 0), "USART2_TX": ((6,), 0), "USART3_TX": ((1,), 0),
     }  # fmt: skip
@@ -138,7 +138,7 @@ class Dma(RegisterBlock):
         value = self._get(*ends[0])
         moved = value is not None and self._put(*ends[1], value)
         if not moved:
-            # RM0008, 13.3.5: an error of the bus turns the channel off.
+            # TEIF: an error of the bus turns the channel off.
             self.values[at] &= ~1
             self._came(channel, _ERROR)
         elif left == 1:
@@ -146,7 +146,7 @@ class Dma(RegisterBlock):
             if self._bit(channel, _CIRC) & 1:
                 self.values[at + _COUNT] = self._whole[channel]
             elif self.LAG:
-                self.values[at] &= ~1  # RM0090, 10.3.13; an F1's stays on, with nothing left
+                self.values[at] &= ~1  # RM0090; an F1's stays on, with nothing left
         elif left - 1 == self._whole[channel] // 2:
             self._came(channel, _HALF)
 
@@ -224,7 +224,7 @@ class Dma4(Dma):
     ENABLES = (16, 8, 4)
     LAG = 1
     BITS = (6, 8, 9, 10, 11, 13)
-    REQUESTS: ClassVar[dict[str, tuple[tuple[int, ...], int]]] = {  # RM0090, 10.3.3
+    REQUESTS: ClassVar[dict[str, tuple[tuple[int, ...], int]]] = {  # RM0090, the same table
         "I2C1_TX": ((6, 7), 1), "I2C1_RX": ((0, 5), 1), "I2C2_TX": ((7,), 7),
         "I2C2_RX": ((2, 3), 7), "USART2_TX": ((6,), 4), "USART3_TX": ((3,), 4),
         "UART4_TX": ((4,), 4), "UART5_TX": ((7,), 4),

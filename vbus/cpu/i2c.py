@@ -1,6 +1,6 @@
 """I2C1 and I2C2 of an STM32F1 or F4 as a master, a bit each at its instants.
 
-Registers and flags: ST's reference manuals RM0008 (F1, chapter 26) and RM0090 (F4, chapter 27).
+Registers and flags: ST's reference manuals RM0008 (F1) and RM0090 (F4).
 Slave addresses, 10-bit addresses and stretched clocks are not there.
 """
 
@@ -112,7 +112,7 @@ class I2cMaster(RegisterBlock):
         # With POS, ACK is meant for the second byte; the first is acknowledged.
         first = bool(self.of("CR1") & POS) and self._bytes == 0
         more = first or bool(self.of("CR1") & ACK)
-        # RM0008, 26.3.7: with LAST the last byte that DMA has room for is not acknowledged.
+        # CR2: with LAST the last byte that DMA has room for is not acknowledged.
         if self.of("CR2") & (DMAEN | LAST) == DMAEN | LAST:
             more = more and self._dma.left(f"{self.name}_RX") != 1
         self._bytes += 1
@@ -131,7 +131,7 @@ class I2cMaster(RegisterBlock):
         yield from (((0, 1), (1, 1)) if self._state & BUSY else ())
         yield 1, 0
         yield 0, 0
-        # RM0008, 26.6.1: START and STOP end when they have been sent.
+        # CR1: START and STOP end when they have been sent.
         self.values[0x00] &= ~START
         self._flags = (self._flags & RXNE) | SB
         self._state = MASTER | BUSY
@@ -197,7 +197,7 @@ class I2cMaster(RegisterBlock):
             pass
         while control & DMAEN and self._flags & RXNE and self._dma.serve(f"{self.name}_RX"):
             pass
-        # RM0008, 26.4: ITBUFEN adds TXE and RXNE to the events that ITEVTEN lets interrupt.
+        # CR2: ITBUFEN adds TXE and RXNE to the events that ITEVTEN lets interrupt.
         events = SB | ADDR | BTF | (TXE | RXNE if control & ITBUFEN else 0)
         event = bool(control & ITEVTEN and self._flags & events)
         self._processor.request(self._number, self, event)
@@ -242,13 +242,13 @@ class I2cMaster(RegisterBlock):
 
     def put_sr1(self, _: int, value: int) -> None:
         """A 0 clears the acknowledge failure."""
-        # RM0008, 26.6.6: of the flags here only AF is cleared by a write.
+        # SR1: of the flags here only AF is cleared by a write.
         self._flags &= ~AF | value
 
     def sr2(self, _: int) -> int:
         """Whether the bus is in use; reading it clears ADDR, which lets the bytes come."""
         state = self._state
-        # RM0008, 26.6.7: a read of SR2 behind one of SR1 clears ADDR; drivers read both.
+        # SR2: a read of SR2 behind one of SR1 clears ADDR; drivers read both.
         if self._flags & ADDR:
             self._flags &= ~ADDR
             self._flags |= TXE if state & SENDS else 0

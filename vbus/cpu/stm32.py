@@ -72,7 +72,7 @@ class Clocks(RegisterBlock):
 
     def switched(self, _: int) -> int:
         """SWS is SW."""
-        # RM0008, 7.3.2: SW in bits 1:0 asks for a clock, SWS in bits 3:2 says which one is used.
+        # SW in bits 1:0 asks for a clock, SWS in bits 3:2 says which one is used.
         value = self.of("CFGR")
         return (value & ~0xC) | (value & 3) << 2
 
@@ -160,7 +160,7 @@ class Port(RegisterBlock):
 
     def put_bsrr(self, _: int, value: int) -> None:
         """Set by the low half, reset by the high one; setting wins."""
-        # RM0008, 9.2.5: of a bit that is to be set and reset, the set counts.
+        # Of a bit that is to be set and reset, the set counts.
         self.bits.level = (self.bits.level & ~(value >> 16)) | (value & 0xFFFF)
 
     def put_brr(self, _: int, value: int) -> None:
@@ -184,7 +184,7 @@ class Port1(Port):
     """GPIO of an F1: four bits of CRL or CRH for each pin."""
 
     REGISTERS = (
-        # RM0008, 9.2.1: after a reset every pin is a floating input.
+        # After a reset every pin is a floating input.
         IoRegister("CRL", 0x00, 0x44444444, "MODE and CNF of pins 0 to 7"),
         IoRegister("CRH", 0x04, 0x44444444, "MODE and CNF of pins 8 to 15"),
         *(IoRegister(*row[:1], 8 + 4 * n, 0, *row[1:]) for n, row in enumerate(_DATA)),
@@ -205,7 +205,7 @@ class Port4(Port):
     """GPIO of an F4: two bits of MODER for each pin."""
 
     RESETS: ClassVar[dict[str, dict[int, int]]] = {
-        "A": {0x00: 0xA8000000, 0x08: 0x0C000000, 0x0C: 0x64000000},
+        "A": {0x00: 0xA8000000, 0x0C: 0x64000000},
         "B": {0x00: 0x00000280, 0x08: 0x000000C0, 0x0C: 0x00000100},
     }
     REGISTERS = (
@@ -242,7 +242,7 @@ class ExternalInterrupts(ExtiLines):
     VECTORS: ClassVar[dict[int, int]] = {
         **{6 + line: 1 << line for line in range(5)}, 23: 0x03E0, 40: 0xFC00
     }  # fmt: skip
-    """The lines that share an interrupt (RM0008, 10.1.2)."""
+    """The lines that share an interrupt (vector tables of RM0008 and RM0090)."""
 
     REGISTERS = (
         *stored("IMR", "EMR", "RTSR", "FTSR"),
@@ -370,7 +370,7 @@ class Stm32Timer(RegisterBlock):
         counter.zero += past * round_
         self.values[0x10] |= 1
         self._ask()
-        # RM0008, 15.4.1: with OPM the timer clears CEN at its update.
+        # CR1: with OPM the timer clears CEN at its update.
         if self.of("CR1") & 8:
             self.values[0x00] &= ~1
             self._held = counter.on = 0
@@ -390,7 +390,7 @@ class Stm32Timer(RegisterBlock):
             self.values[place] &= self._mask
         if place in (0x00, 0x24, 0x28, 0x2C):
             # Also a PSC, and an ARR without ARPE, count at once; in a part a PSC waits for the
-            # next update (RM0008, 15.4.11).
+            # next update (TIMx_PSC).
             self._restart(self.values[0x24] if place == 0x24 else count)
         self._ask()
         self._plan()
@@ -443,7 +443,7 @@ class Stm32Timer(RegisterBlock):
         """Begin again; UIF comes, unless URS is set."""
         if value & 1:
             self._restart(0)
-            # RM0008, 15.4.1: with URS only a count that runs over sets UIF.
+            # CR1: with URS only a count that runs over sets UIF.
             self.values[0x10] |= not self.of("CR1") & 4
 
 
@@ -467,7 +467,7 @@ class Device(RegisterBlock):
     """What the factory wrote: the size of the flash, and a unique number."""
 
     REGISTERS = (
-        # RM0008, 30.1 and 30.2: at 1FFFF7E0h; RM0090, 39.1 and 39.2: from 1FFF7A10h on.
+        # Electronic signature: at 1FFFF7E0h of an F1, from 1FFF7A10h on of an F4.
         IoRegister("SIZE", 0x3E0, 0xFFFF0200, "of an F1"),
         IoRegister("UID", 0x3E8, 1, "of an F1", count=3),
         IoRegister("UID", 0x210, 1, "of an F4", count=3),

@@ -141,7 +141,7 @@ public:
         seen = flags_ | (held_ ? (uint32_t)RXNE : 0) | (held_ > 1 ? (uint32_t)BTF : 0);
         if (wanted & ADDR)
             flags_ &= ~ADDR;
-        /* RM0008, 26.3.3: RXNE comes with the byte's acknowledge, before a stop has ended the bus. */
+        /* RXNE comes with the byte's acknowledge, before a stop has ended the bus. */
         return !before && held_ ? seen | state : seen;
     }
     uint8_t taken()
