@@ -18,7 +18,7 @@ from vbus.plugins import family_of
 from vbus.views.runs.motion import STEP, moves_of
 
 _SETTLE: Final = 10 * MS
-_ON: Final = 1037 * US
+_ON: Final = 1171 * US
 """After so much time a value is looked at again: one that goes on changing is not compared."""
 _LOOKS: Final = 50
 """For how long a motor may come to rest when the host has ended: so many looks."""
@@ -212,7 +212,7 @@ class Witness(Observer):
             board.run_for(_SETTLE)
         values = _values(board)
         there = {name: int(axis.count) for name, axis in board.axes.items()}
-        # No multiple of a sample of 256 or 341.3 us: a value that repeats with the sample is found.
+        # No multiple of a sample of 256, 341.3 or 520 us: a value that repeats with it is found.
         board.run_for(_ON)
         later = _values(board)
         self._timer.cancel()
