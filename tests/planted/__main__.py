@@ -13,7 +13,7 @@ from pathlib import Path
 from msgspec.structs import asdict
 
 from tests.planted.campaigns import FILE, campaign, not_found
-from tests.planted.suite import MISTAKES, run, tests_of
+from tests.planted.suite import MISTAKES, run, driver_tests
 
 
 def main(arguments: list[str]) -> None:
@@ -24,7 +24,7 @@ def main(arguments: list[str]) -> None:
         if arguments != ["--campaign"]:
             for driver, rows in MISTAKES.items():
                 for number, row in enumerate(rows, 1):
-                    outcome = run(tests_of(driver, number), folder)
+                    outcome = run(driver_tests(driver, number), folder)
                     found = outcome.red or sorted(outcome.rules) or ["silent"]
                     print(f"{driver}: {row['what']}: {'; '.join(found)}")
             return

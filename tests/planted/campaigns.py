@@ -7,7 +7,7 @@ from typing import Final
 
 import msgspec
 
-from tests.planted.suite import HERE, MISTAKES, SILENT, DriverTest, tests_of
+from tests.planted.suite import HERE, MISTAKES, SILENT, DriverTest, driver_tests
 from vbus.board.build import build
 from vbus.campaign import verdict
 from vbus.campaign.account import Account
@@ -120,7 +120,7 @@ def compared(right: Tried, wrong: Tried) -> World | None:
 @cache
 def tried(driver: str, number: int, folder: Path) -> list[Tried]:
     """Return the tests of a driver with a mistake, or of the right one, to be run in worlds."""
-    return [Tried(test, folder) for test in tests_of(driver, number)]
+    return [Tried(test, folder) for test in driver_tests(driver, number)]
 
 
 def campaign(driver: str, number: int, folder: Path) -> Shown:

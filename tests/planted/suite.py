@@ -51,20 +51,20 @@ class DriverTest(NamedTuple):
     board: str = ""
 
     def run(
-        self, folder: Path, world: World = REFERENCE, limits: tuple[int, ...] = ()
+        self, folder: Path, world: World | None = None, limits: tuple[int, ...] = ()
     ) -> tuple[Bench, str]:
         """Run it as the plug-in does; return its boards, and why it fails.
 
         Args:
             folder: where programs are compiled to.
-            world: what is otherwise.
+            world: the world of a campaign, which has a witness; None outside a campaign.
             limits: chip time (ps) and bus cycles that it may take.
         """
         code = self.function.__code__
         keywords = {"board": self.board} if self.board else {}
         bench = Bench(
             self.name, keywords, [DRIVERS], lambda: folder, scope=False,
-            variant=Variant(world=world), witnessed=True,
+            variant=Variant(world=world or REFERENCE), witnessed=world is not None,
         )  # fmt: skip
         if limits:
             bench.limit(*limits)
@@ -78,7 +78,7 @@ class DriverTest(NamedTuple):
         return bench, why or next(iter(bench.complaints()), "")
 
 
-def tests_of(driver: str, number: int) -> list[DriverTest]:
+def driver_tests(driver: str, number: int) -> list[DriverTest]:
     """Return the tests of a driver with one of its mistakes, numbered from 1; 0: the right one."""
     program, _, chip = driver.partition(" ")
     if chip:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.left_out import require
 from tests.planted.campaigns import not_found, read, tried
-from tests.planted.suite import MISTAKES, RED, SILENT, UNUSUAL, Outcome, run, tests_of, unusual
+from tests.planted.suite import MISTAKES, RED, SILENT, UNUSUAL, Outcome, run, driver_tests, unusual
 from vbus.campaign.world import read_world
 
 STEP: Final = 1 if os.environ.get("VBUS_PLANTED") == "all" else 3
@@ -33,7 +33,7 @@ def outcome_of(driver: str, number: int, folder: Path) -> Outcome:
     """Run the tests of a driver with a mistake; with number 0 of the right one."""
     if driver.startswith("drivers.c"):
         require("gcc")
-    return run(tests_of(driver, number), folder)
+    return run(driver_tests(driver, number), folder)
 
 
 @pytest.mark.parametrize("driver", MISTAKES)
