@@ -90,7 +90,7 @@ class Mutant:
         operator: name in cosmic-ray.
         occurrence: number of the place among all where this operator applies in the file.
         rank: the lower, the sooner it is in a sample.
-        digest: of the source of its scope.
+        digest: of the code of its scope, without comments and docstrings.
     """
 
     id: str
@@ -121,6 +121,25 @@ def digest(*parts: object) -> str:
     return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
 
 
+def shape(part: Any) -> Any:
+    """Return what a piece of code is, without its layout, comments and docstrings.
+
+    ``ast.dump`` names empty fields in some versions of Python; here none is named.
+    """
+    if isinstance(part, ast.AST):
+        fields = ((name, shape(value)) for name, value in ast.iter_fields(part))
+        return (type(part).__name__, *(it for it in fields if it[1] not in (None, [])))
+    return [shape(it) for it in part if not _is_text(it)] if isinstance(part, list) else part
+
+
+def _is_text(part: object) -> bool:
+    """Whether a statement is a docstring, of whatever is before it."""
+    match part:
+        case ast.Expr(ast.Constant(str())):
+            return True
+    return False
+
+
 class Layout:
     """Lines of a file: which scope and statement each belongs to, and its key.
 
@@ -130,9 +149,11 @@ class Layout:
 
     def __init__(self, source: str) -> None:
         self.lines = ["", *source.splitlines()]
-        self.scopes: list[Scope] = [Scope("", 1, len(self.lines) - 1, False, digest(source))]
+        tree = ast.parse(source)
+        whole = digest(shape(tree))
+        self.scopes: list[Scope] = [Scope("", 1, len(self.lines) - 1, False, whole)]
         self.statements: list[tuple[int, int]] = []
-        self._read(ast.parse(source).body, "", False)
+        self._read(tree.body, "", False)
         seen: Counter[tuple[str, str]] = Counter()
         self.keys: list[str] = []
         for number, text in enumerate(self.lines):
@@ -162,10 +183,10 @@ class Layout:
             function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
             if name and not runs:
                 name = f"{outer}.{name}" if outer else name
-                text = digest("\n".join(self.lines[first : last + 1]))
-                self.scopes.append(Scope(name, first, last, False, text))
+                code = digest(shape(node))
+                self.scopes.append(Scope(name, first, last, False, code))
                 if function:  # its decorators and defaults are evaluated before any call
-                    self.scopes.append(Scope(name, begin, last, True, text))
+                    self.scopes.append(Scope(name, begin, last, True, code))
             where = name if name and not runs and hasattr(node, "decorator_list") else outer
             self._read((part for part in inner if isinstance(part, ast.stmt)), where,
                        runs or function)  # fmt: skip

@@ -32,7 +32,7 @@ class Result:
 
     Attributes:
         id: the mutant.
-        digest: of the source of its scope when it was tried, or how it begins.
+        digest: of the code of its scope when it was tried, or how it begins.
         verdict: "killed", "survived" or "timeout"; "unreached" if there is no test for it.
         by: the test that failed.
         tests: how many tests were chosen.

@@ -1,5 +1,6 @@
 """The runner itself, on a package of a few lines: it tells killed from survived."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.mutation import finder
 from tests.mutation.choose import choose
 from tests.mutation.cover import Map, Measured
 from tests.mutation.mutants import (
@@ -334,6 +336,20 @@ def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(
     assert killer not in {it.by for it in read_results(own).values()}
 
 
+def test_a_process_that_a_test_starts_has_the_mutant_too(tmp_path: Path) -> None:
+    place = tmp_path / "toy" / "code.py"
+    place.parent.mkdir()
+    place.write_text("UP = 5\n")
+    (tmp_path / "mutant").write_text("UP = 6\n")
+    root = RUN.parents[2]
+    paths = {"PYTHONPATH": os.pathsep.join((str(tmp_path), str(root), finder.SITE))}
+    names = os.pathsep.join((str(place), "toy/code.py", str(tmp_path / "mutant")))
+    ask = [sys.executable, "-c", "from toy import code; print(code.UP, code.__file__)"]
+    for env, up in (({}, 5), ({finder.MUTATED: names}, 6)):
+        done = subprocess.run(ask, env=paths | env, capture_output=True, text=True, check=True)
+        assert done.stdout == f"{up} {place}\n"
+
+
 # -- which mutants there are ----------------------------------------------------------------------
 
 
@@ -415,6 +431,19 @@ def test_is_and_equal_are_taken_as_the_same(tmp_path: Path) -> None:
     assert {mutant.operator.rpartition("_")[2] for mutant in found} == {
         "NotEq", "Lt", "LtE", "Gt", "GtE", "IsNot",
     }  # fmt: skip
+
+
+def test_the_digest_is_of_the_code_and_of_no_comment_docstring_or_layout(tmp_path: Path) -> None:
+    source = 'X = 1\n"""One."""\n\ndef f(a):\n    """Add."""\n    return a + 1\n'
+    digests = [mutant.digest for mutant in of(tmp_path, source)]
+    for old, new in (
+        ("Add", "Add one"), ("One", "1"), ("1\n", "1  # a number\n"), ("(a)", "(\n    a\n)"),
+        ("    return", "    # one more\n    return"),
+    ):  # fmt: skip
+        assert [it.digest for it in of(tmp_path, source.replace(old, new))] == digests, new
+    changed = [it.digest for it in of(tmp_path, source.replace("a + 1", "1 + a"))]
+    assert changed[: digests.index(digests[-1])] == digests[: digests.index(digests[-1])]
+    assert not {*changed} >= {*digests}
 
 
 def test_a_mutant_keeps_its_name_when_something_else_is_edited(tmp_path: Path) -> None:

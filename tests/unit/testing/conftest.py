@@ -20,7 +20,10 @@ model = "dc_motor"
 def suite(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
     monkeypatch.setenv("PYTEST_ADDOPTS", "-p no:hypothesispytest")  # it takes long to import
     pytester.makeini(
-        "[pytest]\nfilterwarnings = error\nasyncio_mode = strict\n"
+        "[pytest]\nfilterwarnings =\n    error\n"
+        # Under coverage and in mutants, which run without rewritten assertions.
+        "    ignore:Module already imported:pytest.PytestAssertRewriteWarning\n"
+        "asyncio_mode = strict\n"
         "asyncio_default_fixture_loop_scope = function\n"
     )
     pytester.makefile(".toml", board=BOARD)
