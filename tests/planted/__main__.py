@@ -13,7 +13,7 @@ from pathlib import Path
 from msgspec.structs import asdict
 
 from tests.planted.campaigns import FILE, campaign, not_found
-from tests.planted.suite import MISTAKES, run, driver_tests
+from tests.planted.suite import MISTAKES, driver_tests, run
 
 
 def main(arguments: list[str]) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.left_out import require
 from tests.planted.campaigns import not_found, read, tried
-from tests.planted.suite import MISTAKES, RED, SILENT, UNUSUAL, Outcome, run, driver_tests, unusual
+from tests.planted.suite import MISTAKES, RED, SILENT, UNUSUAL, Outcome, driver_tests, run, unusual
 from vbus.campaign.world import read_world
 
 STEP: Final = 1 if os.environ.get("VBUS_PLANTED") == "all" else 3
