@@ -1,17 +1,33 @@
 """Runs one planted mistake: the right driver, a line of it changed, and the driver's own tests."""
 
+import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
+from vbus.campaign.world import REFERENCE, World
 from vbus.serve.host_limits import HostStuck
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
 from vbus.testing.execute import Execute
+from vbus.testing.variant import Variant
 
-HERE = Path(__file__).parent
-DRIVERS = HERE / "drivers"
+HERE: Final = Path(__file__).parent
+DRIVERS: Final = HERE / "drivers"
+MISTAKES: Final[dict[str, list[dict[str, str]]]] = tomllib.loads(
+    (HERE / "mistakes.toml").read_text()
+)
+UNUSUAL: Final = re.findall(r"^def (test_\w+)", (DRIVERS / "unusual.py").read_text(), re.M)
+RED: Final = "red"
+SILENT: Final = "silent"
+BOARDS: Final = {
+    "lm629": ("LM629N-8", -3000),
+    "mcp1200": ("MCP-1200", -4000),
+    "mc1241a": ("MC1241A", -312),
+}
+"""Of each chip of drivers.c: its part, and where its motor rests in the end."""
 
 
 @dataclass
@@ -21,86 +37,93 @@ class Outcome:
     Attributes:
         red: why they fail, test by test.
         rules: what was broken or noted, in tests that pass, too.
-        lines: what a report would say of it.
     """
 
     red: list[str] = field(default_factory=list)
     rules: set[str] = field(default_factory=set)
-    lines: list[str] = field(default_factory=list)
 
 
-def run_python(driver: str, change: tuple[str, str] | None, folder: Path) -> Outcome:
-    """Run the tests in a driver's file, once each, with a line of the driver changed."""
-    path = DRIVERS / f"{driver}.py"
-    text = path.read_text()
-    if change is not None:
-        before, after = change
-        assert text.count(before) == 1, (
-            f"{driver}: {before!r} stands there {text.count(before)} times"
-        )
-        text = text.replace(before, after)
+class DriverTest(NamedTuple):
+    """One of a driver's own tests: its name, what it calls, and the text of its board."""
+
+    name: str
+    function: Callable[..., None]
+    board: str = ""
+
+    def run(
+        self, folder: Path, world: World | None = None, limits: tuple[int, ...] = ()
+    ) -> tuple[Bench, str]:
+        """Run it as the plug-in does; return its boards, and why it fails.
+
+        Args:
+            folder: where programs are compiled to.
+            world: the world of a campaign, which has a witness; None outside a campaign.
+            limits: chip time (ps) and bus cycles that it may take.
+        """
+        code = self.function.__code__
+        keywords = {"board": self.board} if self.board else {}
+        bench = Bench(
+            self.name, keywords, [DRIVERS], lambda: folder, scope=False,
+            variant=Variant(world=world or REFERENCE), witnessed=world is not None,
+        )  # fmt: skip
+        if limits:
+            bench.limit(*limits)
+        why = ""
+        try:
+            self.function(*(_fixture(bench, chip) for chip in code.co_varnames[: code.co_argcount]))
+        except (Exception, HostStuck) as error:
+            why = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+        finally:
+            bench.relent()
+        return bench, why or next(iter(bench.complaints()), "")
+
+
+def driver_tests(driver: str, number: int) -> list[DriverTest]:
+    """Return the tests of a driver with one of its mistakes, numbered from 1; 0: the right one."""
+    program, _, chip = driver.partition(" ")
+    if chip:
+        part, rest = BOARDS[chip]
+
+        def test_the_program_moves_its_axis(board: Any) -> None:
+            done = board.execute(DRIVERS / program, chip, str(number), flags="-O0")
+            assert done.code == 0, done.errors
+            plant = next(iter(board.board.axes.values()))
+            assert abs(plant.count - rest) <= 6
+
+        return [DriverTest("test_c", test_the_program_moves_its_axis, part)]
+    text = (DRIVERS / f"{driver}.py").read_text()
+    if number:
+        row = MISTAKES[driver][number - 1]
+        count = text.count(row["before"])
+        assert count == 1, f"{driver}: {row['before']!r} stands there {count} times"
+        text = text.replace(row["before"], row["after"])
     names = _module(text, driver)
+    return [
+        DriverTest(name, function, names.get("BOARD", ""))
+        for name, function in names.items()
+        if name.startswith("test_")
+    ]
+
+
+def run(tests: list[DriverTest], folder: Path) -> Outcome:
+    """Run tests with nothing broken around them."""
     outcome = Outcome()
-    for name, function in list(names.items()):
-        if name.startswith("test_"):
-            run_test(function, names.get("BOARD", ""), name, folder, outcome)
+    for test in tests:
+        bench, why = test.run(folder)
+        if why:
+            outcome.red.append(f"{test.name}: {why}")
+        for tested in bench.boards:
+            judged = bench.judged(tested)
+            found = [*judged.failing, *judged.notes, *tested.board.left_over()]
+            outcome.rules |= {one.rule for one in found}
+        bench.close()
     return outcome
-
-
-def run_c(chip: str, number: int, folder: Path) -> Outcome:
-    """Run the C driver of a chip with a mistake, as ``vbus_exec`` does, and look at its motor."""
-    part, rest = BOARDS[chip]
-
-    def test_the_program_moves_its_axis(board: Any) -> None:
-        done = board.execute(DRIVERS / "drivers.c", chip, str(number), flags="-O0")
-        assert done.code == 0, done.errors
-        plant = next(iter(board.board.axes.values()))
-        assert abs(plant.count - rest) <= 6
-
-    outcome = Outcome()
-    run_test(test_the_program_moves_its_axis, part, "test_c", folder, outcome)
-    return outcome
-
-
-BOARDS = {
-    "lm629": ("LM629N-8", -3000),
-    "mcp1200": ("MCP-1200", -4000),
-    "mc1241a": ("MC1241A", -312),
-}
 
 
 def unusual(name: str, folder: Path) -> tuple[Outcome, set[str]]:
     """Run one of the unusual things that right drivers do; return its outcome and what is noted."""
     module = _module((DRIVERS / "unusual.py").read_text(), "unusual")
-    outcome = Outcome()
-    run_test(module[name], "", name, folder, outcome)
-    return outcome, module["NOTED"].get(name, set())
-
-
-def run_test(
-    function: Callable[..., None], board: str, name: str, folder: Path, outcome: Outcome
-) -> None:
-    """Run one test as the plug-in does: its fixtures, the test, its verdict."""
-    chips = function.__code__.co_varnames[: function.__code__.co_argcount]
-    bench = Bench(name, {"board": board} if board else {}, [DRIVERS], lambda: folder, scope=False)
-    why = ""
-    try:
-        given = [_fixture(bench, chip) for chip in chips]
-        function(*given)
-    except (Exception, HostStuck) as error:
-        why = f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
-    finally:
-        bench.relent()
-    complaints = [] if why else bench.complaints()
-    if why or complaints:
-        outcome.red.append(f"{name}: {why or complaints[0]}")
-        if not why:
-            outcome.lines += complaints
-    for tested in bench.boards:
-        judged = bench.judged(tested)
-        found = [*judged.failing, *judged.notes, *tested.board.left_over()]
-        outcome.rules |= {one.rule for one in found}
-    bench.close()
+    return run([DriverTest(name, module[name])], folder), module["NOTED"].get(name, set())
 
 
 def _module(text: str, name: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from vbus.plugins import family_of
 from vbus.views.runs.motion import STEP, moves_of
 
 _SETTLE: Final = 10 * MS
-_ON: Final = 1037 * US
+_ON: Final = 1171 * US
 """After so much time a value is looked at again: one that goes on changing is not compared."""
 _LOOKS: Final = 50
 """For how long a motor may come to rest when the host has ended: so many looks."""
@@ -168,9 +168,14 @@ class Witness(Observer):
         self._groups = _Groups(board) if reference else None
         self._edges: list[tuple[str, int, int]] = []
         board.observe(self)
-        for chip in board.chips if reference else ():
-            for output in family_of(chip.part).outputs:
-                board.watch(f"{chip.name}.{output}", _Edges(f"{chip.name}.{output}", self._edges))
+        outputs = [
+            f"{chip.name}.{output}"
+            for chip in (board.chips if reference else ())
+            for output in family_of(chip.part).outputs
+        ]
+        self._watched = [(board.find_pin(one).net, _Edges(one, self._edges)) for one in outputs]
+        for net, observer in self._watched:
+            net.observe(observer)
 
     def _look(self) -> None:
         board = self._board
@@ -201,6 +206,9 @@ class Witness(Observer):
         """
         # What follows is no doing of the host: its cycles and its end are noted before.
         board, cycles, now = self._board, self._cycles, self._board.now
+        # A line that this witness alone listens to is not wired to a host.
+        for net, observer in self._watched:
+            net.unobserve(observer)
         for found in board.left_over():
             self.violation(found)
         counts: list[int] = []
@@ -212,7 +220,7 @@ class Witness(Observer):
             board.run_for(_SETTLE)
         values = _values(board)
         there = {name: int(axis.count) for name, axis in board.axes.items()}
-        # No multiple of a sample of 256 or 341.3 us: a value that repeats with the sample is found.
+        # No multiple of a sample of 256, 341.3 or 520 us: a value that repeats with it is found.
         board.run_for(_ON)
         later = _values(board)
         self._timer.cancel()

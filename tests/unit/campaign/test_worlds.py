@@ -23,6 +23,7 @@ from vbus.campaign.world import (
 )
 from vbus.cli.hosted.campaign_runs import FunctionSubject
 from vbus.core.errors import ConfigError
+from vbus.core.kernel import MS
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import of_part
 
@@ -249,6 +250,15 @@ def test_edges_of_outputs_are_those_of_the_reference_run() -> None:
     edges = witness.account().edges
     assert [(name, level) for name, _, level in edges][:1] == [("x.HI", 0)]
     assert all(when >= begun for _, when, _ in edges)
+
+
+@pytest.mark.parametrize("reference", [False, True])
+def test_what_hosts_leave_is_the_same_with_edges_noted_and_without(reference: bool) -> None:
+    board = build(*read_board_text(LM629, "board.toml"))
+    witness = Witness(board, reference=reference)
+    # The trajectory-complete flag of the reset is enabled; HI leads to no host.
+    board.run_for(5 * MS)
+    assert witness.account().findings == []
 
 
 def test_names_of_bits_differ_by_themselves_between_specimens() -> None:

@@ -469,7 +469,7 @@ VALUES: Final = ValueTable(
           moves=True, key="command"),
     Value("names of the signals", "axis.signal_names()", key="signal_names", text=True),
     Value("motor output", "output.command", key="output", lane="output", step=2.0**-11),
-    Value("code of the output", "output.code()", key="code"),
+    Value("code of the output", "output.code()", moves=True, key="code"),
     Value("host interrupt", "pins['HI'].level", key="interrupt"),
     commands=COMMANDS, home="axis.",
     order=("desired", "target", "velocity", "real", "real_velocity", "error", "integral", "command",
