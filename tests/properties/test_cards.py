@@ -273,3 +273,7 @@ def test_cycles_that_are_remembered_are_those_of_the_strobes(batch: int) -> None
         cycles, known = remembered(seed)
         made, cached, seed = made + cycles, cached + known, seed + 1
     assert cached
+
+
+def test_a_wire_has_no_history_before_the_first_cycle_whether_any_is_remembered() -> None:
+    remembered(9000000000541)  # found among 10^5 cycles: the board remembers none, its fork some

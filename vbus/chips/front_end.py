@@ -60,8 +60,12 @@ class BusFrontEnd:
     def conclude(self) -> None:
         """Whole cycles have the bus from now on: end what still waits after the last edge."""
 
-    def refresh(self) -> None:
-        """Drive what a read that is under way shows by now."""
+    def live(self) -> bool:
+        """Whether a read is under way in which each change of the chip shows."""
+        return False
+
+    def resume(self) -> None:
+        """Go on with such a read: whole cycles have been since."""
 
     def levels(self) -> i64:
         """Return the levels of the control lines, a bit each, that of the first highest."""

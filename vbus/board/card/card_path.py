@@ -110,7 +110,9 @@ class CardPath(CyclePath):
         recovery: int = self._recovery
         bus.cycle_ps = lead + recovery
         board.kernel.settle()
-        self._take_levels()  # as the wires rest; no edge has shown that
+        # As the wires rest: no edge has shown that, nor is one in their history, remembered or not.
+        self._stand().come_true(-1)
+        self._take_levels()
 
     # -- cycles ---------------------------------------------------------------------------------
 

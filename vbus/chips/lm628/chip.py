@@ -437,7 +437,8 @@ class LM628(FrontEndHost):
             self._unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
-        self._front.refresh()
+        if self._front.driving:
+            self._front.show()
         due = min(min(self._next_inside(), self._sample_at), self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 

@@ -131,7 +131,8 @@ class BusPins(BusFrontEnd):
         if fell & _WR:
             self._wr_fell = self._kernel.now
         self.edges(before, self._levels)
-        self.refresh()
+        if self.driving:
+            self.show()
         chip.rearm()
 
     def act(self, action: str, before: i64, after: i64) -> None:
@@ -338,21 +339,31 @@ class BusPins(BusFrontEnd):
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
-    def refresh(self) -> None:
-        """Drive what a read that is under way shows by now."""
-        if self.driving:
-            self.show()
+    def live(self) -> bool:
+        """Whether a read of the status is under way (LM-BUS-3)."""
+        return self.driving and self._host.reading_status()
+
+    def resume(self) -> None:
+        """Show the status again in the read under way."""
+        self._host.begin_read(ds.COMMAND_PORT, False, self._kernel.now)
+        # The wires have what whole cycles have left there, until a pin moves.
+        self._data.level = self._shown()
+        self._live.at(self._chip.due(OUTPUT))
 
     def show(self) -> None:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
+        self._data.drive(self._shown())
+        self._live.at(self._chip.due(OUTPUT))
+
+    def _shown(self) -> int:
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
-        self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.read_byte())
-        self._live.at(self._chip.due(OUTPUT))
+        return _FLOATING if self.show_at != NEVER else self._chip.read_byte()
 
     def _changes(self) -> None:
         self._chip.advance()
-        self.refresh()  # no read is under way if another state has been loaded since
+        if self.driving:  # or another state has been loaded since
+            self.show()
 
 
 class EncoderPins:

@@ -335,6 +335,14 @@ class StrobePins(BusFrontEnd):
 
     # -- driving ------------------------------------------------------------------------------
 
+    def live(self) -> bool:
+        """Whether the output latch may be on the bus: it always shows what it has."""
+        return True
+
+    def resume(self) -> None:
+        """Drive the bus as the lines that are given back want it."""
+        self.refresh()
+
     def refresh(self) -> None:
         """Drive the bus with the output latch, or let go of it (MCP-BUS-7)."""
         chip = self._owner
