@@ -270,6 +270,23 @@ int main(void) {
     assert (code, out, err) == (0, "1\n1\n4\n", "")
 
 
+def test_a_timer_is_read_while_it_counts_and_when_it_stands(bench: Bench) -> None:
+    body = """int main(void) { unsigned at;
+        R(0x4000002C) = 0xFFFF; R(0x40000014) = 1; number(R(0x40000010));
+        R(0x40000010) = 0; R(0x40000000) = 4; R(0x40000014) = 1; number(R(0x40000010));
+        R(0x40000000) = 5; at = R(0x40000024); number(R(0x40000024) > at);
+        R(0x40000000) = 4; at = R(0x40000024); number(at > 0 && R(0x40000024) == at);
+        return 0; }"""
+    # An update that the program asks for sets UIF, and with URS it does not.
+    assert bench.run(body) == (0, "1\n0\n1\n1\n", "")
+
+
+def test_registers_of_the_core_are_zero_before_they_are_written(bench: Bench) -> None:
+    """Priorities of all interrupts, and the profiling counters of the DWT."""
+    body = """int main(void) { number(R(0xE000E400)); number(R(0xE0001008)); return 0; }"""
+    assert bench.run(body) == (0, "0\n0\n", "")
+
+
 def test_a_request_comes_again_until_its_handler_ends_it(bench: Bench) -> None:
     body = """
 static const char text[] = "by interrupts\\n", by_dma[] = "by dma\\n";
@@ -325,6 +342,32 @@ def test_a_timer_counts_at_the_clock_of_its_bus(bench: Bench) -> None:
     assert bench.run(body, spec="cortex-m4") == (11, "", "")
 
 
+def test_dma_copies_from_the_card_and_interrupts(bench: Bench) -> None:
+    bench.board = (
+        BOARD.split("[pinmaps")[0].replace("\n\n", '\npower_on = "done"\n\n', 1)
+        + """[cards.fsmc]
+base = 0x60000000
+memory = true
+ports = [{ offset = 0, chip = "x", address = 0 }]
+
+[pinmaps.none]
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/bench.sock"
+card = "fsmc"
+pinmap = "none"
+"""
+    )
+    # Four reads of one address go to four bytes; the channel is on with nothing left.
+    body = """static volatile uint32_t flags; static volatile uint8_t taken[4];
+        void done(void) { flags = R(0x40020000); R(0x40020004) = 1; }
+        int main(void) { R(0x4002000C) = 4; R(0x40020010) = 0x60000000;
+            R(0x40020014) = (uint32_t)taken; R(0xE000E100) = 1 << 11;
+            R(0x40020008) = 0x4000 | 0x80 | 2 | 1;
+            return flags == 7 && R(0x4002000C) == 0 && taken[0] == taken[3] ? taken[3] : 1; }"""
+    assert bench.run(body, "[16 + 11] = (void *)done") == (0x84, "", "")
+
+
 def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
     # PRIGROUP 5: two bits of four interrupt. Interrupt 1 is higher within the group of 0.
     body = """static volatile int order;
@@ -339,8 +382,10 @@ def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
 
 def test_bits_of_peripherals_are_words_of_their_own(bench: Bench) -> None:
     body = """int main(void) { R(0x42000000 + 0x21000 * 32 + 24 * 4) = 1;
-        number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24); return 0; }"""
-    assert bench.run(body) == (0, "1\n3\n", "")
+        number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24);
+        R(0x4000002C) = 0xFF; R(0x42000000 + 0x2C * 32 + 3 * 4) = 0; number(R(0x4000002C));
+        return 0; }"""
+    assert bench.run(body) == (0, "1\n3\n247\n", "")
 
 
 def test_semihosting_writes_and_ends(bench: Bench) -> None:

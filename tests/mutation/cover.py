@@ -5,14 +5,15 @@ everything that is not edited.
 """
 
 import json
-import time
-from collections.abc import Iterator
+import os
+import shutil
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
-from coverage import Coverage
+from coverage import Coverage, CoverageData
 
 from tests.mutation import trial
 from tests.mutation.mutants import Layout
@@ -25,7 +26,7 @@ class Measured:
     """One test.
 
     Attributes:
-        seconds: of processor time it took, with coverage.
+        seconds: of processor time it took, with coverage and its processes.
         draws: whether Hypothesis draws its examples.
         lines: by file, the bits of the lines it executed.
     """
@@ -47,7 +48,7 @@ class Map:
     tests: dict[str, Measured] = field(default_factory=dict)
     bits: dict[str, dict[str, int]] = field(default_factory=dict)
 
-    def mask(self, file: str, keys: Iterator[str]) -> int:
+    def mask(self, file: str, keys: Iterable[str]) -> int:
         """Return the bits of lines."""
         bits = self.bits.get(file, {})
         return sum(1 << bits[key] for key in set(keys) if key in bits)
@@ -77,10 +78,15 @@ class Map:
 
 
 class _Contexts:
-    """Plug-in: each test is a context of the coverage; notes its time and whether it passed."""
+    """Plug-in: each test is a context of the coverage; notes its time and whether it passed.
 
-    def __init__(self, coverage: Coverage) -> None:
+    Processes that a test starts measure themselves, and leave what they have in a folder.
+    """
+
+    def __init__(self, coverage: Coverage, started: Path) -> None:
         self.coverage = coverage
+        self.started = started
+        self.elsewhere: dict[str, dict[int, list[str]]] = defaultdict(lambda: defaultdict(list))
         self.seconds: dict[str, float] = {}
         self.draws: set[str] = set()
         self.passed: set[str] = set()
@@ -91,14 +97,25 @@ class _Contexts:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self.coverage.switch_context(item.nodeid)
-        start = time.process_time()
+        start = sum(os.times()[:4])
         try:
             return (yield)
         finally:
-            self.seconds[item.nodeid] = time.process_time() - start
+            self.seconds[item.nodeid] = sum(os.times()[:4]) - start
             self.coverage.switch_context(BETWEEN)
+            self._gather(item.nodeid)
             if trial.draws(item):
                 self.draws.add(item.nodeid)
+
+    def _gather(self, name: str) -> None:
+        """Take what the processes of a test have executed."""
+        for path in self.started.glob("data*"):
+            data = CoverageData(str(path))
+            data.read()
+            for file in data.measured_files():
+                for line in data.lines(file) or ():
+                    self.elsewhere[file][line].append(name)
+            path.unlink()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:
@@ -120,10 +137,17 @@ def measure(root: Path, package: str, tests: str, options: list[str], path: Path
     Returns:
         those that do not pass.
     """
-    coverage = Coverage(
-        data_file=None, config_file=False, include=[f"{root}/{package}/*"], messages=False
+    include = f"{root}/{package}/*"
+    coverage = Coverage(data_file=None, config_file=False, include=[include], messages=False)
+    started = path.parent / "started"
+    shutil.rmtree(started, ignore_errors=True)
+    started.mkdir(parents=True)
+    settings = started / "settings"
+    settings.write_text(
+        f"[run]\nparallel = true\nsigterm = true\ndata_file = {started}/data\ninclude = {include}\n"
     )
-    contexts = _Contexts(coverage)
+    os.environ["COVERAGE_PROCESS_START"] = str(settings)
+    contexts = _Contexts(coverage, started)
     coverage.start()
     pytest.main(options, plugins=[contexts])
     coverage.stop()
@@ -133,16 +157,21 @@ def measure(root: Path, package: str, tests: str, options: list[str], path: Path
              for name in contexts.passed}  # fmt: skip
     data = coverage.get_data()
     for measured in data.measured_files():
-        _enter(found, passed, measured, Path(measured).relative_to(root).as_posix(), data)
+        _enter(found, passed, root, measured, data.contexts_by_lineno(measured))
+    for measured, lines in contexts.elsewhere.items():
+        _enter(found, passed, root, measured, lines)
     found.tests.update(passed)
     found.save(path)
     return sorted(contexts.seconds.keys() - contexts.passed)
 
 
-def _enter(found: Map, tests: dict[str, Measured], path: str, file: str, data: Any) -> None:
+def _enter(
+    found: Map, tests: dict[str, Measured], root: Path, path: str, contexts: dict[int, list[str]]
+) -> None:
+    file = Path(path).relative_to(root).as_posix()
     keys = Layout(Path(path).read_text()).keys
     bits = found.bits.setdefault(file, {})
-    for line, names in data.contexts_by_lineno(path).items():
+    for line, names in contexts.items():
         bit = 1 << bits.setdefault(keys[line], len(bits))
         for name in names:
             if name in tests:

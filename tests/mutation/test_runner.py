@@ -1,5 +1,6 @@
 """The runner itself, on a package of a few lines: it tells killed from survived."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.mutation import finder
 from tests.mutation.choose import choose
 from tests.mutation.cover import Map, Measured
 from tests.mutation.mutants import (
@@ -332,6 +334,20 @@ def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(
     assert killer in done.stdout
     assert killer in done.stderr
     assert killer not in {it.by for it in read_results(own).values()}
+
+
+def test_a_process_that_a_test_starts_has_the_mutant_too(tmp_path: Path) -> None:
+    place = tmp_path / "toy" / "code.py"
+    place.parent.mkdir()
+    place.write_text("UP = 5\n")
+    (tmp_path / "mutant").write_text("UP = 6\n")
+    root = RUN.parents[2]
+    paths = {"PYTHONPATH": os.pathsep.join((str(tmp_path), str(root), finder.SITE))}
+    names = os.pathsep.join((str(place), "toy/code.py", str(tmp_path / "mutant")))
+    ask = [sys.executable, "-c", "from toy import code; print(code.UP, code.__file__)"]
+    for env, up in (({}, 5), ({finder.MUTATED: names}, 6)):
+        done = subprocess.run(ask, env=paths | env, capture_output=True, text=True, check=True)
+        assert done.stdout == f"{up} {place}\n"
 
 
 # -- which mutants there are ----------------------------------------------------------------------

@@ -1,14 +1,13 @@
 """One mutant, one process: a fork of a warm parent that runs pytest over the mutated module.
 
 The parent has imported pytest, Hypothesis and other libraries, nothing of the package. In the
-child an import hook gives the mutated module its changed source; no file is touched.
+child, and in every Python that its tests start, an import hook (``finder.py``) gives the mutated
+module its changed source; no file is touched.
 """
 
 import contextlib
 import gc
-import importlib.abc
-import importlib.machinery
-import importlib.util
+import importlib
 import json
 import math
 import os
@@ -19,20 +18,19 @@ import signal
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import CodeType, ModuleType
 from typing import Final
 
 import hypothesis
 import pytest
-from cosmic_ray.exceptions import CosmicRayTestingException
+
+from tests.mutation import finder
 
 MEMORY: Final = 4 << 30
 LONGEST_FILE: Final = 1 << 30
-WALL: Final = 4
+WALL: Final = 12
 """Wall seconds allowed for one of processor time: other work on the machine makes no time-out."""
 
 OPTIONS: Final = (
@@ -94,7 +92,7 @@ def warm(root: Path) -> None:
     sys.path.insert(0, str(root))
     # Of processes that tests start, too.
     os.environ["PYTHONPATH"] = os.pathsep.join(
-        filter(None, (str(root), os.environ.get("PYTHONPATH", "")))
+        filter(None, (str(root), finder.SITE, os.environ.get("PYTHONPATH", "")))
     )
     sys.dont_write_bytecode = False
     sys.pycache_prefix = str(root / "build" / "mutation" / "pycache")
@@ -107,40 +105,6 @@ def warm(root: Path) -> None:
             importlib.import_module(name)
     gc.collect()
     gc.freeze()
-
-
-class _Mutated(importlib.machinery.SourceFileLoader):
-    """Loads the mutated source under the name and path of the file as it is."""
-
-    def __init__(self, name: str, path: str, source: str) -> None:
-        super().__init__(name, path)
-        self._source = source
-
-    def get_code(self, fullname: str) -> CodeType:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return compile(self._source, self.path, "exec", dont_inherit=True)
-
-    def exec_module(self, module: ModuleType) -> None:
-        vars(module)[CosmicRayTestingException.__name__] = CosmicRayTestingException
-        super().exec_module(module)
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    """Finds the mutated module, and nothing else."""
-
-    def __init__(self, root: Path, file: str, source: str) -> None:
-        self._path = str(root / file)
-        self._name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-        self._source = source
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        if fullname != self._name:
-            return None
-        loader = _Mutated(fullname, self._path, self._source)
-        return importlib.util.spec_from_file_location(fullname, self._path, loader=loader)
 
 
 def draws(item: pytest.Item) -> bool:
@@ -210,7 +174,12 @@ def _child(root: Path, task: Task, folder: str, answer: int) -> None:
     os.chdir(root)
     os.environ["TMPDIR"] = tempfile.tempdir = folder
     if task.file:
-        sys.meta_path.insert(0, _Finder(root, task.file, task.source))
+        source = Path(folder, "mutated.py")
+        source.write_text(task.source)
+        os.environ[finder.MUTATED] = os.pathsep.join(
+            (str(root / task.file), task.file, str(source))
+        )
+        finder.install()
     chosen = _Chosen(task.tests, task.examples)
     code = pytest.main(_options(task, folder), plugins=[chosen])
     failed = list(dict.fromkeys(chosen.failed)) if task.whole else chosen.failed[:1]

@@ -31,10 +31,12 @@ def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str
     """Return the waveform a board file, or a command line, asks for; it is not started.
 
     Raises:
-        VbusError: trigger or signals make no sense, or pyvcd is not installed.
+        VbusError: name, trigger or signals make no sense, or pyvcd is not installed.
     """
+    from vbus.views.wave.signals import vcd_name
     from vbus.views.wave.wave import Wave
 
+    vcd_name(wave.file)
     return Wave(
         board, file, wave.profile, wave.signals, wave.trigger, wave.before, wave.duration,
         wave.sample, report,

@@ -12,7 +12,7 @@ import msgspec
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.check.network_checks import metrics_address
 from vbus.board.config import read_board_file
-from vbus.boardfile.sections import BoardFile, WaveSection, ZenohSection
+from vbus.boardfile.sections import BoardFile, HostSection, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
 from vbus.core.errors import ConfigError, OptionError, read_errors
@@ -29,21 +29,15 @@ log = logging.getLogger("vbus")
 
 def links_of(file: BoardFile) -> list[LinkSpec]:
     """Return the hosts of a board file as the server wants them."""
-    network = network_of(file.zenoh)
-    return [
-        LinkSpec(
-            host.transport,
-            host.protocol,
-            list(host.chips),
-            host.cycle,
-            card_of(file, host),
-            pin_map_of(file, host.pinmap),
-            network,
-            host.remote,
-            host,
-        )
-        for host in file.hosts
-    ]
+    return [link_of(file, host, host.transport, host.protocol) for host in file.hosts]
+
+
+def link_of(file: BoardFile, host: HostSection, transport: str, protocol: str) -> LinkSpec:
+    """Return one host of a board file as the server wants it, perhaps at another address."""
+    return LinkSpec(
+        transport, protocol, list(host.chips), host.cycle, card_of(file, host),
+        pin_map_of(file, host.pinmap), network_of(file.zenoh), host.remote, host,
+    )  # fmt: skip
 
 
 def _content(path: str) -> bytes:

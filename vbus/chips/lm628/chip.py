@@ -437,8 +437,7 @@ class LM628(FrontEndHost):
             self._unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
-        if self._front.driving:
-            self._front.show()
+        self._front.refresh()
         due = min(min(self._next_inside(), self._sample_at), self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 
@@ -499,7 +498,6 @@ class LM628(FrontEndHost):
 
     def after_load(self) -> None:
         """Work out what is due."""
-        self._front.settle()
         self._refresh()
 
     def overdue(self) -> bool:

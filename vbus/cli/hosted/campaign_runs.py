@@ -9,10 +9,12 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from inspect import isfunction
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import click
 import msgspec
 
 from vbus.board.board import Board
@@ -28,6 +30,7 @@ from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
 from vbus.core.runtime import private_runtime
+from vbus.core.values.settings import among
 from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
 from vbus.serve.in_process import connect_in_process
@@ -162,17 +165,18 @@ def function_of(text: str) -> Callable[[Bus], object]:
     """Return the function that ``FILE.py:NAME`` names.
 
     Raises:
-        VbusError: there is no such file or function.
+        click.UsageError: there is no such file or function.
     """
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
-        raise VbusError(f"{text}: there is no file {path or text}; write FILE.py:FUNCTION")
+        raise click.UsageError(f"--host {text}: no file {path or text}; write FILE.py:FUNCTION")
     # As Python does for a script: modules beside it are found.
     sys.path.insert(0, str(Path(path).resolve().parent))
-    found = runpy.run_path(path, run_name="campaign").get(name)
-    if not callable(found):
-        raise VbusError(f"{text}: {path} has no function {name}")
-    call: Callable[[Bus], object] = found
+    found = runpy.run_path(path, run_name="campaign")
+    if not callable(found.get(name)):
+        has = among(name, [name for name, one in found.items() if isfunction(one)], "it has")
+        raise click.UsageError(f"--host {text}: {path} has no function {name}; {has}")
+    call: Callable[[Bus], object] = found[name]
     return call
 
 

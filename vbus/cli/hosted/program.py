@@ -15,7 +15,7 @@ from threading import current_thread, main_thread
 from typing import IO, Any, Final, NamedTuple
 
 from vbus.board.board import Board
-from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.build import build
 from vbus.board.card.cards import outputs_of
 from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
@@ -41,7 +41,7 @@ from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import LinkSpec, Server
-from vbus.serve.serving import links_of, metrics_of
+from vbus.serve.serving import link_of, links_of, metrics_of
 
 Show = Callable[[str], Coroutine[Any, Any, None]]
 
@@ -128,14 +128,14 @@ class HostedProgram:
             VbusError: the library that traps a card's accesses cannot be built, or they are to
                 take the time of a serial line.
         """
-        host = self.host
-        card, pin_map = card_of(self.file, host), pin_map_of(self.file, host.pinmap)
+        host, link, note = self.host, f"unix:{folder / 'host.sock'}", folder / "fault"
+        spec = link_of(self.file, host, link, "byte")
+        card, pin_map = spec.card, spec.pin_map
         if host.baud and (card is not None or pin_map is not None):
             raise VbusError(
                 f"baud = {host.baud}: a program makes the accesses of a card or a pin map itself,"
                 " not over a serial line; take baud out of that [[hosts]]"
             )
-        link, note = f"unix:{folder / 'host.sock'}", folder / "fault"
         environment = {"VBUS_LINK": link}
         # Firmware runs in a program that needs no library, and ends by a clock of its own.
         if card is not None and pin_map is None:
@@ -151,7 +151,6 @@ class HostedProgram:
         run.interrupt = card.interrupt if card is not None else ""
         # In real time a wait may end by itself.
         run.limit = looked_at if pin_map is None and self.file.board.time != "realtime" else 0
-        spec = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map, line=host)
         return run, spec
 
 

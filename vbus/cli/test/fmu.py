@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 from vbus.cli.output import duration
-from vbus.core.errors import PluginError, VbusError, read_errors, write_errors
+from vbus.core.errors import ConfigError, PluginError, read_errors, write_errors
 from vbus.serve.output_file import write_file
 
 _SCRIPT: Final = '''\
@@ -96,7 +96,7 @@ def command(board: Path, output: Path, step: int) -> int:
         raise PluginError(
             "units of FMI need pythonfmu3; install it with: pip install 'vbus[fmi]'"
         ) from None
-    with read_errors(board, VbusError):
+    with read_errors(board, ConfigError):
         text = board.read_text()
     block = BoardBlock(text, str(board), step)
     guid = uuid.uuid5(uuid.NAMESPACE_URL, f"{step} {text}")
