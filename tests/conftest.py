@@ -12,6 +12,8 @@ from hypothesis import settings
 import vbus
 from tests import costs, left_out, left_running, repeat
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
+from tests.waiting import PATIENCE
+from vbus.client import aio, connect
 from vbus.compiled import core, is_compiled, why
 
 # A run repeats, on every machine. HYPOTHESIS_PROFILE=search looks for examples nobody has seen.
@@ -40,6 +42,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # A background job of a shell: the programs under test would not hear Ctrl-C either.
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # The 5 s of a host that says nothing are too few where the machine is busy.
+    for connects in (connect, aio.connect):
+        connects.__defaults__ = (PATIENCE, *connects.__defaults__[1:])
     config.pluginmanager.register(repeat)
     config.pluginmanager.register(left_out)
     config.pluginmanager.register(left_running)

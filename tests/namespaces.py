@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 
 from tests.left_out import require
+from tests.waiting import PATIENCE
 
 _numbers = itertools.count()
 
 
 def _ip(*arguments: str) -> None:
-    made = subprocess.run(["ip", *arguments], capture_output=True, text=True, timeout=20)
+    made = subprocess.run(["ip", *arguments], capture_output=True, text=True, timeout=PATIENCE)
     if made.returncode:
         raise OSError(f"ip {' '.join(arguments)}: {made.stderr.strip()}")
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.boards import AXIS
 from tests.browser.conftest import Open
 from tests.e2e.command import start, vbus
 from tests.unit.views.scope.decoded import of_page
@@ -25,18 +26,6 @@ LATE = 5.0
 """Seconds after the end until somebody opens the page."""
 SAMPLE = 256_000_000
 """Of an LM629 with 8 MHz (ps)."""
-BOARD = """\
-[board]
-name = "late"
-time = "{time}"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "dc_motor"
-"""
 MOVE = """\
 import itertools
 import json
@@ -103,7 +92,7 @@ def test_what_a_program_did_is_drawn_with_all_its_samples(
     tmp_path: Path, new_page: Open, time_policy: str
 ) -> None:
     board, journal = tmp_path / "late.toml", tmp_path / "run.vbj"
-    board.write_text(BOARD.format(time=time_policy))
+    board.write_text(AXIS.format(time=time_policy, model="dc_motor"))
     (tmp_path / "move.py").write_text(MOVE)
     program = ("--", sys.executable, tmp_path / "move.py")
     with ran("exec", "--board", board, "--journal", journal, "--scope", *program) as link:

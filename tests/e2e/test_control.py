@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.waiting import PATIENCE
 from vbus.board.build import load_board_text
 from vbus.core.errors import TransportError, VbusError
 from vbus.serve.registry import order, running, socket_path
@@ -50,7 +51,7 @@ def served(**orders: Any) -> Iterator[Server]:
     finally:
         loop, stop = ends[0]
         loop.call_soon_threadsafe(stop.set)
-        thread.join(10)
+        thread.join(PATIENCE)
 
 
 @pytest.fixture(autouse=True)

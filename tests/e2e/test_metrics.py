@@ -16,6 +16,7 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families 
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.e2e.command import vbus
+from tests.waiting import PATIENCE
 from vbus import connect
 from vbus.board.build import load_board_text
 from vbus.core import exit_codes
@@ -41,7 +42,7 @@ transport = "unix:$VBUS_RUNTIME/counted"
 def get(url: str, accept: str = "") -> tuple[str, str]:
     """Return body and content type."""
     request = urllib.request.Request(url, headers={"Accept": accept} if accept else {})
-    with urllib.request.urlopen(request, timeout=20) as answer:
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         return answer.read().decode(), answer.headers["Content-Type"]
 
 
@@ -160,7 +161,7 @@ def test_other_requests_are_refused_and_the_board_goes_on(
     url: str, runtime: Path, request_line: bytes, status: bytes
 ) -> None:
     host, port = url.removeprefix("http://").removesuffix("/metrics").split(":")
-    with socket.create_connection((host, int(port)), timeout=20) as link:
+    with socket.create_connection((host, int(port)), timeout=PATIENCE) as link:
         link.sendall(request_line)
         assert link.recv(4096).split()[1] == status
 
@@ -170,7 +171,7 @@ def test_other_requests_are_refused_and_the_board_goes_on(
 def test_a_header_line_without_end_ends_that_request_alone(url: str) -> None:
     host, port = url.removeprefix("http://").removesuffix("/metrics").split(":")
     # The server may have ended the request before all of it was sent.
-    link = socket.create_connection((host, int(port)), timeout=20)
+    link = socket.create_connection((host, int(port)), timeout=PATIENCE)
     with link, contextlib.suppress(OSError):
         link.sendall(b"GET " + b"x" * 200_000)
         link.shutdown(socket.SHUT_WR)
@@ -180,7 +181,7 @@ def test_a_header_line_without_end_ends_that_request_alone(url: str) -> None:
 
 def test_head_gives_the_headers_alone(url: str) -> None:
     request = urllib.request.Request(url, method="HEAD")
-    with urllib.request.urlopen(request, timeout=20) as answer:
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         assert answer.read() == b""
         assert int(answer.headers["Content-Length"]) > 0
 

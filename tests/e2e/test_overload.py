@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from vbus.serve.registry import running
 
 AXIS = """
@@ -97,7 +97,7 @@ def listed() -> str:
 
 def told(url: str) -> float:
     """Return the metric."""
-    with urllib.request.urlopen(url, timeout=20) as answer:
+    with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
         (value,) = re.findall(r'^vbus_overload_ratio\{board="hurried"\} (\S+)$',
                               answer.read().decode(), re.MULTILINE)  # fmt: skip
     return float(value)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import AXIS
 from tests.e2e.attaching import attached
 from tests.e2e.command import running
 from tests.unit.native.conftest import exercise as exercise
@@ -18,17 +19,7 @@ from vbus.core.errors import TransportError
 from vbus.protocols.requests import REQUESTS
 from vbus.serve.registry import ask, order, socket_path
 
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "motor"
-[plants.motor]
-model = "dc_motor"
+LINKS = """\
 [[hosts]]
 transport = "tcp:127.0.0.1:0"
 [[hosts]]
@@ -42,7 +33,7 @@ SECONDS = 0.05
 def links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
     """The board in a process of its own; its links by kind."""
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
-    (tmp_path / "bench.toml").write_text(BOARD)
+    (tmp_path / "bench.toml").write_text(AXIS.format(time="lockstep", model="dc_motor") + LINKS)
     with running(tmp_path / "bench.toml"):
         urls = [link["url"] for link in ask(socket_path("bench"))["links"]]
         yield {url.partition(":")[0]: url for url in urls}

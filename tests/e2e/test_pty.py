@@ -19,6 +19,7 @@ import serial
 
 from tests.e2e.serving import served
 from tests.unit.board.toy import Toy
+from tests.waiting import PATIENCE
 from vbus import connect
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -112,7 +113,10 @@ def test_all_terminals_of_a_server_share_one_watch(runtime: Path) -> None:
 
 
 def test_pyserial_talks_to_the_board(runtime: Path) -> None:
-    with served(toy_board(), PTY), serial.Serial(str(runtime / "x"), 115200, timeout=20) as port:
+    with (
+        served(toy_board(), PTY),
+        serial.Serial(str(runtime / "x"), 115200, timeout=PATIENCE) as port,
+    ):
         port.write(b"\x21\x0d\x11")
         assert port.read(2) == b"D\x0d"
 

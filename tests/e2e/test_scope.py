@@ -18,7 +18,7 @@ from aiohttp import ClientSession, CookieJar
 
 from tests.e2e.command import running, start, vbus
 from tests.unit.views.scope.decoded import Seen, of_page
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from vbus import connect
 from vbus.cli.look.scope_bookmarks import of_journal
 from vbus.client.lm628 import Lm628
@@ -88,7 +88,7 @@ def seen_by_a_page(link: str, enough: Callable[[Seen], object], **order: Any) ->
                 if order:
                     await page.send_str(json.dumps(order))
                 while not enough(seen := Seen(description, data)):
-                    data += await page.receive_bytes(timeout=20)
+                    data += await page.receive_bytes(timeout=PATIENCE)
                 return seen
 
     return asyncio.run(look())
@@ -112,7 +112,7 @@ def orders(link: str, then: list[Any], *wanted: dict[str, Any]) -> list[Any]:
                     await page.send_str(json.dumps(order))
                 now = had
                 while now != then:
-                    message = await page.receive(timeout=20)
+                    message = await page.receive(timeout=PATIENCE)
                     if isinstance(message.data, str):
                         now = json.loads(message.data).get("bookmarks", now)
                 return had

@@ -12,7 +12,7 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
 from tests.unit.board.toy import Toy
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from vbus import client
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -201,7 +201,7 @@ def test_whatever_a_board_does_when_a_host_goes_its_link_and_its_claim_are_free(
         until(lambda: server.hosts[0].sessions[0].port.held, "the claim is waited for")
         observer.armed = True
         first.link.close()
-        waiting.join(20)
+        waiting.join(PATIENCE)
         assert not waiting.is_alive()
         observer.armed = False
         with client.connect(f"pty:{runtime}/y") as third:

@@ -13,7 +13,7 @@ import pytest
 from tests.e2e.command import running, start, vbus
 from tests.e2e.test_scope import folder
 from tests.sigrok.test_sigrok import sigrok
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from vbus import connect
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketTaker
@@ -108,7 +108,7 @@ def test_the_servers_answers_are_those_the_driver_expects(folder: Path) -> None:
     with running(folder / "bench.toml"), served_pins as (driver, channels):
         assert channels == ["sigrok: P8_45 x./RST\n", "sigrok: P8_46 x./CS\n"]
         port = int(driver.rpartition("/")[2])
-        with socket.create_connection(("127.0.0.1", port), timeout=20) as client:
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as client:
 
             def said(line: str) -> str:
                 client.sendall(f"{line}\n".encode())
@@ -141,7 +141,7 @@ def test_the_servers_answers_are_those_the_driver_expects(folder: Path) -> None:
                 assert seen == seen.count(3) * b"\x03" + seen.count(2) * b"\x02"
                 client.sendall(b"close\nversion\n")
                 time_passes_until(lambda: seen.endswith(b"BeagleLogic 1.0\n"))
-        with socket.create_connection(("127.0.0.1", port), timeout=20) as client:
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as client:
             client.sendall(b"x" * 1000 + b"\n")
             assert client.recv(100) == b""
 

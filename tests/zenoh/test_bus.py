@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.serving import served
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import CHIPS, Processes, connected_to
 from vbus.board.board import Board
 from vbus.board.build import build
@@ -132,7 +132,7 @@ def test_events_come_by_themselves_and_before_later_replies() -> None:
         other.writes(1, b"\0\0")
         other.writes(1, b"\0\0")
         other.echo()
-        event = bus.next_event(10.0)
+        event = bus.next_event(PATIENCE)
         assert event is not None
         assert event.instant <= other.now()
 

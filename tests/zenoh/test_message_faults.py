@@ -354,10 +354,15 @@ def test_events_that_are_lost_are_counted_and_the_board_names_the_host(
 
 def test_events_from_before_the_host_asks_for_them_come_when_it_does() -> None:
     """A host of another make may say which events it wants, and only then ask for them."""
-    with bench() as (server, _), connect("zenoh:bench/x") as bus, connect("zenoh:bench/x") as other:
+    with (
+        bench() as (server, _),
+        connect("zenoh:bench/x", timeout=PATIENCE) as bus,
+        connect("zenoh:bench/x", timeout=PATIENCE) as other,
+    ):
         bus.echo()
         link = next(server.sessions()).link
         assert isinstance(link, ZenohLink)
+        until(lambda: link._events is not None, "the host's wish for events")
         asked, link._events = link._events, None
         bus.events("x.HI")
         bus.echo()

@@ -218,6 +218,7 @@ def test_a_late_reply_is_not_taken_for_another_one(bus: Bus, pty_served: Served)
 
 
 def test_time_that_a_request_lets_pass_is_waited_for(bus: Bus) -> None:
+    bus.timeout = 5.0
     assert bus._patience() == 5.0
     bus.delay("3s")
     assert bus._patience() == 8.0
@@ -230,6 +231,7 @@ def test_time_that_a_request_lets_pass_is_waited_for(bus: Bus) -> None:
 
 
 def test_slow_boards_are_given_more_time(bus: Bus) -> None:
+    bus.timeout = 5.0
     bus.info.rate = 0.5
     bus.delay("1s")
     assert bus._patience() == 7.0
