@@ -1,5 +1,6 @@
 """Coverage of clauses: says which have no test, and fails the run when one that should has none."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -33,6 +34,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.disable()  # all that is collected stays: looking for garbage took a fifth of the time
     if os.environ.get("VBUS_NEED_COMPILED", "") not in ("", "0") and not is_compiled():
         raise pytest.UsageError(f"VBUS_NEED_COMPILED is set, and the core is interpreted: {why()}")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -55,6 +57,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for mark in item.iter_markers("spec"):
             config.stash[MARKED].update(mark.args)
     items.sort(key=_quick)
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage of tests alone: with 12,000 tests in it the heap took 8 % of their time."""
+    gc.freeze()
+    gc.enable()
 
 
 def _quick(item: pytest.Item) -> bool:

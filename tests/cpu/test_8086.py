@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards import AXIS
 from tests.cpu.conftest import EXAMPLES, build, ended
 from tests.firmware import run_cpu
 from vbus.core.errors import ConfigError, ProgramError
@@ -22,9 +23,11 @@ def program(folder: Path, body: str, name: str = "x.com") -> Path:
     return build(folder / name, NASM, source)
 
 
-def run(folder: Path, capfd: pytest.CaptureFixture[str], image: Path) -> tuple[int, str, str]:
+def run(
+    folder: Path, capfd: pytest.CaptureFixture[str], image: Path, board: Path = BOARD
+) -> tuple[int, str, str]:
     """Return exit code, stdout and stderr."""
-    code = run_cpu("8086", str(image), str(BOARD), summary=False)
+    code = run_cpu("8086", str(image), str(board), summary=False)
     said = capfd.readouterr()
     return code, said.out, said.err
 
@@ -125,6 +128,69 @@ end_:   """
     assert run(tmp_path, capfd, program(tmp_path, body)) == (10, "", "")
 
 
+def test_a_request_whose_line_falls_before_it_is_served_is_forgotten(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    # HI is high after the reset; RSTI lets it fall while IRQ 5 is masked.
+    board = tmp_path / "board.toml"
+    board.write_text(
+        AXIS.format(time="slaved", model="ideal")
+        + """
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x.sock"
+card = "isa"
+pinmap = "isa"
+[cpu]
+clock = "8 MHz"
+cycles = 10
+[cards.isa]
+base = 0x340
+decode = "direct"
+chips = ["x"]
+[pinmaps.isa.pins]
+IRQ5 = "x.HI"
+"""
+    )
+    body = (
+        """mov dx, isr
+        mov ax, 250Dh
+        int 21h
+        in al, 21h
+        or al, 20h
+        out 21h, al
+        mov dx, 340h
+        mov al, 1Dh
+        out dx, al
+        inc dx
+        mov cx, 200
+wait1:  loop wait1
+        mov al, 0
+        out dx, al
+        out dx, al
+        mov cx, 200
+wait2:  loop wait2
+        in al, 21h
+        and al, 0DFh
+        out 21h, al
+        mov cx, 20
+wait3:  loop wait3
+        mov al, [came]
+        """
+        + END
+        + """isr:    inc byte [came]
+        push ax
+        mov al, 20h
+        out 20h, al
+        pop ax
+        iret
+came:   db 0"""
+    )
+    image = program(tmp_path, body)
+    assert run(tmp_path, capfd, image, board) == (0, "", "")
+    image = program(tmp_path, body.replace("or al, 20h", "and al, 0DFh"))
+    assert run(tmp_path, capfd, image, board)[0] == 1
+
+
 def test_the_timer_takes_another_divisor_and_is_read_without_a_command(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -152,6 +218,10 @@ FAILURES = {
              "no chip of the card answers at 300h: it is read"),
     "service": ("mov ah, 3Dh\n int 21h\n mov al, 0\n adc al, 7\n" + END, 8,
                 "function 3Dh of DOS is not modelled: it fails"),
+    "screen": ("mov ax, 3\n int 10h\n" + END, 3,
+               "function 00h of int 10h is not modelled: it does nothing"),
+    "clock": ("mov ah, 2\n int 1Ah\n mov al, 2\n" + END, 2,
+              "function 02h of int 1Ah is not modelled: it does nothing"),
     "interrupt": ("int 33h\n mov al, 1\n" + END, 1, "interrupt 33h is not modelled: it returns"),
     "division": ("xor cx, cx\n div cx\n", 1, "a division by zero, at 0100:0102"),
     "stack": ("deep: call deep\n", 1, "stack overflow: SP is"),

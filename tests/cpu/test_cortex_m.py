@@ -48,6 +48,7 @@ PA5 = "HI"
 transport = "unix:$VBUS_RUNTIME/bench.sock"
 pinmap = "stm32"
 """
+GPIOA = 0x40010800
 VECTORS = """
 __attribute__((section(".vectors"), used)) static const void *const vectors[80] = {
     (void *)0x20005000, (void *)reset, VECTORS };
@@ -143,7 +144,7 @@ def test_a_byte_that_is_taken_before_its_strobe_is_told(bench: Bench, early: boo
     assert code == early
     told = [line for line in said.splitlines() if "the host took" in line]
     assert len(told) == early
-    assert all("x: the host took FFh where the chip gave 84h at 1666." in line for line in told)
+    assert all("x: the host took FFh where the chip gave 84h at 166" in line for line in told)
 
 
 def test_main_s_result_is_the_exit_code(bench: Bench) -> None:
@@ -324,6 +325,78 @@ int main(void) {
     assert bench.run(body, vectors) == (0, "3\nby interrupts\nby dma\n0\n7\n", "")
 
 
+RESETS = {
+    "cortex-m3": {
+        0xE000ED00: 0x411FC231, 0xE0042000: 0x10036414, 0x40022000: 0x30, 0xA0000000: 0x30DB,
+        0xA0000008: 0x30D2, 0xA0000104: 0x0FFFFFFF, GPIOA: 0x44444444,
+    },
+    "cortex-m4": {
+        0xE000ED00: 0x410FC241, 0xE0042000: 0x10076413, 0x40007004: 0x4000, 0x40020000: 0xA8000000,
+        0x4002000C: 0x64000000, 0x40020400: 0x280, 0x40020408: 0xC0, 0x40020800: 0,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("spec", RESETS)
+def test_registers_hold_what_those_of_the_part_do_after_a_reset(bench: Bench, spec: str) -> None:
+    on = "R(0x40023830) |= 7; R(0x40023838) = 1;" if spec == "cortex-m4" else "CLOCKS |= 4;"
+    wrong = "".join(
+        f"if (R({at:#x}) != {value:#x}) number({at:#x});" for at, value in RESETS[spec].items()
+    )
+    assert bench.run(f"int main(void) {{ {on} {wrong} return 0; }}", spec=spec) == (0, "", "")
+
+
+def test_a_timer_counts_at_the_clock_of_its_bus(bench: Bench) -> None:
+    # TIM2 of an F4 with APB1 at a quarter of the clock counts at half of it; TIM1, with APB2 at an
+    # eighth, at a quarter.
+    body = """int main(void) { uint32_t both[2], n;
+        R(0x40000000) = R(0x40010000) = 1; R(0x40023808) = 5 << 10 | 6 << 13;
+        R(0xE000E014) = 0xFFFFFF; R(0xE000E010) = 5; R(0x40000024) = R(0x40010024) = 0;
+        n = R(0xE000E018);
+        for (int turn = 0; turn < 4000; turn++) __asm__ volatile("");
+        both[0] = R(0x40000024); both[1] = R(0x40010024); n -= R(0xE000E018);
+        return 10 * (n / 2 - both[0] < 20) + (n / 4 - both[1] < 20); }"""
+    assert bench.run(body, spec="cortex-m4") == (11, "", "")
+
+
+def test_dma_copies_from_the_card_and_interrupts(bench: Bench) -> None:
+    bench.board = (
+        BOARD.split("[pinmaps")[0].replace("\n\n", '\npower_on = "done"\n\n', 1)
+        + """[cards.fsmc]
+base = 0x60000000
+memory = true
+ports = [{ offset = 0, chip = "x", address = 0 }]
+
+[pinmaps.none]
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/bench.sock"
+card = "fsmc"
+pinmap = "none"
+"""
+    )
+    # Four reads of one address go to four bytes; the channel is on with nothing left.
+    body = """static volatile uint32_t flags; static volatile uint8_t taken[4];
+        void done(void) { flags = R(0x40020000); R(0x40020004) = 1; }
+        int main(void) { R(0x4002000C) = 4; R(0x40020010) = 0x60000000;
+            R(0x40020014) = (uint32_t)taken; R(0xE000E100) = 1 << 11;
+            R(0x40020008) = 0x4000 | 0x80 | 2 | 1;
+            return flags == 7 && R(0x4002000C) == 0 && taken[0] == taken[3] ? taken[3] : 1; }"""
+    assert bench.run(body, "[16 + 11] = (void *)done") == (0x84, "", "")
+
+
+def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
+    # PRIGROUP 5: two bits of four interrupt. Interrupt 1 is higher within the group of 0.
+    body = """static volatile int order;
+        void low(void) { R(0xE000E200) = 2; order = order * 10 + 1; }
+        void high(void) { order = order * 10 + 2; }
+        int main(void) { R(0xE000ED0C) = 0x05FA0000 | 5 << 8; R8(0xE000E400) = 0x70;
+            R8(0xE000E401) = 0x40; R(0xE000E100) = 3; R(0xE000E200) = 1;
+            return order + 100 * (R(0xE000ED0C) == 0xFA050500); }"""
+    vectors = "[16] = (void *)low, [17] = (void *)high"
+    assert bench.run(body, vectors) == (112, "", "")
+
+
 def test_bits_of_peripherals_are_words_of_their_own(bench: Bench) -> None:
     body = """int main(void) { R(0x42000000 + 0x21000 * 32 + 24 * 4) = 1;
         number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24);
@@ -359,6 +432,11 @@ FAILURES = {
     "no clock": (
         "int main(void) { R(GPIOB) = 1; return 0; }", 0,
         ["GPIOB has no clock (bit 3 of RCC APB2ENR is 0): accesses are lost"],
+    ),
+    "no clock of a timer": (
+        "int main(void) { R(0x4002101C) = ~1u; R(0x40000000) = 1; return (int)R(0x40000000); }", 0,
+        ["TIM2 has no clock (bit 0 of RCC APB1ENR is 0): accesses are lost, reads give 0; the first"
+         " is at offset 00h"],
     ),
     "nothing there": (
         "int main(void) { R(0x50000000) = 1; return 0; }", 1,

@@ -197,7 +197,7 @@ UNUSED int by_interrupts(uint8_t address, const uint8_t *from, uint8_t *into, ui
 #ifdef STREAMS
 #define DMA 0x40026000
 #define PORTB 0x40020400
-static void opened(void) { R(0x40023830) = 2; R(PORTB) = 0xA000; R(PORTB + 4) = 0xC0; }
+static void opened(void) { R(0x40023830) |= 2; R(PORTB) = 0xA000; R(PORTB + 4) = 0xC0; }
 #define SENDS DMA + 0xA0, 1 << 25 | 1 << 10 | 1 << 6 | 16 | 1
 #define TAKES DMA + 0x10, 1 << 25 | 1 << 10 | 16 | 1
 #define NOTHING R(DMA + 0x58) = 6 << 25 | 1

@@ -33,6 +33,7 @@ from typing import Final
 
 import pytest
 
+from tests.examples.boards import as_installed
 from tests.waiting import Starved, until
 
 ROOT: Final = Path(__file__).parents[2]
@@ -205,7 +206,7 @@ class Typist:
         self._folder: Path = folder
         self._mark: str = f"XDG_RUNTIME_DIR={folder}"
         self._environment: dict[str, str] = {
-            **os.environ,
+            **as_installed(),
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "XDG_RUNTIME_DIR": str(folder),
             **variables,

@@ -273,9 +273,9 @@ def test_run_of_a_board_without_hosts_says_what_to_write(board: Path) -> None:
 def test_a_rate_needs_real_time(board: Path) -> None:
     board.write_text(BOARD.replace('name = "bench"', 'time = "lockstep"'))
     done = vbus("run", board, "--rate", "2")
-    assert done.returncode == 3
+    assert done.returncode == 2
     assert done.stderr == (
-        f"{board}: a rate makes sense in real time only; this board is lockstep\n"
+        f"vbus: {board}: a rate makes sense in real time only; this board is lockstep\n"
     )
 
 

@@ -158,3 +158,16 @@ def test_a_port_of_a_page_that_another_program_has_leaves_the_page_out(tmp_path:
         typist = Typist(tmp_path)
         typist.type(f"```sh\nfalse 127.0.0.1:{port} 127.0.0.1:0\n```\n")
     assert typist.left_out == [f"port {port} of this machine cannot be had: Address already in use"]
+
+
+def test_pages_are_typed_with_the_installation_that_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "installed" / "vbus").mkdir(parents=True)
+    (tmp_path / "installed" / "vbus" / "__init__.py").write_text("print('as installed')")
+    monkeypatch.setenv("VBUS_INSTALLED", str(tmp_path / "installed"))
+    page = """```console\n$ python3 -c "import vbus"\nas installed\n```\n"""
+    Typist(tmp_path).type(page)
+    monkeypatch.delenv("VBUS_INSTALLED")
+    with pytest.raises(AssertionError, match="the page shows"):
+        Typist(tmp_path).type(page)

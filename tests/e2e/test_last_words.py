@@ -171,7 +171,7 @@ def hash_of(link: str, protocol: str, talk: Callable[[str, bytes], None]) -> tup
     journal = Journal(board, file)
     with ServedBoard(board, [LinkSpec(link, protocol)]) as at_work:
         talk(at_work.server.urls[0], WIRES[protocol]())
-        at_work.finish(lambda: False)
+        at_work.run(at_work.server.finish(lambda: False))
     return *ended(journal, file), int(board.chips[0].telemetry()["real"])
 
 

@@ -202,7 +202,7 @@ def test_other_computers_are_let_in_only_if_the_board_file_says_so(
 ) -> None:
     done = vbus("run", "--metrics", "0.0.0.0:0", str(board_file))
 
-    assert done.returncode == exit_codes.BAD_BOARD
+    assert done.returncode == exit_codes.USAGE
     assert "lets other computers in" in done.stderr
     assert "remote = true in [metrics]" in done.stderr
     load_board_text(BOARD + '[metrics]\nlisten = "0.0.0.0:9100"\nremote = true\n')
@@ -216,7 +216,7 @@ def test_an_address_of_the_command_line_that_is_none_is_not_blamed_on_the_board_
     board = ["--board", str(board_file)] if program else [str(board_file)]
     done = vbus(command, "--metrics", "foo", *board, *program)
 
-    assert done.returncode == exit_codes.BAD_BOARD
+    assert done.returncode == exit_codes.USAGE
     assert '--metrics: found "foo"; write "HOST:PORT"' in done.stderr
     assert str(board_file) not in done.stderr
 

@@ -125,7 +125,7 @@ def test_a_port_in_use_is_a_clear_error() -> None:
         holder.bind(("127.0.0.1", 0))
         holder.listen()
         port = holder.getsockname()[1]
-        refused = rf"^tcp:{port}: Address already in use; stop who has it, or choose another port"
+        refused = rf"^tcp:{port}: Address already in use; stop the program that has it, or choose"
         with pytest.raises(TransportError, match=refused):
             start(Server(toy_board(), [LinkSpec(f"tcp:{port}", "byte")]))
 

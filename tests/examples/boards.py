@@ -1,12 +1,30 @@
 """Examples: where they lie, how they are compiled and run, and what they print."""
 
+import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from tests.left_out import require
+from vbus.cli.run.firmware import simulator
+from vbus.core.errors import VbusError
 
 EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
+
+
+def as_installed() -> dict[str, str]:
+    """Return the environment of what users type.
+
+    ``VBUS_INSTALLED`` names a folder whose vbus runs there in place of the sources: in CI that of
+    the compiled core, which users have, and which moves axes in half of the processor's time.
+    """
+    known = dict(os.environ)
+    if "VBUS_INSTALLED" in known:
+        known["PYTHONPATH"] = known["VBUS_INSTALLED"]
+        with suppress(VbusError):  # what cannot be had is left out, with the reason, by its page
+            known.setdefault("VBUS_AVR", simulator())
+    return known
 
 
 def vbus(*arguments: str) -> list[str]:

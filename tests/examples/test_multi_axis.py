@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from tests.examples.boards import EXAMPLES, expected
+from tests.examples.boards import EXAMPLES, as_installed, expected
 from tests.namespaces import computers
 from tests.waiting import Starved, until
 from vbus.board.config import read_board_file
@@ -83,7 +83,7 @@ def started(name: str, folder: Path, *options: str) -> Iterator[subprocess.Popen
     process = subprocess.Popen(
         [sys.executable, str(EXAMPLES / name / "demo.py"), *options],
         cwd=folder,
-        env={**os.environ, "PYTHONHASHSEED": str(len(options))},
+        env={**as_installed(), "PYTHONHASHSEED": str(len(options))},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.e2e.pages import blocks_of
 from tests.e2e.test_scope import seen_by_a_page
-from tests.examples.boards import expected
+from tests.examples.boards import EXAMPLES, expected
 from tests.examples.test_multi_axis import PATIENCE, demo_of, played, started
 from vbus.core.kernel import MS
 
@@ -17,6 +18,8 @@ NAME = "rose_six_axes"
 
 
 def test_a_node_is_killed_and_rejoins_and_the_rose_is_the_same(tmp_path: Path) -> None:
+    typed = blocks_of((EXAMPLES / NAME / "README.md").read_text())
+    assert [block.text for block in typed] == ["python demo.py\n"]  # and two options more
     with started(NAME, tmp_path, "--svg=rose.svg", "--scope") as process:
         assert process.stderr is not None
         told = process.stderr.readline()

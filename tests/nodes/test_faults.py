@@ -162,7 +162,7 @@ def told(bench: Bench, node: str) -> dict[str, str]:
 
 def test_a_rate_is_for_real_time_and_the_same_on_all_nodes(bench: Bench) -> None:
     code, out = ended(bench.start("abcd", "--rate", "2"))
-    assert code == 3
+    assert code == 2
     assert "a rate makes sense in real time only; this board is lockstep" in out
     file, _ = read_board_text(FOUR.replace("lockstep", "realtime"))
     fast, _ = read_board_text(FOUR.replace('time = "lockstep"', 'time = "realtime"\nrate = 2'))

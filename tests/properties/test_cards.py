@@ -230,6 +230,9 @@ def run(slot: Slot, steps: list[Step]) -> list[object]:
         if name in ("pin", "line"):
             port.delay(US)  # what is held after a cycle is judged if strobes are played alone
         rows.append((number, name, first, actions[name](first, second), slot.board.now))
+        if name == "in":  # what leases are made of
+            steady = path_of(slot).steady(first)
+            rows.append(steady and (steady[0] and steady[0].name, steady[1]))
     port.delay(US)
     rows += levels(slot)
     rows += told.rows
@@ -254,7 +257,8 @@ def remembered(seed: int) -> tuple[int, int]:
         for one, other in zip(found, wanted, strict=False):
             assert one == other, f"seed {seed}"
         assert len(found) == len(wanted), f"seed {seed}"
-    run(fresh, half)
+    own = sum(1 + (name == "in") for name, *_ in half)
+    assert run(fresh, half)[:own] == found[:own], f"seed {seed}"
     assert fresh.board.state_hash() == ours.board.state_hash(), f"seed {seed}"
     cycles = sum(name in ("in", "out") for name, *_ in script)
     assert path_of(played).played == cycles

@@ -150,7 +150,7 @@ def test_what_makes_no_sense_is_refused(folder: Path) -> None:
     done = vbus("scope", "nobody", "--sigrok", "127.0.0.1:0")
     assert done.returncode == 4
     done = vbus("scope", "nobody", "--sigrok", "0.0.0.0:1")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert (
         '--sigrok: "0.0.0.0:1" lets other computers in; write "127.0.0.1:1", or say' in done.stderr
     )

@@ -333,6 +333,9 @@ class Simulation:
                 self, self.board, self.specs, report=self.reports.append, pacer=pacer,
                 settle=self.recording.settle,
             )  # fmt: skip
+            # On the object: compiled modules have their own reference to a module or a constant.
+            turns = self.server._turns
+            turns.looks, turns.give_way = system.looks, system.called
             pacer.on_end = self._time_is_over
             try:
                 self._start()

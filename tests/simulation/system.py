@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import Any, Final
 from unittest import mock
 
-from vbus.serve import detached_waits, fast_path, local_socket, loop, recording
+from vbus.serve import detached_waits, local_socket, loop, recording
 from vbus.serve.time import pacer
 from vbus.transports import base, open_watch, pty, runtime, sockets, zenoh_inbox
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
@@ -654,7 +654,6 @@ class System:
             open=self._open, eventfd=lambda start, flags: EventFd(system).fd,
         )  # fmt: skip
         face.close = self._close
-        face.sched_yield = self.called
         face.set_blocking = lambda fd, blocking: None
         face.eventfd_read, face.eventfd_write = self._eventfd_read, self._eventfd_write
         polls = tried(select, epoll=lambda: Epoll(system))
@@ -664,7 +663,7 @@ class System:
             _selector_cls = staticmethod(lambda: LoopEpoll(system))
 
         exchanged: list[tuple[Any, str, Any]] = [
-            (module, "os", face) for module in (fast_path, local_socket, base, pty, zenoh_inbox)
+            (module, "os", face) for module in (local_socket, base, pty, zenoh_inbox)
         ]
         exchanged += [(module, "select", polls) for module in (detached_waits, pty)]
         exchanged += [
@@ -673,7 +672,6 @@ class System:
             (pacer, "TimerFd", lambda: TimerFd(system)),
             (sockets, "socket", tried(socket, socket=lambda f, k: Listener(system, f, k))),
             (loop, "DirectSelector", Selector),
-            (fast_path, "LOOKS", self.looks),
             (sockets, "os", tried(os, open=os.open)),
             (runtime, "os", tried(os, open=os.open, ftruncate=os.ftruncate, write=os.write)),
             (runtime, "fcntl", tried(fcntl, flock=fcntl.flock)),

@@ -1,6 +1,8 @@
 """Hostile chips: legal extremes are found, played the same on every run, and shrink."""
 
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -170,6 +172,23 @@ def test_exit_code_output_and_transcript_of_a_program_are_kept() -> None:
     assert outcome.transcript[0] == "x DFH"
     assert outcome.now >= 2 * 10**9
     assert failed(outcome) == "the host fails with exit code 7"
+
+
+def test_what_a_program_leaves_behind_ends_with_its_board() -> None:
+    """It has the program's output open, and so the run would wait for it."""
+    leaves = ["sh", "-c", "sleep 3600 & echo $!"]
+    outcome = run_program(*read_board_text(BOARD), leaves)
+    assert (outcome.code, outcome.stuck) == (0, "")
+    assert f"left behind: sleep (process {outcome.output.strip()})" in outcome.errors
+    assert not Path(f"/proc/{outcome.output.strip()}").exists()
+
+
+def test_a_program_that_does_nothing_ends_though_a_test_has_stopped_its_clock(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(time, "monotonic", lambda: 0.0)
+    outcome = run_program(*read_board_text(BOARD), ["sh", "-c", "kill -STOP $$"], Limits(wall=0.1))
+    assert outcome.stuck.startswith("it was not done after 0.1 s of wall time")
 
 
 def test_a_program_works_from_a_test_that_is_a_coroutine() -> None:

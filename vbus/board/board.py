@@ -236,6 +236,8 @@ class Board(Circuit):
         """Return the whole state: time, chips with their plants, nets, pins, hosts, faults."""
         self.catch_up()
         saved: Saved = {**save(self), "parts": tuple(self.parts)}
+        if self.player.lent:
+            saved["lent"] = self.player.saved()
         if self.through is not None and self.through.remembers():
             saved["through"] = save(self.through)
         if self._faults is not None and self._faults.all():

@@ -203,7 +203,11 @@ class _Planner:
         # Gates of a package that are not used need no inputs.
         blocks = [block for block in row.blocks if set(block.outputs) & have]
         if not blocks:
-            self._fail(path, f"no output is wired: it does nothing; it has {listed(outputs)}")
+            self._fail(
+                path,
+                f"no output is wired: it does nothing; it has {listed(outputs)}; wire one in its"
+                ' pins, or list it in "hosts" for hosts to see',
+            )
         for block in blocks:
             lacking = [pin for pin in block.inputs if pin not in have and pin not in block.outputs]
             if lacking:

@@ -269,6 +269,8 @@ class HostBus(HostPort):
         elif self._kernel.observed and selection.observed():
             data = board.player.play([chip], self.pins, False, address, 0, when)
         else:
+            if board.player.by_hand:
+                board.player.lend([])
             fall: i64 = when - chip.read_low_ps
             if fall > self._kernel.now:
                 clock.run_until(fall)
@@ -307,6 +309,8 @@ class HostBus(HostPort):
         elif self._kernel.observed and selection.observed():
             board.player.play(selection.selected, self.pins, True, address, data, when)
         else:
+            if board.player.by_hand:
+                board.player.lend([])
             clock.run_until(when)
             for chip in selection.selected:
                 chip.write(address, data)
@@ -375,8 +379,7 @@ class HostBus(HostPort):
     def _take_back(self) -> None:
         """Come to the host's instant, with all lines as hosts have left them by hand."""
         self.clock.arrive()
-        if self.board.player.lent:
-            self.board.player.give_back()
+        self.board.player.give_back()
 
     def _data_chip(self) -> Chip:
         known = self.selection.selected or self.chips
@@ -475,7 +478,7 @@ class HostBus(HostPort):
         try:
             if self._orders is not None:
                 self._orders.close()
-            self.board.player.flush()
+            self.board.player.give_back()
             self.strobes.before()
             self.pins.unsolder()
             if self.pins in self.board.player.hosts:  # a session may be closed twice
@@ -489,7 +492,7 @@ class HostBus(HostPort):
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""
-        self.board.player.flush()
+        self.board.player.give_back()
         self.pins.unsolder()
         self.unclaim()
         self.polls.until = 0

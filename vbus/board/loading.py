@@ -21,14 +21,14 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     try:
         fields = dict(saved)
         parts, broken = [tuple(pair) for pair in fields.pop("parts")], fields.pop("faults", None)
-        through = fields.pop("through", None)
+        through, lent = fields.pop("through", None), fields.pop("lent", None)
     except (TypeError, ValueError, KeyError):
         raise SnapshotError("this is no saved board") from None
     if parts != board.parts:
         raise SnapshotError(
             f"the state belongs to a board with {parts}, this one has {board.parts}"
         )
-    breaking, unwrap = None, None
+    breaking, unwrap, lend = None, None, None
     if board.broken or broken:
         from vbus.faults.state import prepare as prepare_faults
 
@@ -38,6 +38,8 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         seen = None
         if through is not None and board.through is not None:
             seen = plan(board.through, through, "the state: through")
+        if lent is not None:
+            lend = board.player.prepare(lent, [port.pins for port in board.ports])
     except SnapshotError:
         if unwrap is not None:
             unwrap()
@@ -48,6 +50,8 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
             _load(board, loading, fields["wires"], breaking)
             if seen is not None:
                 seen.apply()
+            if lend is not None:
+                lend()
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # Each field fits by itself; together they do not.
             raise SnapshotError(f"the state does not fit: {error!r}") from error
@@ -57,7 +61,7 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
 
 def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.flush()
-    board.player.lent.clear()
+    board.player.forget()
     if breaking is not None:
         breaking.apply()
     # Pending events are sent now: they belong to the run that is left behind.

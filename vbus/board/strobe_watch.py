@@ -50,7 +50,7 @@ class StrobeWatch(CycleTeller):
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
-    WIRING: ClassVar[Names] = ("_board", "_label", "_rows", "found")
+    WIRING: ClassVar[Names] = ("_board", "_label", "_latched", "_rows", "found")
     DERIVED: ClassVar[Names] = ("_noted", "_cycles", "_looked", "_looks")
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
@@ -65,6 +65,7 @@ class StrobeWatch(CycleTeller):
                 continue
             if chip.BUS is not None:
                 self._rows.append(BusLines(chip, watch_by(chip.BUS)))
+        self._latched: bool = any(row.remembers for row in self._rows)
         self._cycles: int = 0
         self._noted: bool = False
         self._looked: int = _NOT
@@ -89,10 +90,11 @@ class StrobeWatch(CycleTeller):
             self._board.through.by = None
 
     def before(self) -> None:
-        """Lines are about to move: note how they stand, if anybody wants to know."""
+        """Lines are about to move: note how they stand, if a reader wants to know."""
         self.goes_through_glue()
         self._noted = False
-        if not self.wanted():
+        # A latched address is state: it is followed without a reader, so that state is the same.
+        if not self._latched and not self.wanted():
             return
         for row in self._rows:
             row.levels = row.look()

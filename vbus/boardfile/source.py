@@ -17,6 +17,8 @@ from vbus.core.values.settings import among
 Mistakes = Iterator[tuple[Path, str]]
 """Where a mistake is, and what is wrong there."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_UNQUOTED = re.compile(r"""\s*([\w-]+)\s*=\s*(\w[^"'#]*?)\s*(?:#.*)?""")
+"""A key whose value begins as a text without its quotes would: ``clock = 8 MHz``."""
 
 
 class Problem(Struct, frozen=True):
@@ -121,7 +123,10 @@ class Source:
         # Before Python 3.14 an error of tomllib has its place in its text alone.
         match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
         if match is not None:
-            return int(match[2]), f"no TOML: {match[1]} (column {match[3]})"
+            line = int(match[2])
+            bare = _UNQUOTED.fullmatch(self.text.splitlines()[line - 1]) if match[3] else None
+            hint = f'; a text stands in quotes: {bare[1]} = "{bare[2]}"' if bare else ""
+            return line, f"no TOML: {match[1]} (column {match[3]}){hint}"
         begun, at_end, _ = reason.partition(" (at end of document)")
         return self.text.count("\n") + 1 if at_end else 0, f"no TOML: {begun}"
 

@@ -54,8 +54,8 @@ class Walker:
             value = self._value(mine[of.SHORT], path, table)
             return None if value is None else of(**extra, **{of.SHORT: value})
         if not isinstance(table, dict):
-            of_keys = "" if isinstance(path[-1], int) else " of keys"
-            self._source.fail(path, f"found {quoted(table)}; this is a table{of_keys}")
+            a_table = "a table" if isinstance(path[-1], int) else f"the table [{key_text(path)}]"
+            self._source.fail(path, f"found {quoted(table)}; this is {a_table}")
             return None
         own: Iterable[Option] = ()
         if of.KINDS and isinstance(named := table.get(of.KINDS.key), str):
@@ -140,7 +140,8 @@ class Walker:
         if field.shape is tuple and not field.named:
             return self._list(field.of, path, value)
         if not isinstance(value, dict):
-            self._source.fail(path, f"found {quoted(value)}; this is a table of keys")
+            a_table = f"tables [{key_text(path)}.NAME]" if field.named else "a table of keys"
+            self._source.fail(path, f"found {quoted(value)}; write {a_table}")
             return None
         found = {}
         for name, item in value.items():

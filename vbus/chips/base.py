@@ -372,8 +372,9 @@ class Chip:
             self._heard = True
             self.advance()
             self.rearm()
-        # Lazy again: the next question brings the chip up to date.
-        elif self._heard:
+        # Lazy again: the next question brings the chip up to date. A state that was saved while
+        # somebody listened has set the timer.
+        elif self._heard or self._timer.due != NEVER:
             self._heard = False
             self._timer.cancel()
 
@@ -416,8 +417,10 @@ def check_drive(chip: "Chip", axis: int, plant: Plant, *drives: str) -> None:
     # Said when the board is built: in a sample it would be an exception.
     if not any(drive in plant.TAKES for drive in drives):
         given, taken = ([DRIVES[kind] for kind in kinds] for kinds in (drives, plant.TAKES))
+        right = " or ".join(given)
         raise ValueError(
-            f"the {chip.part} gives {' or '.join(given)}; this plant takes {', '.join(taken)}"
+            f"the {chip.part} gives {right}; this plant takes {', '.join(taken)}: choose a model"
+            f" that takes {right}"
         )
 
 

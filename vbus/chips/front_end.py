@@ -29,7 +29,9 @@ class BusFrontEnd:
     """
 
     STATE: ClassVar[Names] = ()
-    WIRING: ClassVar[Names] = ("_actions", "_chip", "_lines", "_place", "_table", "_width", "own")
+    WIRING: ClassVar[Names] = (
+        "_actions", "_chip", "_lines", "_place", "_table", "_width", "ears", "own",
+    )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_looked", "_seen")
 
     def __init__(self, chip: Chip) -> None:
@@ -47,14 +49,19 @@ class BusFrontEnd:
         chip.front = self
         # One watcher for all lines: those that move together are one event.
         self.own: Watcher = Watcher(chip.kernel, self.moved)
+        self.ears: tuple[Watcher, ...] = (self.own,)
+        """All that hears the bus for the chip."""
         for pin in self._lines:
             pin.net.watch(self.own)
 
     def forget_edges(self) -> None:
         """Take the lines as they stand: no edge has been, and no time is judged from one."""
 
-    def settle(self) -> None:
-        """Judge what can be judged by now of the last cycle."""
+    def conclude(self) -> None:
+        """Whole cycles have the bus from now on: end what still waits after the last edge."""
+
+    def refresh(self) -> None:
+        """Drive what a read that is under way shows by now."""
 
     def levels(self) -> i64:
         """Return the levels of the control lines, a bit each, that of the first highest."""

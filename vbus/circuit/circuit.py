@@ -130,7 +130,7 @@ class Circuit:
         """Read cycles hosts have made."""
         self.writes: int = 0
         """Write cycles hosts have made."""
-        self.player: StrobePlayer = StrobePlayer(self.kernel)
+        self.player: StrobePlayer = StrobePlayer(self.kernel, self.chips)
         self._fights: Fights = Fights(self.kernel, self._fight)
         self._on_clash: Callable[[Net], None] = self._clash  # one for all nets
         self.disturbed: bool = False
@@ -243,7 +243,7 @@ class Circuit:
         if self.glue.parts or any(chip.CONNECTOR for chip in self.chips):
             # Only now: which chips are behind glue is known once all wires are soldered.
             through = GlueCycles(self.kernel, self.chips, self.glue)
-            self.through = through if through.chips else None
+            self.through = self.player.through = through if through.chips else None
 
     # -- looking up ---------------------------------------------------------------------------
 

@@ -67,7 +67,7 @@ class GlueCycles:
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
-    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "noted", "rows")
+    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "noted", "rows", "watcher")
 
     def __init__(self, kernel: Kernel, chips: Iterable[Chip], glue: Glue) -> None:
         self._kernel: Kernel = kernel
@@ -85,7 +85,7 @@ class GlueCycles:
                 or any(id(p.net) in connectors for p in chip.bus_pins if p is not chip.data_pin)
             )
         ]  # fmt: skip
-        watcher = Watcher(kernel, self._moved)
+        self.watcher: Watcher = Watcher(kernel, self._moved)
         for chip in self.chips:
             if chip.BUS is None:
                 continue
@@ -93,8 +93,8 @@ class GlueCycles:
             row.levels = row.look()
             self.rows.append(row)
             for net in row.nets:
-                if watcher not in net.watchers:
-                    net.watch(watcher)
+                if self.watcher not in net.watchers:
+                    net.watch(self.watcher)
 
     @property
     def watches(self) -> list[BusWatch]:

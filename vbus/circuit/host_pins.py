@@ -214,6 +214,10 @@ class HostPins:
         known = [self._soldered.get(id(pin.net)) for pin in chip.bus_pins]
         return [pin for pin in known if pin is not None]
 
+    def driven(self) -> list[Pin]:
+        """Return the host's own pins that drive something; those of a connector are no host's."""
+        return [pin for pin in self._soldered.values() if pin.level != Z]
+
     def side(self, number: int) -> Pin:
         """Return the chip's pin behind side pin ``number``."""
         if not 0 <= number < len(self.sides):

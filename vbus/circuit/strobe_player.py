@@ -1,17 +1,21 @@
 """Whole bus cycles as edges on the nets, for observed buses."""
 
 from collections import deque
-from typing import ClassVar
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 from vbus.chips.base import Chip
+from vbus.chips.front_end import BusFrontEnd
+from vbus.circuit.glue_cycles import GlueCycles
 from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
+from vbus.core.errors import SnapshotError
 from vbus.core.kernel import NEVER, Kernel
-from vbus.core.signals import Guard, Pin, Z
-from vbus.core.state import Names, Saved, load, save
+from vbus.core.signals import Guard, Net, Pin, Z
+from vbus.core.state import Names, Saved, load, plan, save
 
 
 class LentBus:
-    """How a chip's bus stood before whole cycles moved its lines.
+    """A chip's bus that whole cycles have, as hosts have left it by hand.
 
     Args:
         chip: the chip.
@@ -19,45 +23,74 @@ class LentBus:
 
     Attributes:
         chip: the chip.
-        byte: what the last cycle has left on the data bus.
+        hosts: the pins of every host.
+        lines: the wires of the bus, but for D0-D7.
     """
 
-    WIRING: ClassVar[Names] = ("*",)
+    STATE: ClassVar[Names] = (
+        "_data", "held: list[(i64, str, i64), ...]", "past: list[(bool, i64, i64, i64), _nets]",
+        "_edges: saved[_front]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_front", "_nets", "chip", "hosts", "lines")
+    DERIVED: ClassVar[Names] = ("_levels",)
 
     def __init__(self, chip: Chip, hosts: list[HostPins]) -> None:
         self.chip: Chip = chip
-        self.byte: int = 0
-        self._driven: list[tuple[Pin, int]] = [
-            (own, own.level) for one in hosts for own in one.at(chip) if own.level != Z
-        ]
-        self._data: int = chip.data_pin.level
-        self._history: list[tuple[int, ...]] = [pin.net.history for pin in chip.bus_pins]
+        self.hosts: list[HostPins] = hosts
+        self._front: BusFrontEnd | None = chip.front
+        # D0-D7 have the latest byte, until a pin there moves again.
+        self.lines: list[Net] = [pin.net for pin in chip.bus_pins if pin is not chip.data_pin]
+        self._nets: list[Net] = [*self.lines, chip.bus_net]
+        self.past: list[tuple[bool, int, int, int]] = []
+        """Of each net: whether pins disagreed, and its history."""
+        self._data: int = Z
+        self._levels: dict[int, int] = {}
         self._edges: Saved = {}
-        if chip.front is not None:
-            chip.front.settle()
-            self._edges = save(chip.front)
 
-    def put_back(self, hosts: list[HostPins]) -> None:
-        """Put the hosts' pins back; no time is judged from these edges."""
-        self.chip.judged = False
-        there = [own for one in hosts for own in one.at(self.chip)]
-        driven = [(own, level) for own, level in self._driven if own in there]
-        for own in there:  # before others drive: nothing is fought that was not
-            if all(own is not one for one, _ in driven):
-                own.release()
-        for own, level in driven:
-            own.drive(level)
+    def note(self) -> None:
+        """Note how the bus stands: whole cycles have it from now on."""
+        if self._front is not None:
+            self._front.conclude()
+            self._edges = save(self._front)
+        self._data = self.chip.data_pin.level
+        self._levels = {id(pin): pin.level for host in self.hosts for pin in host.at(self.chip)}
+        past: list[tuple[bool, int, int, int]] = []
+        for net in self._nets:
+            previous, changed_at, let_go_at = net.history
+            past.append((net.clashing, previous, changed_at, let_go_at))
+        self.past = past
+
+    @property
+    def held(self) -> list[tuple[int, str, int]]:
+        """What hosts drive: number of the host, name of the chip's pin, level."""
+        return [
+            (number, host.name_of(pin), self._levels[id(pin)])
+            for number, host in enumerate(self.hosts) for pin in host.at(self.chip)
+            if self._levels.get(id(pin), Z) != Z
+        ]  # fmt: skip
+
+    @held.setter
+    def held(self, held: list[tuple[int, str, int]]) -> None:
+        self._levels = {id(self.hosts[number].named(name)): level for number, name, level in held}
+
+    def move(self, back: bool) -> None:
+        """Put the pins back, or let go of the bus; the lines are still to follow."""
+        self.chip.data_pin.level = self._data if back else Z
+        for host in self.hosts:
+            for pin in host.at(self.chip):
+                # A pin soldered since drove nothing.
+                pin.level = self._levels.get(id(pin), Z) if back else Z
+        if back:
+            for net, row in zip(self._nets, self.past, strict=True):
+                net.clashing = row[0]  # nothing is fought that was not
 
     def recall(self) -> None:
-        """Let the chip know of the edges before, and of none since."""
-        chip = self.chip
-        if chip.front is not None:
-            chip.front.forget_edges()
-            load(chip.front, self._edges)
-        chip.data_pin.drive(self._data)
-        for pin, history in zip(chip.bus_pins, self._history, strict=True):
-            pin.net.history = history
-        chip.bus_net.value = self.byte
+        """Let the chip know of the edges it knew, and the nets of their past."""
+        if self._front is not None:
+            self._front.forget_edges()
+            load(self._front, self._edges)
+        for net, row in zip(self._nets, self.past, strict=True):
+            net.history = row[1:]
 
 
 class StrobePlayer:
@@ -65,24 +98,33 @@ class StrobePlayer:
 
     A cycle is over for its host at the latching edge. What comes after it (hold times) is queued
     and happens at its instant, or when the next cycle begins, if that is earlier.
+
+    Args:
+        kernel: the board's time.
+        chips: the board's chips.
     """
 
-    WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards", "hosts")
-    DERIVED: ClassVar[Names] = ("_tail", "_user", "lent")
+    WIRING: ClassVar[Names] = ("_chips", "_kernel", "_timer", "guards", "hosts", "through")
+    DERIVED: ClassVar[Names] = ("_tail", "_user", "by_hand", "lent")
 
-    def __init__(self, kernel: Kernel) -> None:
+    def __init__(self, kernel: Kernel, chips: list[Chip]) -> None:
         self._kernel: Kernel = kernel
+        self._chips: list[Chip] = chips
         self._tail: deque[tuple[int, Pin, int]] = deque()
         # Saved with the kernel: hold edges of a snapshot come at their instants.
         self._timer = kernel.timer(self._run_tail)
         self.hosts: list[HostPins] = []
         """Pins of every host that is there."""
+        self.by_hand: bool = True
+        """Whether a host may hold lines of a bus by hand: :meth:`lend` comes before a cycle."""
         self.lent: dict[str, LentBus] = {}
-        """Buses whose lines whole cycles have moved since a host moved some itself, by chip."""
+        """Buses that whole cycles have had since a host moved lines itself, by chip."""
         self._user: HostPins | None = None
-        """Pins of the host of the last cycle."""
+        """Pins of the host of the last cycle that was played."""
         self.guards: list[Guard] = []
         """Who may owe nets their levels."""
+        self.through: GlueCycles | None = None
+        """Sees the cycles at chips behind glue."""
 
     def play(
         self, chips: list[Chip], pins: HostPins, write: bool, address: int, data: int, when: int
@@ -96,11 +138,11 @@ class StrobePlayer:
         kernel = self._kernel
         strobes: list[CycleEdge] = []
         for chip in chips:
-            chip.judged = False
             strobes = strobes + pins.strobes(chip, write, address, data)
+        if not chips[0].CONNECTOR:
+            self.lend(chips, pins)
         if not strobes:
             return self._answer(chips, write, address, data, when)
-        self._lend(chips, pins)
         # What a computer's bus moves at one instant moves together; no decoder sees it half.
         at_once = chips[0].CONNECTOR
         if len(chips) > 1 and not at_once:
@@ -116,15 +158,17 @@ class StrobePlayer:
                 kernel.settle()
                 value = together(chips)
                 latched = True
-                self._note_bytes(chips)
             if offset > 0:
                 self._tail.append((when + offset, pin, level))
                 continue
             if when + offset > kernel.now:
                 kernel.run_until(when + offset)
-            pin.drive(level)
-            if offset < 0 and not (at_once and strobes[number + 1].offset == offset):
-                kernel.settle()
+            if at_once:
+                pin.drive(level)
+                if offset < 0 and strobes[number + 1].offset > offset:
+                    kernel.settle()
+            else:
+                self._drive(pin, level)
         kernel.settle()
         if self._tail and self._timer.due == NEVER:
             self._timer.at(self._tail[0][0])
@@ -140,47 +184,117 @@ class StrobePlayer:
             else:
                 chip.begin_read(address)
                 chip.bus_net.value = chip.end_read()
-        self._note_bytes(chips)
         self._kernel.settle()
         return together(chips)
 
-    # A whole cycle moves lines only while they are observed. So what it leaves of them decides
-    # about nothing: before another host's cycle its host lets go of them, and before a host moves
-    # lines itself, they and what the chip knows of edges are as hosts have left them by hand.
+    # Lines that a host holds by hand are let go of for whole cycles, and stand as they were left,
+    # with what chips knew of their edges, as soon as a host moves lines again. A whole cycle moves
+    # lines only while they are observed: so nothing follows from what it leaves of them, and a
+    # saved state has both. Chips hear no edge as a bus is lent or given back; glue there does.
 
-    def _lend(self, chips: list[Chip], pins: HostPins) -> None:
-        """Give chips' buses to a host for a whole cycle."""
-        to = [chip for chip in chips if not chip.CONNECTOR]
-        taken = [chip for chip in to if chip.name not in self.lent]
-        for chip in to:  # the latest is the last
-            known = self.lent.pop(chip.name, None)
-            self.lent[chip.name] = known if known is not None else LentBus(chip, self.hosts)
-        if self._user is not pins:
-            self._user = pins
-            taken = [bus.chip for bus in self.lent.values()]
-        for chip in taken:
-            chip.judged = False
-            for other in self.hosts:
-                if other is not pins:
-                    for own in other.at(chip):
-                        own.release()
-        if taken:
-            self._kernel.settle()
+    def lend(self, chips: list[Chip], user: HostPins | None = None) -> None:
+        """Give the buses that hosts hold by hand to whole cycles.
 
-    def _note_bytes(self, chips: list[Chip]) -> None:
-        for chip in chips:
-            if chip.name in self.lent:
-                self.lent[chip.name].byte = chip.bus_net.value
+        Args:
+            chips: those whose cycle is played: their buses are given in any case.
+            user: pins of the host whose cycle is played.
+        """
+        nets = {id(pin.net) for chip in chips for pin in chip.bus_pins}
+        if self.by_hand:
+            self.by_hand = False
+            nets |= {id(pin.net) for one in self.hosts for pin in one.driven()}
+        elif self._user is user and all(chip.name in self.lent for chip in chips):
+            return
+        # All chips on these wires: none is to take another's cycle for the end of its own.
+        taken = [
+            LentBus(chip, self.hosts) for chip in self._chips
+            if not chip.CONNECTOR and chip.name not in self.lent
+            and any(id(pin.net) in nets for pin in chip.bus_pins)
+        ]  # fmt: skip
+        for bus in taken:
+            bus.note()
+        self.lent |= {bus.chip.name: bus for bus in taken}
+        if user is not None and user is not self._user:
+            taken = list(self.lent.values())
+        self._user = user
+        self._move(taken, back=False)
 
     def give_back(self) -> None:
         """Put every bus back as hosts have left it by hand."""
         self.flush()
-        lent, self.lent = self.lent, {}
-        for bus in lent.values():
-            bus.put_back(self.hosts)
+        lent = list(self.lent.values())
+        self.forget()
+        if lent:
+            self._move(lent, back=True)
+            # A read under way shows what the chip has now, and each change at its instant.
+            for bus in lent:
+                bus.chip.advance()
+                if bus.chip.front is not None:
+                    bus.chip.front.refresh()
+                bus.chip.rearm()
+
+    def forget(self) -> None:
+        """All stands as hosts have left it by hand: so a state is loaded."""
+        self.lent, self._user, self.by_hand = {}, None, True
+
+    def _move(self, buses: list[LentBus], back: bool) -> None:
+        """Move buses, and what the chips know of edges, without an edge for any chip."""
+        fronts: list[BusFrontEnd] = [bus.chip.front for bus in buses if bus.chip.front is not None]
+        deaf = [ear for front in fronts for ear in front.ears]
+        if self.through is not None:
+            deaf.append(self.through.watcher)
+        for ear in deaf:
+            ear.deaf = True
+        for bus in buses:
+            bus.move(back)
+        for bus in buses:
+            for net in bus.lines:
+                net.resolve()
         self._kernel.settle()
-        for bus in lent.values():
-            bus.recall()
+        for ear in deaf:
+            ear.deaf = False
+        for bus in buses:
+            if back:
+                bus.recall()
+        if not back:
+            for front in fronts:
+                front.forget_edges()
+        if self.through is not None:
+            self.through.after_load()
+
+    def saved(self) -> Saved:
+        """Return what whole cycles have of the buses: the host that had them last, and each bus."""
+        user = self.hosts.index(self._user) if self._user in self.hosts else -1
+        return {"": user, **{name: save(bus) for name, bus in self.lent.items()}}
+
+    def prepare(self, saved: Any, hosts: list[HostPins]) -> Callable[[], None]:
+        """Check what :meth:`saved` gave; return what loads it, once all levels are.
+
+        Args:
+            saved: that.
+            hosts: the pins of the hosts that were there, in their order.
+
+        Raises:
+            SnapshotError: it does not fit.
+        """
+        chips = {chip.name: chip for chip in self._chips}
+        if not isinstance(saved, dict) or not saved.keys() <= chips.keys() | {""}:
+            raise SnapshotError("the state: lent: wants buses by the names of their chips")
+        rows = {**saved}
+        user = rows.pop("", -1)
+        users = [host for number, host in enumerate(hosts) if number == user]
+        lent = {name: LentBus(chips[name], hosts) for name in rows}
+        loads = [plan(lent[name], row, f"the state: lent: {name}") for name, row in rows.items()]
+
+        def go() -> None:
+            for loading in loads:
+                loading.apply()
+            for bus in lent.values():
+                bus.hosts = self.hosts
+            self.lent, self.by_hand = lent, False
+            self._user = users[0] if users else None
+
+        return go
 
     def leave(self, when: int, pin: Pin, level: int) -> None:
         """Take over what is to happen to a pin after a cycle that was not played here."""
@@ -197,8 +311,7 @@ class StrobePlayer:
         if self._tail:
             while self._tail:
                 _, pin, level = self._tail.popleft()
-                pin.drive(level)
-                self._kernel.settle()
+                self._drive(pin, level)
             self._timer.cancel()
 
     def tail(self, hosts: list[HostPins]) -> list[tuple[int, int, str, int]]:
@@ -216,10 +329,20 @@ class StrobePlayer:
         for when, number, name, level in tail:
             self._tail.append((when, hosts[number].named(name), level))
 
+    def _drive(self, pin: Pin, level: int) -> None:
+        """Make one edge of a whole cycle; such an edge carries no time of its host to be judged."""
+        judged = [bus.chip for bus in self.lent.values() if bus.chip.judged]
+        for chip in judged:
+            chip.judged = False
+        pin.drive(level)
+        self._kernel.settle()
+        for chip in judged:
+            chip.judged = True
+
     def _run_tail(self) -> None:
         while self._tail and self._tail[0][0] <= self._kernel.now:
             _, pin, level = self._tail.popleft()
-            pin.drive(level)
+            self._drive(pin, level)
         if self._tail:
             self._timer.at(self._tail[0][0])
 

@@ -31,9 +31,13 @@ class ChildProcesses:
     """The program and the processes that come from it, also where their parents have ended.
 
     Those become children of this process, as long as this object is in use.
+
+    Args:
+        report: takes sentences about them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
         # Children that this process had before are none of the program's: they are left alone.
         self._others = set(children(os.getpid()))
         self._parent = os.getpid()
@@ -72,11 +76,10 @@ class ChildProcesses:
         """Kill what has not ended after signal ``number``, and say what it was doing."""
         hangs = what_hangs(self.there())
         self.kill()
-        _say(
-            f"{signal.Signals(number).name} has not ended the program within {PATIENCE:g} s; it is"
-            " killed",
-            *hangs,
-        )
+        name = signal.Signals(number).name
+        self._report(f"{name} has not ended the program within {PATIENCE:g} s; it is killed")
+        for line in hangs:
+            self._report(line)
 
     async def end(self, until: float) -> None:
         """End those that run: by SIGTERM, and by SIGKILL at ``until`` by the loop's clock."""
@@ -90,6 +93,39 @@ class ChildProcesses:
             self.reap()
         if self.there():
             self.overdue(signal.SIGTERM)
+
+    def say_left(self, pids: list[int]) -> None:
+        """Name the processes that a program has left behind on a board that ends with it."""
+        names = ", ".join(f"{name_of(pid)} (process {pid})" for pid in pids)
+        self._report(
+            f"the program has ended and left behind: {names}; that ends too, with the board; what"
+            " shall go on needs a board that runs already (--join)"
+        )
+
+    def explain(self, code: int, note: Path, interrupt: int, line: str) -> None:
+        """Say why a program died of a signal that the library has to do with.
+
+        Args:
+            code: what the process ended with, negative for a signal.
+            note: the file the library makes when the fault is the program's own.
+            interrupt: the signal that the card's interrupt sends; 0: none.
+            line: which line that is, and when it last interrupted, as far as it is known.
+        """
+        if interrupt and code == -interrupt:
+            name = signal.Signals(interrupt).name
+            self._report(
+                f"the program died of {name}, which an interrupt sends ({line}): it had no handler"
+                " for it then, and what the system does without one is to end the program. Install"
+                " the handler before the chip can interrupt (some do so after a reset), block the"
+                " signal until then, or take signal out of the card in the board file"
+            )
+        if code == -signal.SIGSEGV and not note.exists():
+            self._report(
+                "the program died of SIGSEGV and the library was not asked: by a system call"
+                " of its own, not by the C library, it has blocked that signal or taken its handler"
+                " away, and each access to the card needs both; a program without the C library"
+                " cannot be served"
+            )
 
 
 def end_with_parent() -> Callable[[], None]:
@@ -113,42 +149,7 @@ def _ask(what: int, value: int) -> None:
         ctypes.CDLL(None).prctl(what, value, 0, 0, 0)
 
 
-def _say(*sentences: str) -> None:
+def say(sentence: str) -> None:
+    """Print a sentence of ``vbus exec`` on standard error."""
     with suppress(OSError):  # the reader may have gone
-        for sentence in sentences:
-            click.echo(f"vbus exec: {sentence}", err=True)
-
-
-def say_left(pids: list[int]) -> None:
-    """Name the processes that a program has left behind on a board that ends with it."""
-    names = ", ".join(f"{name_of(pid)} (process {pid})" for pid in pids)
-    _say(
-        f"the program has ended and left behind: {names}; that ends too, with the board; what shall"
-        " go on needs a board that runs already (--join)"
-    )
-
-
-def explain(code: int, note: Path, interrupt: int = 0, line: str = "the card's") -> None:
-    """Say why a program died of a signal that the library has to do with.
-
-    Args:
-        code: what the process ended with, negative for a signal.
-        note: the file the library makes when the fault is the program's own.
-        interrupt: the signal that the card's interrupt sends; 0: none.
-        line: which line that is, and when it last interrupted, as far as it is known.
-    """
-    if interrupt and code == -interrupt:
-        name = signal.Signals(interrupt).name
-        _say(
-            f"the program died of {name}, which an interrupt sends ({line}): it had no handler for"
-            " it then, and what the system does without one is to end the program. Install the"
-            " handler before the chip can interrupt (some do so after a reset), block the signal"
-            " until then, or take signal out of the card in the board file"
-        )
-    if code == -signal.SIGSEGV and not note.exists():
-        _say(
-            "the program died of SIGSEGV and the library was not asked: by a system call"
-            " of its own, not by the C library, it has blocked that signal or taken its handler"
-            " away, and each access to the card needs both; a program without the C library"
-            " cannot be served"
-        )
+        click.echo(f"vbus exec: {sentence}", err=True)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import click
 
+from vbus.cli.output import Verbs
 from vbus.compiled import version_line
 from vbus.core import exit_codes
 from vbus.core.errors import ConfigError, VbusError
@@ -54,11 +55,6 @@ _GROUPS: Final = {
         "trace": "Merge the traces of nodes.",
     },
 }
-_GONE: Final = {
-    "order": "vbus.serve.nodes.ordering.order() of Python orders bus cycles on the nodes of a board"
-}
-"""What to use in place of a command that there was."""
-
 _TOGETHER: Final = {
     "running": ("ls", "wait", "logs", "stop"), "check": ("check", "schema"), "up": ("up", "trace"),
 }  # fmt: skip
@@ -84,7 +80,7 @@ _EXITS: Final = (
 )
 
 
-class _Lazy(click.Group):
+class _Lazy(Verbs):
     """A group whose commands live in ``vbus.cli.GROUP.NAME`` as ``command``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -113,18 +109,6 @@ class _Lazy(click.Group):
             lines += [f"{title}:", *(f"{left:<40}{right}".rstrip() for left, right in rows)]
         formatter.write("\n".join([*lines, *_EXITS, ""]))
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name = args[0]
-        if name not in _COMMANDS and not name.startswith("-"):
-            from vbus.core.values.settings import suggestion
-
-            known = ", ".join(_COMMANDS)
-            hint = f"{_GONE[name]}; " if name in _GONE else suggestion(name, _COMMANDS)
-            raise click.UsageError(f'there is no command "{name}"; {hint}there are {known}', ctx)
-        return super().resolve_command(ctx, args)
-
 
 @click.group(
     cls=_Lazy,
@@ -148,7 +132,7 @@ def _run(arguments: list[str] | None) -> int:
         # A full disk behind standard output is found here, not by the interpreter at its exit.
         sys.stdout.flush()
     except click.ClickException as error:
-        error.show()
+        _advised(error).show()
         return error.exit_code
     except click.exceptions.Exit as error:
         return error.exit_code
@@ -172,6 +156,25 @@ def _run(arguments: list[str] | None) -> int:
         _write_no_more()
         return exit_codes.FAILURE
     return result if isinstance(result, int) else exit_codes.OK
+
+
+def _advised(error: click.ClickException) -> click.ClickException:
+    """Return the error; of an option in a wrong place, one that says which place is right."""
+    if not isinstance(error, click.NoSuchOption) or error.ctx is None:
+        return error
+    name = error.option_name
+    if error.ctx.parent is None:
+        place = f"An option of a command stands behind its name: vbus COMMAND {name}"
+        return click.UsageError(f"{error.message} {place}", error.ctx)
+    from vbus.boardfile.key import rows
+    from vbus.boardfile.sections import BoardSection, HostSection
+
+    key = name.strip("-")
+    for section, of in (("[board]", BoardSection), ("[[hosts]]", HostSection)):
+        if key in (row.name for row in rows(of)):
+            place = f'"{key}" is a key of {section} in the board file.'
+            return click.UsageError(f"{error.message} {place}", error.ctx)
+    return error
 
 
 def _write_no_more() -> None:

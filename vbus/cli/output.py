@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, BinaryIO, Final
 
 import click
@@ -14,19 +15,63 @@ from vbus.core.errors import VbusError, read_errors
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
+
+class Verbs(click.Group):
+    """A group whose message about an unknown command has the likely one, and all there are."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the first word names, and the words behind it."""
+        name, known = args[0], self.list_commands(ctx)
+        if name not in known and not name.startswith("-"):
+            from vbus.core.values.settings import suggestion
+
+            there = f"{suggestion(name, known)}there are {', '.join(known)}"
+            raise click.UsageError(f'there is no command "{name}"; {there}', ctx)
+        return super().resolve_command(ctx, args)
+
+
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
+
+def refusing(function: str, *more: Any) -> Callable[..., Any]:
+    """Return a callback that refuses an option's value with the error of a function.
+
+    So a name or an address that no record can have is a wrong use, and nothing begins to run.
+
+    Args:
+        function: ``MODULE:NAME``; imported when the option is given.
+        more: its arguments after the value.
+    """
+
+    def checked(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+        try:
+            if value:
+                resolve_name(function)(str(value), *more)
+        except (ValueError, VbusError) as error:
+            raise click.BadParameter(str(error)) from None
+        return value
+
+    return checked
+
+
+vcd_named: Final = refusing("vbus.views.wave.signals:vcd_name")
+
 _RECORDS: Final = (
-    ("--journal", "FILE", "Write every call of every host to FILE."),
-    ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif."),
-    ("--suppress", "FILE", "TOML file of accepted violations."),
-    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html, .xml."),
-    ("--wave", "FILE", "Write a waveform of everything to FILE (VCD)."),
-    ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one."),
-)
+    ("--journal", "FILE", "Write every call of every host to FILE.", None),
+    ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif.",
+     refusing("vbus.views.findings.formats:format_of")),
+    ("--suppress", "FILE", "TOML file of accepted violations.", None),
+    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html, .xml.",
+     refusing("vbus.views.coverage.formats:coverage_format")),
+    ("--wave", "FILE", "Write a waveform of everything to FILE (VCD).", vcd_named),
+    ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one.",
+     refusing("vbus.board.check.network_checks:metrics_address", True)),
+)  # fmt: skip
 
 
-_KEYS: Final = [name[2:] for name, _, _ in _RECORDS if name != "--metrics"]
+_KEYS: Final = [name[2:] for name, *_ in _RECORDS if name != "--metrics"]
 
 
 def record_options(verb: Callable[..., int]) -> Callable[..., int]:
@@ -42,8 +87,9 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
         record = {key: value for key, value in record.items() if value is not None}
         return verb(record=record, metrics=metrics or "", **given)
 
-    for name, metavar, text in reversed(_RECORDS):
-        with_records = click.option(name, metavar=metavar, help=text)(with_records)
+    for name, metavar, text, check in reversed(_RECORDS):
+        option = click.option(name, metavar=metavar, help=text, callback=check)
+        with_records = option(with_records)
     return with_records
 
 
@@ -83,6 +129,22 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         return value if value is None else parse_duration(value)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
+
+
+def endpoint_option(*names: str, text: str, multiple: bool = False) -> Decorator:
+    """Return an option that takes an endpoint of Zenoh; port 0 is any free one."""
+
+    def checked(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+        from vbus.network.session import check_endpoint
+
+        try:
+            for endpoint in value if multiple else filter(None, [value]):
+                check_endpoint(endpoint.replace("tls/", "tcp/", 1))  # certificates come later
+        except VbusError as error:
+            raise click.BadParameter(str(error)) from None
+        return value
+
+    return click.option(*names, callback=checked, multiple=multiple, metavar="ENDPOINT", help=text)
 
 
 def time_option(*names: str, text: str, default: str | None = None) -> Decorator:

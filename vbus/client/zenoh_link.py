@@ -196,7 +196,7 @@ class ZenohBoardLink(BoardLink):
         self._security: Security | None = security
         if patience is not None:
             self.patience = patience
-        self._reheadery: float = RECOVERY_SECONDS if patience is None else patience
+        self._recovery: float = RECOVERY_SECONDS if patience is None else patience
         self._network: zenoh.Session = session
         self._name: bytes = envelope.new_session()
         self._number: int = 0
@@ -304,7 +304,7 @@ class ZenohBoardLink(BoardLink):
         now = monotonic()
         if query is None or self._searching:
             return
-        patience = self._reheadery if self._given else FIRST_SECONDS
+        patience = self._recovery if self._given else FIRST_SECONDS
         if query.silent_since and not query.held and now - query.silent_since > patience:
             self._searching = True
             # Asking around takes up to two seconds: calls wait with their own time limit meanwhile.
@@ -371,7 +371,7 @@ class ZenohBoardLink(BoardLink):
         if self._closed or self._finished or self._error is not None or not self._given:
             return
         self._finished = True
-        last = monotonic() + self._reheadery
+        last = monotonic() + self._recovery
         # The board refuses the end as long as a message is missing.
         while not self._say_goodbye():
             if monotonic() > last:

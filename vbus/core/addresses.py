@@ -36,6 +36,9 @@ def refused_link(scheme: str, path: str, remote: bool) -> str:
         remote: whether other computers may be let in.
     """
     host, _, port = path.rpartition(":")
+    if not port.isdigit() or int(port) > 65535:
+        form = f'"{scheme}:PORT" or "{scheme}:HOST:PORT"'
+        return f'"{scheme}:{path}": write {form} with a port of 0 to 65535'
     if remote or not host or stays_here(host):
         return ""
     return meant(f"{scheme}:{path}", f"{scheme}:{port}", "for this host")

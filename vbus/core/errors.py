@@ -4,6 +4,7 @@
 
     VbusError
     +-- ConfigError       the board file is wrong: file, line, key, what is allowed
+    +-- OptionError       what a user has asked for makes no sense, or not on this board
     +-- ProtocolError     a host's bytes cannot be understood; ends that session only
     +-- TransportError    a link cannot be opened or was lost (also an OSError)
     |   +-- NameInUseError    another running process has the name
@@ -40,6 +41,10 @@ class ConfigError(VbusError):
     Example: an unknown key, a quantity in the wrong unit, two owners of one pin. The message
     names the file, the line, the key, what was found and what is allowed.
     """
+
+
+class OptionError(VbusError):
+    """An option or argument that makes no sense: by itself, beside others, or for this board."""
 
 
 class ProtocolError(VbusError):

@@ -20,7 +20,8 @@ INTERRUPTED: Final = 130
 MEANINGS: Final = {
     OK: "it worked; also what serves until Ctrl-C, ended by that",
     FAILURE: "it did not work; the message says why",
-    USAGE: "the command line is wrong; of vbus diff: the runs cannot be compared",
+    USAGE: "the command line is wrong, or is not for this board; of vbus diff: the runs cannot be"
+    " compared",
     BAD_BOARD: "the board file is wrong",
     NO_LINK: "no such board runs, or a PTY, socket or serial device cannot be opened",
     NO_PLUGIN: "a plug-in is missing or broken",
@@ -40,6 +41,7 @@ def code_of(error: "VbusError") -> int:
     if isinstance(error, errors.ProgramError):
         return NO_PROGRAM if error.missing else NOT_RUNNABLE
     codes = {
+        errors.OptionError: USAGE,
         errors.ConfigError: BAD_BOARD,
         errors.TransportError: NO_LINK,
         errors.PluginError: NO_PLUGIN,

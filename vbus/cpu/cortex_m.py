@@ -44,6 +44,8 @@ class CortexM(Processor):
         self.enabled: Final[set[int]] = {HARD_FAULT, SVC, PENDSV, SYSTICK}
         self.priorities: Final[dict[int, int]] = {HARD_FAULT: -1}
         self.vectors = 0
+        self.groups = -2
+        """The bits of a priority by which one exception interrupts another (PRIGROUP)."""
 
     def begin(self) -> None:
         """Stand at the reset vector.
@@ -107,10 +109,10 @@ class CortexM(Processor):
 
     def _level(self) -> int:
         """The priority that an exception must be above (a smaller number) to come now."""
-        level = min((self._priority(number) for number in self.active), default=256)
+        level = min((self._priority(number) & self.groups for number in self.active), default=256)
         base = self.machine.get(arm.UC_ARM_REG_BASEPRI)
         if base:
-            level = min(level, base)
+            level = min(level, base & self.groups)
         if self.machine.get(arm.UC_ARM_REG_PRIMASK):
             level = min(level, 0)
         return -1 if self.machine.get(arm.UC_ARM_REG_FAULTMASK) else level
@@ -124,7 +126,7 @@ class CortexM(Processor):
         """Begin the most urgent exception that waits, if its priority allows."""
         # Of equal priorities the lowest number comes first (ARMv7-M, B1.5.4).
         number = min(self.pending & self.enabled, key=lambda n: (self._priority(n), n))
-        if self._priority(number) < self._level():
+        if self._priority(number) & self.groups < self._level():
             self._begin(number)
 
     def _begin(self, number: int) -> None:
@@ -277,11 +279,14 @@ class SystemControl(RegisterBlock):
         IoRegister("NVIC_ICPR", 0x280, 0, "forget them", "ispr", "put_icpr", 8),
         IoRegister("NVIC_IABR", 0x300, 0, "which are active", "iabr", count=8),
         IoRegister("NVIC_IPR", 0x400, 0, "priorities, a byte each", count=60),
-        IoRegister("CPUID", 0xD00, 0x412FC231),
+        IoRegister("CPUID", 0xD00, 0x411FC231),
         IoRegister("ICSR", 0xD04, 0, "let PendSV and SysTick wait", "icsr", "put_icsr"),
         IoRegister("VTOR", 0xD08, 0, "address of the vector table", "vtor", "put_vtor"),
-        IoRegister("AIRCR", 0xD0C, 0xFA050000, "SYSRESETREQ ends the run", write="put_aircr"),
-        *stored("SCR", "CCR", first=0xD10),
+        IoRegister(
+            "AIRCR", 0xD0C, 0xFA050000, "PRIGROUP; SYSRESETREQ ends the run", write="put_aircr"
+        ),
+        IoRegister("SCR", 0xD10),
+        IoRegister("CCR", 0xD14, 0x200),
         IoRegister("SHPR", 0xD18, 0, "priorities of exceptions 4 to 15", count=3),
         *stored("SHCSR", "CFSR", "HFSR", "DFSR", "MMFAR", "BFAR", "AFSR", first=0xD24),
         IoRegister("CPACR", 0xD88, 0, "floating point on"),
@@ -289,8 +294,12 @@ class SystemControl(RegisterBlock):
         IoRegister("FPCCR", 0xF34),
     )
 
-    def __init__(self, machine: CpuMachine, name: str, base: int, processor: CortexM) -> None:
+    def __init__(
+        self, machine: CpuMachine, name: str, base: int, processor: CortexM, m4: bool
+    ) -> None:
         super().__init__(machine, name, base)
+        if m4:
+            self.values.update({0x004: 2, 0xD00: 0x410FC241})
         self._processor: Final = processor
         self._counter: Final = machine.counter(base + 0x18, 1, down=True)
         self._seen = 0
@@ -322,8 +331,12 @@ class SystemControl(RegisterBlock):
 
     def put_csr(self, _: int, value: int) -> None:
         """Start, stop, and let it interrupt or not."""
+        changed = (self.of("SYST_CSR") ^ value) & 5
         self.values[0x10] = value & 7
-        self.put_cvr(0, 0)
+        if changed:
+            self.put_cvr(0, 0)
+        else:
+            self._plan()
 
     def put_rvr(self, _: int, value: int) -> None:
         """Count from here, beginning now."""
@@ -431,9 +444,13 @@ class SystemControl(RegisterBlock):
         self._processor.vectors = (value & ~0x7F) or self.machine.section.rom
 
     def put_aircr(self, _: int, value: int) -> None:
-        """A request for a reset ends the run."""
+        """Split priorities; a request for a reset ends the run."""
         # VECTKEY: without it a write of AIRCR is ignored.
-        if value >> 16 == 0x05FA and value & 4:
+        if value >> 16 != 0x05FA:
+            return
+        self.values[0xD0C] = 0xFA050000 | value & 0x700
+        self._processor.groups = -2 << (value >> 8 & 7)
+        if value & 4:
             why = f"the firmware resets the processor (AIRCR), at {self.machine.at()}"
             raise Stopped(exit_codes.FAILURE, why)
 

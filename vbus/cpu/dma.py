@@ -1,9 +1,11 @@
 """DMA1 of an STM32F1 or F4: what I2C and USARTs ask for goes between their registers and memory.
 
 Registers and requests: ST's reference manuals RM0008 (F1, chapter 13) and RM0090 (F4, chapter 10).
-A request is served at once. Priorities, FIFOs, double buffers and copies of memory are not there.
+A request is served at once, and a copy (MEM2MEM of an F1) is made at once. Priorities, FIFOs and
+double buffers are not there, nor are copies by an F4, whose DMA2 alone makes them.
 """
 
+import ctypes
 from collections.abc import Callable
 from typing import ClassVar, Final
 
@@ -13,6 +15,9 @@ from vbus.cpu.registers import IoRegister, RegisterBlock, stored
 
 _COUNT, _PORT, _MEMORY = 4, 8, 12
 """Where a channel has its counter and both addresses, behind its control register."""
+_COPIES: Final = 0x4000
+"""MEM2MEM: the channel of an F1 waits for no request."""
+_PERIPHERALS, _CARD, _CARD_END = 0x40000000, 0x60000000, 0xA0000000
 
 
 def _channels(first: int, stride: int, many: int, *more: str) -> tuple[IoRegister, ...]:
@@ -88,8 +93,31 @@ class Dma(RegisterBlock):
     def serve(self, request: str) -> bool:
         """Make one transfer; return whether a channel has made one."""
         channel = self._channel(request)
-        if channel is None:
-            return False
+        if channel is not None:
+            self._transfer(channel)
+        return channel is not None
+
+    def _get(self, address: int, size: int) -> int | None:
+        """Return what memory, the card or a peripheral has at an address; None: nothing."""
+        machine = self.machine
+        if data := machine.peek(address, size):
+            return int.from_bytes(data, "little")
+        if _CARD <= address < _CARD_END:
+            return int(machine.native.cpu_card_read(ctypes.c_uint64(address), size))
+        return machine.peripheral_read(address, size) if address >= _PERIPHERALS else None
+
+    def _put(self, address: int, size: int, value: int) -> bool:
+        machine, value = self.machine, value & (1 << 8 * size) - 1
+        if _CARD <= address < _CARD_END:
+            machine.native.cpu_card_write(ctypes.c_uint64(address), size, ctypes.c_uint64(value))
+        elif address >= _PERIPHERALS:
+            machine.peripheral_write(address, size, value)
+        else:
+            return machine.poke(address, value.to_bytes(size, "little"))
+        return True
+
+    def _transfer(self, channel: int) -> None:
+        """Make one transfer."""
         at, left = self._places[channel], self._left(channel)
         done = self._whole[channel] - left
         sizes = [1 << self._bit(channel, which) for which in (4, 5)]
@@ -99,14 +127,11 @@ class Dma(RegisterBlock):
         )
         # Counted before the peripheral is touched, which may have its next request by that.
         self.values[at + _COUNT] = left - 1
+        ends = [(port, sizes[0]), (memory, sizes[1])]
         if self._bit(channel, 0) & 1:
-            data = self.machine.peek(memory, sizes[1])
-            moved = bool(data)
-            if moved:
-                self.machine.peripheral_write(port, sizes[0], int.from_bytes(data, "little"))
-        else:
-            value = self.machine.peripheral_read(port, sizes[0]) & (1 << 8 * sizes[1]) - 1
-            moved = self.machine.poke(memory, value.to_bytes(sizes[1], "little"))
+            ends.reverse()
+        value = self._get(*ends[0])
+        moved = value is not None and self._put(*ends[1], value)
         if not moved:
             # RM0008, 13.3.5: an error of the bus turns the channel off.
             self.values[at] &= ~1
@@ -119,7 +144,6 @@ class Dma(RegisterBlock):
                 self.values[at] &= ~1  # RM0090, 10.3.13; an F1's stays on, with nothing left
         elif left - 1 == self._whole[channel] // 2:
             self._came(channel, 1)
-        return True
 
     def _came(self, channel: int, which: int) -> None:
         self._flags |= self.ENABLES[which] << self.LAG + self.FLAGS[channel]
@@ -144,14 +168,18 @@ class Dma(RegisterBlock):
             control = self.values[place]
             if control & 1 and not was:
                 self._whole[channel] = self._left(channel)
-                self._warn(channel, control)
+                if not self.LAG and control & _COPIES:
+                    while self.values[place] & 1 and self._left(channel):
+                        self._transfer(channel)
+                else:
+                    self._warn(channel, control)
                 for ask in self.asks:
                     ask()
             self._ask()
 
     def _warn(self, channel: int, control: int) -> None:
         """Name a channel that nothing will move."""
-        copies = control & 0x4000 if not self.LAG else control & 0x80
+        copies = self.LAG and control & 0x80
         if copies or not any(
             channel in channels and control >> 25 & 7 == choice
             for channels, choice in self.REQUESTS.values()

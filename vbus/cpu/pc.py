@@ -108,7 +108,8 @@ class Pc(Processor):
     def levels(self) -> None:
         """Notice edges at IRQ 0 to 15."""
         levels = self.machine.wired_levels(INTERRUPTS)
-        # The 8259 of a PC notices edges, not levels.
+        # The 8259 of a PC notices edges; a request goes with its line if it is not served before.
+        self._request &= ~(self._levels & ~levels)
         self._raise(levels & ~self._levels)
         self._levels = levels
 
@@ -265,6 +266,8 @@ class Pc(Processor):
     def _screen(self) -> None:
         if self._get(x86.UC_X86_REG_AH) == 0x0E:
             self._write(bytes((self._get(x86.UC_X86_REG_AL),)))
+        else:
+            self._lacks("10h")
 
     def _keyboard(self) -> None:
         self._flag(_ZERO, True)  # no key
@@ -273,6 +276,13 @@ class Pc(Processor):
         if self._get(x86.UC_X86_REG_AH) == 0:
             low, high = struct.unpack("<HH", self.machine.peek(_TICKS, 4))
             self._put(AX=0, CX=high, DX=low)
+        else:
+            self._lacks("1Ah")
+
+    def _lacks(self, interrupt: str) -> None:
+        function = self._get(x86.UC_X86_REG_AH)
+        text = f"function {function:02X}h of int {interrupt} is not modelled: it does nothing"
+        self.machine.once(f"{interrupt} {function}", text)
 
     # -- DOS --------------------------------------------------------------------------------------
 

@@ -46,6 +46,7 @@ class RegisterBlock(Peripheral):
     Attributes:
         REGISTERS: its rows.
         SIZE: of one register in bytes.
+        enable: the block, register and bit that turn its clock on; None: it always has one.
     """
 
     REGISTERS: ClassVar[tuple[IoRegister, ...]] = ()
@@ -55,6 +56,7 @@ class RegisterBlock(Peripheral):
         super().__init__(base)
         self.machine: Final = machine
         self.name: Final = name
+        self.enable: tuple[RegisterBlock, str, int] | None = None
         self.values: Final[dict[int, int]] = {}
         self._rows: Final[dict[int, IoRegister]] = {}
         for row in self.REGISTERS:
@@ -67,8 +69,25 @@ class RegisterBlock(Peripheral):
         """Return what a register holds, by its name."""
         return next(self.values[row.offset] for row in self.REGISTERS if row.name == name)
 
+    def has_clock(self, offset: int) -> bool:
+        """Whether it has its clock; without one a real peripheral does not answer."""
+        if self.enable is None:
+            return True
+        block, register, bit = self.enable
+        on = bool(block.of(register) >> bit & 1)
+        if not on:
+            self.machine.once(
+                f"clock {self.name}",
+                f"{self.name} has no clock (bit {bit} of {block.name} {register} is 0): accesses"
+                f" are lost, reads give 0; the first is at offset {offset:02X}h, by the"
+                f" instruction at {self.machine.at()}",
+            )
+        return on
+
     def read(self, offset: int, size: int) -> int:
         """Return what is read at an offset."""
+        if not self.has_clock(offset):
+            return 0
         place = offset - offset % self.SIZE
         row = self._rows.get(place)
         if row is None:
@@ -84,6 +103,8 @@ class RegisterBlock(Peripheral):
 
     def write(self, offset: int, size: int, value: int) -> None:
         """Take what is written at an offset."""
+        if not self.has_clock(offset):
+            return
         place = offset - offset % self.SIZE
         row = self._rows.get(place)
         if row is None:

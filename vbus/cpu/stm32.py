@@ -1,10 +1,10 @@
 """STM32F1 and F4: the peripherals that a driver's firmware touches, register by register.
 
-Offsets, resets and bits: ST's reference manuals RM0008 (F1) and RM0090 (F4). Timers count at the
-clock of the processor.
+Offsets, resets and bits: ST's reference manuals RM0008 (F1) and RM0090 (F4).
 """
 
 import ctypes
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from msgspec import Struct
@@ -29,6 +29,27 @@ class Clocks(RegisterBlock):
         IoRegister("CSR", 0x24, 0x0C000000, "LSI on, and ready", "slow_ready"),
         *stored("AHBSTR", "CFGR2", first=0x28),
     )
+
+    PRESCALERS: ClassVar[tuple[int, int]] = (8, 11)
+    """Where CFGR has PPRE1 and PPRE2."""
+
+    def __init__(self, machine: CpuMachine, name: str, base: int) -> None:
+        super().__init__(machine, name, base)
+        self.changed: Final[list[Callable[[], None]]] = []
+        """What is called when a prescaler may have another value."""
+
+    def settle(self) -> None:
+        """Let timers count at the clock they have now."""
+        for call in self.changed:
+            call()
+
+    def timer_divider(self, bus: int) -> int:
+        """Return how many clock cycles of the processor are one of a timer on APB1 or APB2 (0, 1).
+
+        A timer has the clock of its bus, or twice that if the bus has a prescaler.
+        """
+        scale = self.of("CFGR") >> self.PRESCALERS[bus] & 7
+        return 1 << (scale & 3) if scale & 4 else 1
 
     def _ready(self, name: str, bits: tuple[int, ...]) -> int:
         value = self.of(name)
@@ -59,6 +80,7 @@ class Clocks(RegisterBlock):
 class Clocks4(Clocks):
     """RCC of an F4."""
 
+    PRESCALERS = (10, 13)
     REGISTERS = (
         IoRegister("CR", 0x00, 0x83, "oscillators and PLL on; each is ready then", "ready"),
         IoRegister("PLLCFGR", 0x04, 0x24003010),
@@ -76,52 +98,40 @@ class Clocks4(Clocks):
 
 
 class Port(RegisterBlock):
-    """GPIO: its data registers work in cpu_link.c, once its clock is on."""
+    """GPIO: its data registers work in cpu_link.c, once its clock is on.
 
-    def __init__(
-        self,
-        machine: CpuMachine,
-        name: str,
-        base: int,
-        clocks: RegisterBlock,
-        enable: tuple[str, int],
-    ) -> None:
+    Attributes:
+        RESETS: what registers of a port hold after a reset that those of others do not: its pins
+            are the debugger's.
+    """
+
+    RESETS: ClassVar[dict[str, dict[int, int]]] = {}
+
+    def __init__(self, machine: CpuMachine, name: str, base: int) -> None:
         super().__init__(machine, name, base)
-        self.bits: Final = PortBits(base=base, number=ord(name[-1]) - ord("A"), off=1)
+        letter = name[-1]
+        for place, value in self.RESETS.get(letter, {}).items():
+            self.values[place] = value
+        self.bits: Final = PortBits(base=base, number=ord(letter) - ord("A"), off=1)
         by_name = {row.name: row.offset for row in self.REGISTERS}
         for field, register in (("input", "IDR"), ("output", "ODR"), ("set", "BSRR"),
                                 ("reset", "BRR")):  # fmt: skip
             setattr(self.bits, field, by_name.get(register, _NONE))
-        self._clocks: Final = clocks
-        self._enable: Final = enable
         self._lent = 0
         self.modes()
         machine.shared.ports[machine.shared.port_count] = ctypes.pointer(self.bits)
         machine.shared.port_count += 1
 
-    def _on(self, offset: int) -> bool:
-        """Whether the port has its clock; without it a real one does not answer."""
-        register, bit = self._enable
-        on = bool(self._clocks.of(register) >> bit & 1)
+    def has_clock(self, offset: int) -> bool:
+        """Whether it has its clock; cpu_link.c has to know."""
+        on = super().has_clock(offset)
         self.bits.off = not on
-        if not on:
-            self.machine.once(
-                f"clock {self.name}",
-                f"{self.name} has no clock (bit {bit} of RCC {register} is 0): accesses are lost,"
-                f" reads give 0; the first is at offset {offset:02X}h, by the instruction at"
-                f" {self.machine.at()}",
-            )
         return on
-
-    def read(self, offset: int, size: int) -> int:
-        """Return what is read."""
-        return super().read(offset, size) if self._on(offset) else 0
 
     def write(self, offset: int, size: int, value: int) -> None:
         """Take what is written."""
-        if self._on(offset):
-            super().write(offset, size, value)
-            self._take_modes()
+        super().write(offset, size, value)
+        self._take_modes()
 
     def _take_modes(self) -> None:
         self.modes()
@@ -194,6 +204,10 @@ class Port1(Port):
 class Port4(Port):
     """GPIO of an F4: two bits of MODER for each pin."""
 
+    RESETS: ClassVar[dict[str, dict[int, int]]] = {
+        "A": {0x00: 0xA8000000, 0x08: 0x0C000000, 0x0C: 0x64000000},
+        "B": {0x00: 0x00000280, 0x08: 0x000000C0, 0x0C: 0x00000100},
+    }
     REGISTERS = (
         IoRegister("MODER", 0x00, 0, "0 input, 1 output, 2 another peripheral's, 3 analog"),
         IoRegister("OTYPER", 0x04, 0, "1: open drain"),
@@ -332,9 +346,12 @@ class Stm32Timer(RegisterBlock):
     )
 
     def __init__(
-        self, machine: CpuMachine, name: str, base: int, processor: CortexM, number: int, wide: bool
-    ) -> None:
+        self, machine: CpuMachine, name: str, base: int, processor: CortexM, number: int,
+        wide: bool, clocks: Clocks,
+    ) -> None:  # fmt: skip
         super().__init__(machine, name, base)
+        self._clocks: Final = clocks
+        clocks.changed.append(self._reclock)
         self._processor: Final = processor
         self._number: Final = number
         self._mask: Final = 0xFFFFFFFF if wide else 0xFFFF
@@ -381,9 +398,20 @@ class Stm32Timer(RegisterBlock):
     def _restart(self, count: int) -> None:
         """Count from ``count`` on, as the registers are now."""
         counter = self._counter
-        counter.divider, counter.period = (self.of("PSC") & 0xFFFF) + 1, self.of("ARR") + 1
+        counter.divider = ((self.of("PSC") & 0xFFFF) + 1) * self._scale()
+        counter.period = self.of("ARR") + 1
         self._held, counter.on = count, self.of("CR1") & 1
         counter.zero = self.machine.shared.clock - count * counter.divider
+
+    def _scale(self) -> int:
+        return self._clocks.timer_divider(int(self.base >= 0x40010000))
+
+    def _reclock(self) -> None:
+        """Count on at another clock."""
+        if self._counter.divider != ((self.of("PSC") & 0xFFFF) + 1) * self._scale():
+            self._catch_up()
+            self._restart(self.cnt(0))
+            self._plan()
 
     def _plan(self) -> None:
         self.machine.events.pop(self, None)
@@ -420,9 +448,19 @@ class Stm32Timer(RegisterBlock):
 
 
 class Storage(RegisterBlock):
-    """Registers that are accepted, and do nothing."""
+    """Registers that are accepted, and do nothing.
+
+    Args:
+        resets: what they hold after a reset, by their offsets, where that is not 0.
+    """
 
     REGISTERS = (IoRegister("R", 0x00, count=0x100),)
+
+    def __init__(
+        self, machine: CpuMachine, name: str, base: int, resets: dict[int, int] | None = None
+    ) -> None:
+        super().__init__(machine, name, base)
+        self.values.update(resets or {})
 
 
 class Device(RegisterBlock):
@@ -443,7 +481,9 @@ class Stm32Family(Struct, frozen=True):
     Attributes:
         timers: base and interrupt of each, by its name.
         uarts: the same of each.
-        storage: base of what is accepted, and does nothing.
+        clocks: what has its clock by the bits of each register of RCC, from bit 0 on.
+        storage: base of what is accepted, and does nothing; its registers that are not 0 after a
+            reset, by their offsets.
         named: base of what is not modelled; accesses there name it.
         places: base of RCC, EXTI, AFIO or SYSCFG, the first port, and what the factory wrote.
         ports: how many ports there are.
@@ -452,7 +492,8 @@ class Stm32Family(Struct, frozen=True):
 
     timers: dict[str, tuple[int, int]]
     uarts: dict[str, tuple[int, int]]
-    storage: dict[str, int]
+    clocks: dict[str, str]
+    storage: dict[str, tuple[int, dict[int, int]]]
     named: dict[str, int]
     places: tuple[int, int, int, int, int]
     ports: int
@@ -475,11 +516,31 @@ _NAMED: Final = {
 _I2C: Final = (("I2C1", 0x40005400, 6, 7, 31), ("I2C2", 0x40005800, 10, 11, 33))
 """Name, base, the bits of port B for SCL and SDA, which are not moved elsewhere (AFIO), and the
 interrupt of events."""
+_APB1: Final = (
+    "TIM2 TIM3 TIM4 TIM5 TIM6 TIM7 TIM12 TIM13 TIM14 - - WWDG - - SPI2 SPI3 - USART2 USART3 UART4"
+    " UART5 I2C1 I2C2 {} - CAN1 CAN2 {} PWR DAC"
+)
+_IWDG: Final = (0x40003000, {0x08: 0xFFF})
+# Of banks 1 to 4: BCR and BTR in turn, and BWTR.
+_FSMC: Final = (
+    0xA0000000,
+    {0x00: 0x30DB, **dict.fromkeys(range(0x08, 0x20, 8), 0x30D2),
+     **dict.fromkeys((*range(0x04, 0x20, 8), *range(0x104, 0x120, 8)), 0x0FFFFFFF)},
+)  # fmt: skip
 FAMILIES: Final = {
     "stm32f1": Stm32Family(
         {**_TIMERS, "TIM1": (0x40012C00, 25), "TIM8": (0x40013400, 44)},
         {**_UARTS, "USART1": (0x40013800, 37)},
-        {"IWDG": 0x40003000, "PWR": 0x40007000, "BKP": 0x40006C00, "FLASH": 0x40022000},
+        {
+            "AHBENR": "DMA1 DMA2 - - - - CRC - FSMC",
+            "APB2ENR": "AFIO - GPIOA GPIOB GPIOC GPIOD GPIOE GPIOF GPIOG ADC1 ADC2 TIM1 SPI1 TIM8"
+            " USART1 ADC3",
+            "APB1ENR": _APB1.format("USB", "BKP"),
+        },
+        {
+            "IWDG": _IWDG, "FSMC": _FSMC, "PWR": (0x40007000, {}), "BKP": (0x40006C00, {}),
+            "FLASH": (0x40022000, {0x00: 0x30}), "DBGMCU": (0xE0042000, {0x00: 0x10036414}),
+        },
         {
             **_NAMED, "USB": 0x40005C00, "ADC1": 0x40012400, "ADC2": 0x40012800,
             "ADC3": 0x40013C00, "DMA2": 0x40020400,
@@ -495,7 +556,19 @@ FAMILIES: Final = {
             "TIM12": (0x40001800, 43), "TIM13": (0x40001C00, 44), "TIM14": (0x40002000, 45),
         },
         {**_UARTS, "USART1": (0x40011000, 37), "USART6": (0x40011400, 71)},
-        {"IWDG": 0x40003000, "PWR": 0x40007000, "FLASH": 0x40023C00},
+        {
+            "AHB1ENR": "GPIOA GPIOB GPIOC GPIOD GPIOE GPIOF GPIOG GPIOH GPIOI - - - CRC - - - - - -"
+            " - - DMA1 DMA2 - - ETH",
+            "AHB3ENR": "FSMC",
+            "APB2ENR": "TIM1 TIM8 - - USART1 USART6 - - ADC - - SDIO SPI1 SPI4 SYSCFG - TIM9 TIM10"
+            " TIM11 - SPI5 SPI6",
+            "APB1ENR": _APB1.format("I2C3", "-"),
+        },
+        {
+            # VOS chooses scale 1, and VOSRDY says that the regulator is there.
+            "IWDG": _IWDG, "FSMC": _FSMC, "PWR": (0x40007000, {0x00: 0x4000, 0x04: 0x4000}),
+            "FLASH": (0x40023C00, {}), "DBGMCU": (0xE0042000, {0x00: 0x10076413}),
+        },
         {
             **_NAMED, "I2C3": 0x40005C00, "ADC": 0x40012000, "SDIO": 0x40012C00,
             "SPI4": 0x40013400, "SPI5": 0x40015000, "SPI6": 0x40015400, "DMA2": 0x40026400,
@@ -517,38 +590,44 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     family, f4 = FAMILIES[name], name == "stm32f4"
     rcc, exti, sources, ports, device = family.places
     clocks = (Clocks4 if f4 else Clocks)(machine, "RCC", rcc)
+    enables = {
+        one: (clocks, register, bit)
+        for register, ones in family.clocks.items()
+        for bit, one in enumerate(ones.split())
+    }
+
+    def add(block: RegisterBlock, size: int = 0x400) -> None:
+        block.enable = enables.get(block.name)
+        machine.add(block, size)
+
     dma = (Dma4 if f4 else Dma)(machine, "DMA1", family.dma, processor)
-    machine.add(dma)
     choice = Choice(machine, "SYSCFG" if f4 else "AFIO", sources)
+    for block in (clocks, dma, choice,
+                  ExternalInterrupts(machine, "EXTI", exti, processor, choice),
+                  Device(machine, "DEVICE", device)):  # fmt: skip
+        add(block)
     for name, base in family.named.items():
-        machine.add(Unmodelled(machine, name, base))
+        add(Unmodelled(machine, name, base))
     for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
-        # RM0008, 7.3.7: IOPAEN is bit 2, behind AFIOEN; an F4's GPIOAEN is bit 0.
-        enable = ("AHB1ENR", number) if f4 else ("APB2ENR", number + 2)
-        base = ports + 0x400 * number
-        port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", base, clocks, enable)
-        machine.add(port)
+        port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", ports + 0x400 * number)
+        add(port)
         for name, place, scl, sda, number in _I2C if letter == "B" else ():
-            master = I2cMaster(
-                machine, name, place, port.bits, port.lend, scl, sda, number, processor, dma
+            add(
+                I2cMaster(
+                    machine, name, place, port.bits, port.lend, scl, sda, number, processor, dma
+                )
             )
-            machine.add(master)
     for name, (base, number) in family.timers.items():
         wide = f4 and name in ("TIM2", "TIM5")
-        machine.add(Stm32Timer(machine, name, base, processor, number, wide))
+        add(Stm32Timer(machine, name, base, processor, number, wide, clocks))
     for name, (base, number) in family.uarts.items():
-        machine.add(SerialPort(machine, name, base, processor, number, dma))
-    for name, base in family.storage.items():
-        machine.add(Storage(machine, name, base))
-    machine.add(clocks)
-    machine.add(choice)
-    machine.add(ExternalInterrupts(machine, "EXTI", exti, processor, choice))
-    machine.add(Device(machine, "DEVICE", device))
-    machine.add(Storage(machine, "DBGMCU", 0xE0042000))
-    machine.add(Storage(machine, "FSMC", 0xA0000000), 0x1000)
-    machine.add(SystemControl(machine, "SCS", 0xE000E000, processor), 0x1000)
-    machine.add(Trace(machine, "DWT", 0xE0001000), 0x1000)
-    machine.add(Storage(machine, "ITM", 0xE0000000), 0x1000)
+        add(SerialPort(machine, name, base, processor, number, dma))
+    for name, (base, resets) in family.storage.items():
+        add(Storage(machine, name, base, resets), 0x1000 if name == "FSMC" else 0x400)
+    for control in (SystemControl(machine, "SCS", 0xE000E000, processor, f4),
+                    Trace(machine, "DWT", 0xE0001000),
+                    Storage(machine, "ITM", 0xE0000000)):  # fmt: skip
+        add(control, 0x1000)
     # Peripherals, their bits, the FSMC's registers, the processor's own, and the system memory.
     machine.window(0x40000000, 0x80000)
     machine.window(0x42000000, 0x1000000)

@@ -95,6 +95,8 @@ def read_when(value: object) -> When:
             hertz = int(parse(rest, "Hz"))
             if hertz > 0:
                 return When(RATE, 10**12 // hertz, "", text)
+        if not kind.strip("0123456789."):
+            raise ValueError(f'an instant is written "at {text}"')
     except (UnitError, ValueError) as error:
         raise ValueError(f"when = {quoted(text)}: {error}") from None
     if kind not in (NOW, AT, CYCLE, POSITION, EDGE, RATE):

@@ -18,6 +18,7 @@ its first instant counts from the instant gone to. What was undone stays in the 
 is the course that holds.
 """
 
+import re
 import zlib
 from collections.abc import Callable, Iterator
 from struct import error as StructError
@@ -189,12 +190,19 @@ class JournalReader:
         magic = file.read(len(MAGIC))
         if magic != MAGIC:
             head = magic + file.read(HEAD - len(magic))
+            version = re.match(rb"vbus journal (\d+)\n", head)
+            if version is not None:
+                raise JournalError(
+                    f"{self._name()} is a journal of version {version[1].decode()}, and this vbus"
+                    f" reads version {FORMAT}: use the vbus that wrote it, or record the run again"
+                )
             wanted = f"journal of version {FORMAT}"
             made = '"vbus run BOARD --journal FILE" writes one'
             raise JournalError(is_none(self._name(), head, wanted, made))
         values = self._block()
         if values is None:
-            raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
+            why = self.damage or "it is empty"
+            raise JournalError(f"{self._name()} has no header: {why}; record the run again")
         try:
             # Also for keys that are not known here, which convert() passes over.
             Header(**values)

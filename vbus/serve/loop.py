@@ -12,6 +12,7 @@ from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
 
+from vbus.core.wall_clock import monotonic
 from vbus.serve.fast_path import FastReaders
 from vbus.serve.time.watchdog import Watchdog
 
@@ -54,6 +55,10 @@ class HostLoop(asyncio.SelectorEventLoop):
     def __init__(self) -> None:
         self._readers: FastReaders = FastReaders(self._failed)
         super().__init__(DirectSelector(self._readers))
+
+    def time(self) -> float:
+        """Return seconds of a clock that no test stops."""
+        return monotonic()
 
     def _failed(self, error: Exception) -> None:
         self.call_exception_handler({"message": "Exception in a direct reader", "exception": error})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO
 from vbus.board.board import Board
 from vbus.board.check.checks import all_rules
 from vbus.boardfile.sections import RecordSection, WaveSection
-from vbus.core.errors import VbusError, write_errors
+from vbus.core.errors import OptionError, VbusError, write_errors
 from vbus.core.signals import Observer
 from vbus.serve.output_file import OutputFile, output
 from vbus.serve.registry import journal_path
@@ -31,10 +31,12 @@ def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str
     """Return the waveform a board file, or a command line, asks for; it is not started.
 
     Raises:
-        VbusError: trigger or signals make no sense, or pyvcd is not installed.
+        VbusError: name, trigger or signals make no sense, or pyvcd is not installed.
     """
+    from vbus.views.wave.signals import vcd_name
     from vbus.views.wave.wave import Wave
 
+    vcd_name(wave.file)
     return Wave(
         board, file, wave.profile, wave.signals, wave.trigger, wave.before, wave.duration,
         wave.sample, report,
@@ -95,10 +97,11 @@ class Recording:
         The board's name must be this process's (:func:`~vbus.serve.registry.own_board`).
 
         Raises:
-            VbusError: a file cannot be written, or what is wanted makes no sense.
+            OptionError: what is wanted makes no sense.
+        VbusError: a file cannot be written.
         """
         if wanted.durable != "no" and not wanted.journal:
-            raise VbusError(ALONE)
+            raise OptionError(ALONE)
         # Every file is opened before the first is emptied: a mistake in one costs no other.
         begin = []
         if wanted.journal:
@@ -152,7 +155,7 @@ class Recording:
         try:
             style = FORMATS[format_of(path)]
         except ValueError as error:
-            raise VbusError(str(error)) from None
+            raise OptionError(str(error)) from None
         accepted = suppressions_of(suppress_file)
         board = self._board
         report = Report(board.name, _families(board), all_rules(), accepted, self._name)
@@ -165,7 +168,7 @@ class Recording:
         try:
             style = coverage_format(path)
         except ValueError as error:
-            raise VbusError(str(error)) from None
+            raise OptionError(str(error)) from None
         board = self._board
         observer = CoverageObserver(_families(board), board.name)
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))

@@ -12,10 +12,10 @@ import msgspec
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.check.network_checks import metrics_address
 from vbus.board.config import read_board_file
-from vbus.boardfile.sections import BoardFile, WaveSection, ZenohSection
+from vbus.boardfile.sections import BoardFile, HostSection, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
-from vbus.core.errors import ConfigError, VbusError, read_errors
+from vbus.core.errors import ConfigError, OptionError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.serve.loop import tell_ready
@@ -29,21 +29,15 @@ log = logging.getLogger("vbus")
 
 def links_of(file: BoardFile) -> list[LinkSpec]:
     """Return the hosts of a board file as the server wants them."""
-    network = network_of(file.zenoh)
-    return [
-        LinkSpec(
-            host.transport,
-            host.protocol,
-            list(host.chips),
-            host.cycle,
-            card_of(file, host),
-            pin_map_of(file, host.pinmap),
-            network,
-            host.remote,
-            host,
-        )
-        for host in file.hosts
-    ]
+    return [link_of(file, host, host.transport, host.protocol) for host in file.hosts]
+
+
+def link_of(file: BoardFile, host: HostSection, transport: str, protocol: str) -> LinkSpec:
+    """Return one host of a board file as the server wants it, perhaps at another address."""
+    return LinkSpec(
+        transport, protocol, list(host.chips), host.cycle, card_of(file, host),
+        pin_map_of(file, host.pinmap), network_of(file.zenoh), host.remote, host,
+    )  # fmt: skip
 
 
 def _content(path: str) -> bytes:
@@ -80,7 +74,8 @@ def serve(
         snapshot: file to go on from; see :mod:`vbus.board.snapshot`.
 
     Raises:
-        ConfigError: the file has mistakes, or no hosts; or ``metrics`` is no address.
+        ConfigError: the file has mistakes, or no hosts.
+        OptionError: one of these makes no sense, or not for this board.
         TransportError: a link cannot be opened.
         SnapshotError: the snapshot is none, or is of another board.
         VbusError: a file cannot be written, or has not all it should have.
@@ -111,16 +106,16 @@ def paced(file: BoardFile, rate: float | None) -> BoardFile:
     """Return a board file with another rate, if there is one.
 
     Raises:
-        ConfigError: the board has no rate, or its nodes cannot keep to this one.
+        OptionError: the board has no rate, or its nodes cannot keep to this one.
     """
     if rate is None:
         return file
     if file.board.time != "realtime":
-        raise ConfigError(
+        raise OptionError(
             f"{file.path}: a rate makes sense in real time only; this board is {file.board.time}"
         )
     if file.nodes and isinf(rate):
-        raise ConfigError(
+        raise OptionError(
             f"{file.path}: --rate max is for boards without nodes: these keep step by the wall"
             ' clock; give a number, or write time = "lockstep", which runs as fast as it can'
         )
@@ -131,13 +126,13 @@ def metrics_of(file: BoardFile) -> tuple[str, int] | None:
     """Return where the numbers of a board are read, if anywhere.
 
     Raises:
-        ConfigError: that is no address; what the file itself says has been checked.
+        OptionError: that is no address; what the file itself says has been checked.
     """
     counted = file.metrics
     try:
         return metrics_address(counted.listen, counted.remote) if counted.listen else None
     except ValueError as error:
-        raise ConfigError(f"--metrics: {error}") from None
+        raise OptionError(f"--metrics: {error}") from None
 
 
 def serve_read(
@@ -164,7 +159,7 @@ def serve_read(
     board = build(file, source)
     if snapshot:
         if file.record.journal:
-            raise VbusError(
+            raise OptionError(
                 "a journal begins at power-on: it cannot be kept of a run that goes on from a"
                 " snapshot"
             )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus import plugins
 from vbus.board.board import Board
-from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.build import build
 from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
 from vbus.boardfile.source import Source
@@ -23,7 +23,7 @@ from vbus.core.signals import Violation
 from vbus.protocols.quantities import format_instant
 from vbus.serve.in_process import connect_in_process
 from vbus.serve.output_file import write_file
-from vbus.serve.server import LinkSpec
+from vbus.serve.serving import link_of
 from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
 from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.interrupt import Interrupt
@@ -314,14 +314,7 @@ class Bench:
             runtime = self._stack.enter_context(private_runtime())
             host = next(iter(tested.file.hosts), HostSection(transport=""))
             tested.address = str(runtime / "host")
-            link = LinkSpec(
-                f"pty:{tested.address}",
-                host.protocol,
-                list(host.chips),
-                host.cycle,
-                card_of(tested.file, host),
-                pin_map_of(tested.file, host.pinmap),
-            )
+            link = link_of(tested.file, host, f"pty:{tested.address}", host.protocol)
             served = ServedBoard(tested.board, [link], tested.file.board.stall)
             self._interrupt = self._stack.enter_context(Interrupt(tested.watch))
             self._stack.enter_context(served)

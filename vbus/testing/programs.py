@@ -1,23 +1,17 @@
 """A host program on a board of its own, with bounds, and what came of it."""
 
-import os
-import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import monotonic
 
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.cli.hosted.at_rest import LOOK, AtRest
-from vbus.cli.hosted.program import host_of, link_of_program, missed_bytes
-from vbus.cli.proc import offspring, what_hangs
-from vbus.core.errors import VbusError
+from vbus.cli.hosted.program import Ended, HostedProgram, host_of
 from vbus.core.runtime import private_runtime
 from vbus.core.signals import Violation
 from vbus.serve.serving import links_of
@@ -67,70 +61,6 @@ class ProgramOutcome:
         self.transcript = watch.lines
 
 
-class _ProgramRun(ServedBoard):
-    """The board's side of one run."""
-
-    def __init__(
-        self,
-        file: BoardFile,
-        board: Board,
-        limits: Limits,
-        folder: Path,
-        start: int,
-        of_test: HostWatch | None,
-    ) -> None:
-        board.run_for(start)
-        self.link: str = f"unix:{folder / 'host.sock'}"
-        self.watch = HostWatch(board, limits, self.kill)
-        self._of_test = of_test
-        self._wall = limits.wall
-        if of_test is not None:
-            of_test.over = self.kill
-        host = host_of(file)
-        left = min(watch.left for watch in (self.watch, of_test) if watch is not None)
-        self.note: Path = folder / "fault"
-        self.reached: list[str] = list(host.chips) or [chip.name for chip in board.chips]
-        self.virtual: bool = host.pinmap == "" and file.board.time != "realtime"
-        mine, variables = link_of_program(board, file, host, self.link, self.note, max(left, 1))
-        self.environment: dict[str, str] = {**variables, "VBUS_RUNTIME": str(folder)}
-        served = zip(file.hosts, links_of(file), strict=True)
-        others = [spec for section, spec in served if section is not host or not section.card]
-        super().__init__(board, [mine, *others], file.board.stall)
-        self.process: subprocess.Popen[str] | None = None
-        self.killed: bool = False
-
-    def kill(self, sentence: str) -> None:
-        """End the program, which has passed a bound."""
-        self.killed = True
-        if self.process is not None:
-            threads = what_hangs(offspring([self.process.pid]))
-            for watch in (self.watch, self._of_test):
-                if watch is not None:
-                    watch.add_threads(threads)
-            self.process.kill()
-
-    def over(self) -> Callable[[], bool]:
-        """Return what tells that the program's last requests have passed a bound, too."""
-        last = monotonic() + self._wall
-
-        def over() -> bool:
-            if monotonic() > last:
-                self.watch.pass_bound(
-                    f"what it sent last was not done after {self._wall:g} s of wall time: the"
-                    " machine was too slow"
-                )
-            return self.watch.ended or (self._of_test is not None and self._of_test.ended)
-
-        return over
-
-    def ended(self, board_ends: ExitStack) -> None:
-        """The program has ended: what time passes until the board is served no more is not its."""
-        self.watch.close()
-        if self._of_test is not None:
-            self._of_test.over = None
-            board_ends.enter_context(self._of_test.excused())
-
-
 _runtime = threading.Lock()
 
 
@@ -171,72 +101,38 @@ def run_program(
         board = build(file, source)
     else:
         bounds = replace(bounds, chip_time=board.now + bounds.chip_time)
+    host = host_of(file)
+    words = [sys.executable if command[0] == "python" else command[0], *command[1:]]
+    program = HostedProgram(
+        file, source, host, lambda link: [word.replace("{link}", link) for word in words]
+    )
     with _runtime, private_runtime() as own, ExitStack() as board_ends:
-        run = _ProgramRun(file, board, bounds, own, start, watch)
-        with run:
+        board.run_for(start)
+        mine = HostWatch(board, bounds)
+        watches = [mine] if watch is None else [mine, watch]
+        left = max(min(one.left for one in watches), 1)
+        run, link = program.beside(board, own, left, UNBOUNDED)
+        run.watches, run.wall, run.taken, run.folder = watches, bounds.wall, True, folder
+        run.environment = {**run.environment, **(environment or {})}
+        served = zip(file.hosts, links_of(file), strict=True)
+        others = [spec for section, spec in served if section is not host or not section.card]
+        at_work = ServedBoard(board, [link, *others], file.board.stall)
+
+        async def play() -> Ended:
             try:
-                outcome = _communicate(run, command, bounds, environment or {}, folder)
-                run.finish(run.over())
-                outcome.missed = missed_bytes(run.note, run.reached, run.board)
+                return await run.beside(at_work.server)
             finally:
-                run.call(lambda: run.ended(board_ends))
-    if run.error is not None:
-        raise run.error
-    outcome.take(run.watch)
-    outcome.now = run.board.now
+                # What time passes until the board is served no more is not the program's.
+                mine.close()
+                if watch is not None:
+                    board_ends.enter_context(watch.excused())
+
+        with at_work:
+            ended = at_work.run(play())
+            missed = run.missed()
+    if at_work.error is not None:
+        raise at_work.error
+    outcome = ProgramOutcome(**ended._asdict(), missed=missed)
+    outcome.take(mine)
+    outcome.now = board.now
     return outcome
-
-
-def _communicate(
-    run: _ProgramRun,
-    command: Sequence[str],
-    limits: Limits,
-    environment: Mapping[str, str],
-    folder: Path | None,
-) -> ProgramOutcome:
-    line = [part.replace("{link}", run.link) for part in command]
-    if line[0] == "python":
-        line[0] = sys.executable
-    try:
-        process = run.process = subprocess.Popen(
-            line,
-            cwd=folder,
-            env={**os.environ, **run.environment, **environment},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-        )
-    except OSError as error:
-        raise VbusError(f"{line[0]}: cannot be run: {error.strerror}") from error
-    if run.killed:
-        process.kill()
-
-    def late() -> None:
-        run.call(
-            lambda: run.watch.pass_wall(f"it was not done after {limits.wall:g} s of wall time")
-        )
-
-    rest = AtRest(lambda: offspring([process.pid]), run.watch, run.note, UNBOUNDED)
-    done = threading.Event()
-
-    def look_on() -> None:
-        while not done.wait(LOOK):
-            run.call(rest.look)
-
-    # No time-out of subprocess: it would follow a clock that the test may have stopped.
-    alarm = threading.Timer(min(limits.wall, threading.TIMEOUT_MAX), late)
-    looker = threading.Thread(target=look_on)
-    alarm.start()
-    if run.virtual:
-        looker.start()
-    try:
-        output, errors = process.communicate()
-    finally:
-        alarm.cancel()
-        done.set()
-        if run.virtual:
-            looker.join()
-    code = process.returncode
-    return ProgramOutcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)

@@ -2,13 +2,14 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, wait
-from typing import Final, TypeVar
+from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import wait
+from typing import Any, Final, TypeVar
 
 from vbus.board.board import Board
 from vbus.core.errors import VbusError
 from vbus.core.kernel import END
+from vbus.serve.loop import HostLoop
 from vbus.serve.server import LinkSpec, Server
 
 _T = TypeVar("_T")
@@ -52,7 +53,8 @@ class ServedBoard:
             self.board.catch_up()
 
         try:
-            asyncio.run(main())
+            with asyncio.Runner(loop_factory=HostLoop) as runner:
+                runner.run(main())
         except BaseException as error:
             self.error = error
         finally:
@@ -72,12 +74,24 @@ class ServedBoard:
         self._thread.join()
         self.board.limit = END
 
-    def finish(self, over: Callable[[], bool]) -> None:
-        """Wait until what hosts that have gone had sent is carried out, or ``over`` says so."""
-        if self._loop is not None and self._thread.is_alive():
-            finished = asyncio.run_coroutine_threadsafe(self.server.finish(over), self._loop)
-            while not wait([finished], 1.0).done and self._thread.is_alive():
-                pass
+    def run(self, work: Coroutine[Any, Any, _T]) -> _T:
+        """Do something in the board's thread; return or raise what it does.
+
+        Raises:
+            VbusError: the board is served no more.
+        """
+        if self._loop is None or not self._thread.is_alive():
+            work.close()
+            raise VbusError(f"the board is served no more: {self.error}")
+        done = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            while not wait([done], 1.0).done:
+                if not self._thread.is_alive():
+                    raise VbusError(f"the board is served no more: {self.error}")
+        except BaseException:
+            done.cancel()
+            raise
+        return done.result()
 
     def call(self, what: Callable[[], _T]) -> _T:
         """Do something to the board while no host does; return or raise what it does.
@@ -85,19 +99,9 @@ class ServedBoard:
         Raises:
             VbusError: the board is served no more.
         """
-        done: Future[_T] = Future()
 
-        def work() -> None:
-            try:
-                self.server.pacer.catch_up()
-                done.set_result(what())
-            except BaseException as error:
-                done.set_exception(error)
-
-        if self._loop is None or not self._thread.is_alive():
+        async def work() -> _T:
+            self.server.pacer.catch_up()
             return what()
-        self._loop.call_soon_threadsafe(work)
-        while not wait([done], 1.0).done:
-            if not self._thread.is_alive() and not done.done():
-                raise VbusError(f"the board is served no more: {self.error}")
-        return done.result()
+
+        return self.run(work()) if self._thread.is_alive() else what()

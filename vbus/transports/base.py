@@ -209,7 +209,7 @@ class Transport:
 
 
 _ADVICE: Final = {
-    errno.EADDRINUSE: "; stop who has it, or choose another port (0 is any free one)",
+    errno.EADDRINUSE: "; stop the program that has it, or choose another port (0 is any free one)",
     errno.EADDRNOTAVAIL: "; it is no address of this computer: choose one that is",
     errno.EACCES: "; choose a place, or a port from 1024 up, that you may use",
 }

@@ -63,17 +63,6 @@ class OpenWatch:
         self._shared.end_if_idle()
 
 
-class NoWatch:
-    """Stands for an :class:`OpenWatch` where the system gives no more of them: knows of nothing."""
-
-    def read(self) -> list[int]:
-        """Return nothing."""
-        return []
-
-    def close(self) -> None:
-        """There is nothing to free."""
-
-
 class _SharedInotify:
     """The watches of one event loop, and their descriptor while there are any."""
 

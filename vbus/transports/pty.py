@@ -14,7 +14,7 @@ from vbus.core.errors import TransportError
 from vbus.transports import states
 from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.linux import IN_CLOSE, IN_MODIFY, IN_OPEN
-from vbus.transports.open_watch import NoWatch, OpenWatch
+from vbus.transports.open_watch import OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 from vbus.transports.states import TERMINAL
 
@@ -100,12 +100,12 @@ class _Terminal:
             self._poll: select.poll = select.poll()
             self._poll.register(self.master, select.POLLIN)
             self.hangups: select.epoll = made.enter_context(select.epoll())
-            self.watch: OpenWatch | NoWatch
+            self.watch: OpenWatch | None = None
+            """None where the system gives no more of them: what clients do is not known."""
             wakes = select.EPOLLHUP | select.EPOLLET
             try:
                 self.watch = OpenWatch(loop, self.name, lambda: notice(self))
             except OSError:  # the system gives no user more than some of them
-                self.watch = NoWatch()
                 wakes |= select.EPOLLIN
             made.callback(self.unwatch)
             self.hangups.register(self.master, wakes)
@@ -138,7 +138,7 @@ class _Terminal:
         estimate, good enough to tell one client from the next.
         """
         hung_up = bool(self.hangups.poll(0))
-        events = self.watch.read()
+        events = self.watch.read() if self.watch is not None else []
         for event in events:
             if event & IN_OPEN:
                 self.followed = self.followed or (self._wrote and not self._clients)
@@ -148,7 +148,7 @@ class _Terminal:
             elif event & IN_MODIFY:
                 self.mixed = self.followed
                 self._wrote = True
-        return bool(events) or (hung_up and isinstance(self.watch, NoWatch))
+        return bool(events) or (hung_up and self.watch is None)
 
     def read(self) -> bytes:
         """Return what there is to read, within a bound."""
@@ -160,8 +160,9 @@ class _Terminal:
 
     def unwatch(self) -> None:
         """Stop watching: no new client can open this terminal."""
-        self.watch.close()
-        self.watch = NoWatch()
+        if self.watch is not None:
+            self.watch.close()
+        self.watch = None
 
 
 @contextmanager
@@ -240,7 +241,7 @@ class PtyTransport(Transport):
             temporary.replace(self._link_path)
             made.pop_all()
         self._terminals.append(terminal)
-        if isinstance(terminal.watch, NoWatch):
+        if terminal.watch is None:
             self._look_at_times(terminal)
 
     def _look_at_times(self, terminal: _Terminal) -> None:

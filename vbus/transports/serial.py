@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import os
 import termios
 from typing import TYPE_CHECKING, Final
@@ -14,6 +15,12 @@ if TYPE_CHECKING:
 
 RETRY_SECONDS: Final = 0.5
 """How often an unplugged device is looked for (s): a person plugs it in."""
+_ADVICE: Final = {
+    errno.ENOENT: "; plug the device in, or write the name that it has in /dev",
+    errno.EACCES: "; join the group that owns it (often dialout)",
+    errno.EAGAIN: "; another program has it: end that first",
+}
+"""What to do about errors of the system."""
 
 
 class SerialLink(Link):
@@ -71,7 +78,10 @@ class SerialTransport(Transport):
                 port.close()
                 raise
         except (SerialException, ValueError, OSError, termios.error) as error:
-            raise TransportError(f"{self.url}: {error}") from error
+            # pyserial repeats the system's error within its own text, at times twice.
+            number: int = getattr(error, "errno", None) or 0
+            reason = os.strerror(number) if number else str(error)
+            raise TransportError(f"{self.url}: {reason}{_ADVICE.get(number, '')}") from error
         self.state = "connected"
         self.on_link(SerialLink(self, port))
 

@@ -251,10 +251,6 @@ class TcpTransport(_SocketTransport):
         """Listen."""
         host, _, port = self.path.rpartition(":")
         host = host.strip("[]") or "127.0.0.1"
-        if not port.isdigit() or int(port) > 65535:
-            raise TransportError(
-                f'"tcp:{self.path}": write "tcp:PORT" or "tcp:HOST:PORT" with a port of 0 to 65535'
-            )
         if refused := refused_link(self.SCHEME, self.path, self.remote):
             raise TransportError(refused)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -345,3 +345,17 @@ def test_what_ends_when_busy_falls_has_ended_in_a_run_that_ends_before(bench):
     bench.write(1, 0)
     bench.write(1, 0)
     assert left(bench) == []
+
+
+@pytest.mark.spec("LM-CMD-9", "LM-CMD-11")
+def test_a_host_that_reads_the_desired_position_alone_is_noted(bench):
+    bench.command("RDDP")
+    assert left(bench) == [
+        ("desired-alone", "RDDP was read, which the motor does not change, and RDRP never")
+    ]
+    bench.command("RDRP")
+    assert left(bench) == []
+    bench.command("RESET")
+    bench.run(3 * MS)
+    bench.command("RDRP")
+    assert left(bench) == [], "a host that reads where the axis is alone is right"

@@ -29,8 +29,19 @@ UNUSED void number(uint32_t value)
     put("\n");
 }
 
+/* The clocks of all that is not a port, of an F4 or an F1. */
+static void clock_all(void)
+{
+    int f4 = (R(0xE000ED00) & 0xF0) == 0x40;
+
+    R(f4 ? 0x40023830 : 0x40021014) = f4 ? 0x600000 : 0x103;
+    R(f4 ? 0x40023840 : 0x4002101C) = ~0u;
+    R(f4 ? 0x40023844 : 0x40021018) = f4 ? ~0u : 0x7801;
+}
+
 void reset(void)
 {
+    clock_all();
     register int result __asm__("r0") = main();
 
     __asm__ volatile("cpsid i\n\tb ." : : "r"(result));

@@ -263,9 +263,12 @@ MISTAKES = [
         " chips, plants, nets, glue, buses, cards, pinmaps, cpu, nodes, hosts, record, waves,"
         " zenoh, metrics, scope, faults",
     ),
-    ("[chips.x]", "board = 3\n[chips.x]", "b.toml:1: board: found 3; this is a table of keys"),
+    ("[chips.x]", "board = 3\n[chips.x]", "b.toml:1: board: found 3; this is the table [board]"),
     ("[chips.x]", "[[chips.x]]", 'b.toml:1: chips.x: found [{part = "ACME-1", clock = "8 MHz", '
-     'plant = "m"}]; this is a table of keys'),
+     'plant = "m"}]; this is the table [chips.x]'),
+    ("[chips.x]", "[[chips]]", "b.toml: the board is empty: it needs at least one [chips.NAME]",
+     'b.toml:1: chips: found [{part = "ACME-1", clock = "8 MHz", plant = "m"}]; write tables'
+     " [chips.NAME]"),
     ("[chips.x]", '[chips."x.y"]', f'b.toml:1: chips."x.y": {NAME}'),
     ("", '[board]\nname = "my board"\n', f'b.toml:9: board.name: found "my board"; {NAME}'),
     (
@@ -371,7 +374,7 @@ MISTAKES = [
      ' other computers in; write "127.0.0.1:9100", or say remote = true in [metrics] if that is'
      " meant"),
     ("", '[scope]\nlisten = "9100"\n', 'b.toml:9: scope.listen: found "9100"; write'
-     ' "HOST:PORT", such as "127.0.0.1:9100"'),
+     ' HOST:PORT with a port of 0 to 65535, such as "127.0.0.1:9100"'),
     ("", '[metrics]\nlisten = "[::]:9100"\n', 'b.toml:9: metrics.listen: "[::]:9100" lets other'
      ' computers in; write "[::1]:9100", or say remote = true in [metrics] if that is meant'),
     # links that other computers reach
@@ -628,7 +631,7 @@ def test_a_name_given_twice_is_refused_at_its_second_place(again: str, line: int
         (
             "LM629N-8", 'plant = "m"',
             "b.toml:4: chips.x.plant: the LM629N-8 gives servo commands; this plant takes"
-            " step pulses, phase commands",
+            " step pulses, phase commands: choose a model that takes servo commands",
         ),
         ("MC1141A", 'plants = ["m", "n"]', "b.toml:4: chips.x.plants: MC1141A has one axis; write"
          ' plant = "m"'),

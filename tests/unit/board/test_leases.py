@@ -349,6 +349,8 @@ def test_polls_of_a_card_are_promised_once_they_are_known_to_move_nothing() -> N
         found.append(port.lease(address) is not None)
     assert (found[0], found[2], found[3], found[5]) == (False, True, False, True)
     assert not any(found[6:]), "the data port's bytes are taken"
+    port.read(8)
+    assert port.lease(8) is None, "the wires have moved, though the cycle is remembered"
     reads, now = board.counters["reads"], board.now
     port.read(8)
     lease = port.lease(8)

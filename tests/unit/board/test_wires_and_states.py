@@ -8,7 +8,8 @@ from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.circuit.circuit import STRETCH
-from vbus.core.kernel import END, MS, NS
+from vbus.core.kernel import END, MS, NS, US
+from vbus.core.signals import EdgeTaker
 
 TWO = """
 [board]
@@ -146,3 +147,28 @@ def test_a_clash_that_stands_when_a_state_is_loaded_is_found_and_told_to_nobody(
 
     resting.let_go()
     assert not net.clashing
+
+
+@pytest.mark.parametrize("looks", [0, 3])
+def test_a_read_held_by_hand_shows_changes_at_their_instants_after_whole_cycles(looks: int) -> None:
+    """The status byte is live (LM-BUS-3), with /RD held low by hand before a cycle and after it."""
+    board = load_board_text(TWO)
+    host = board.open_port("host", ["x"])
+    seen: list[tuple[int, int]] = []
+    # A bus that is observed has the cycles as strobes, and is given back to the hand after them.
+    data = board.chip("x").data_pin.net
+    data.observe(EdgeTaker(lambda when, _, level: seen.append((when, level))))
+    board.run_for(MS)
+    host.lines(0b0111, 0b0000)  # /CS, /PS and /RD
+    host.write(0, 0x1E)
+    busy = host.read(0)
+    host.lines(0b0111, 0b0000)
+    from_now = board.now
+    for _ in range(looks):
+        board.run_for(MS)
+        board.catch_up()
+    board.run_for((3 - looks) * MS)
+    assert busy & 1
+    ends = [when for when, level in seen if when > from_now and not level & 1]
+    assert ends[0] - from_now < 100 * US
+    assert seen[-1] == (ends[0], busy & ~1)

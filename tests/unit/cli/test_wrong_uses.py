@@ -7,6 +7,7 @@ import pytest
 from tests.boards import BENCH
 from vbus.board.build import load_board_text
 from vbus.cli.cli import main
+from vbus.core import exit_codes
 from vbus.record.journal import Journal
 
 
@@ -21,7 +22,22 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     board = load_board_text(BENCH, "bench.toml")
     with (tmp_path / "run.vbj").open("wb", buffering=0) as file:
         Journal(board, file, BENCH, "bench.toml").close()
+    later = (tmp_path / "run.vbj").read_bytes().replace(b"journal 1", b"journal 2", 1)
+    (tmp_path / "later.vbj").write_bytes(later)
+    (tmp_path / "f.py").write_text("def move(bus): ...\n")
+    for name, more in BOARDS.items():
+        (tmp_path / f"{name}.toml").write_text(f"{BENCH}\n{more}\n")
     return tmp_path
+
+
+BOARDS = {
+    "port": '[[hosts]]\ntransport = "tcp:70000"',
+    "wave": '[waves.a]\nfile = "x.fst"',
+    "unit": '[chips.n]\npart = "LM629N-8"\nplant = "none"\nclock = 8 MHz',
+    "when": '[[faults]]\nfault = "jam"\nwhen = "5 ms"',
+    "serial": '[[hosts]]\ntransport = "serial:/dev/nothing"',
+}
+"""What newcomers add to a board file."""
 
 
 @pytest.mark.parametrize(
@@ -48,7 +64,30 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("plot run.vbj -o x.svg", 1, "nothing to draw: no chip time passed in this run"),
         ("coverage run.vbj --covers GO", 1, '"vbus coverage --all" lists all there is'),
         ("fmu bench.toml -o x.zip", 2, "-o x.zip: a unit's name ends in .fmu"),
+        ("fmu none.toml -o x.fmu", 3, "none.toml: cannot be read: No such file or directory"),
         ("attach tcp:127.0.0.1:1", 4, "no process listens there; is the board running?"),
+        ("--journal x.vbj run bench.toml", 2, "stands behind its name: vbus COMMAND --journal"),
+        ("run bench.toml --time lockstep", 2, '"time" is a key of [board] in the board file'),
+        ("run bench.toml --transport tcp:1", 2, '"transport" is a key of [[hosts]] in the board'),
+        ("run bench.toml --metrics 9100", 2, "write HOST:PORT with a port of 0 to 65535, such"),
+        ("run bench.toml --scope 127.0.0.1:70000", 2, "write HOST:PORT with a port of 0 to 65535"),
+        ("run bench.toml --report x.pdf", 2, "a report's name ends in .txt, .json, .xml, .sarif"),
+        ("run bench.toml --coverage x.pdf", 2, "a coverage file's name ends in one of .txt,"),
+        ("run bench.toml --wave x.fst", 2, "x.fst: a waveform is a VCD file; its name ends in"),
+        ("wave run.vbj -o x.fst", 2, "x.fst: a waveform is a VCD file; its name ends in .vcd"),
+        ("scope run.vbj -o x.pdf", 2, "a page ends in .html, Foxglove's file in .mcap"),
+        ("campaign --board bench.toml --host no.py:f", 2, "no file no.py; write FILE.py:FUNCTION"),
+        ("campaign --board bench.toml --host f.py:mov", 2, 'did you mean "move"? it has move'),
+        ("fault jam", 2, 'there is no command "jam"; did you mean "arm"? there are arm, clear,'),
+        ("snap bench", 2, 'there is no command "bench"; there are bisect, info, load, save'),
+        ("conform bench.toml x.csv", 5, 'unknown part "BENCH.TOML"; known are LM628N-6,'),
+        ("explain LFIL", 2, 'a command is told by its bytes: "vbus explain CHIP BYTE..."'),
+        ("replay later.vbj", 1, "is a journal of version 2, and this vbus reads version 1: use"),
+        ("check port.toml", 3, '"tcp:70000": write "tcp:PORT" or "tcp:HOST:PORT" with a port of'),
+        ("check wave.toml", 3, "waves.a.file: x.fst: a waveform is a VCD file"),
+        ("check unit.toml", 3, 'a text stands in quotes: clock = "8 MHz"'),
+        ("check when.toml", 3, 'faults[1].when: an instant is written "at 5 ms"'),
+        ("run serial.toml", 4, "plug the device in, or write the name that it has in /dev"),
     ],
 )
 def test_a_wrong_use_is_answered(
@@ -58,6 +97,43 @@ def test_a_wrong_use_is_answered(
         main(words.split())
     assert said in capsys.readouterr().err
     assert ended.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("run bench.toml --metrics foo", '--metrics: found "foo"; write "HOST:PORT"'),
+        ("run bench.toml --metrics 0.0.0.0:0", "lets other computers in; write"),
+        ("run bench.toml --report x.foo", "x.foo: a report's name ends in .txt, .json"),
+        ("run bench.toml --coverage x.foo", "x.foo: a coverage file's name ends in one of"),
+        ("run bench.toml --durable machine", "durable is what a journal survives"),
+        ("run bench.toml --rate 2", "a rate makes sense in real time only"),
+        ("run bench.toml --rate x", '"x" is no rate; write a number from 0.001 up'),
+        ("run bench.toml --cpu 4000", "--cpu 4000: this process may run on processors"),
+        ("run bench.toml --scope foo", '--scope: found "foo"; write "HOST:PORT"'),
+        ("run bench.toml --node x", "--node is for boards with nodes; bench.toml has none"),
+        ("run bench.toml --listen foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("exec --board bench.toml --report x.foo -- true", "x.foo: a report's name ends in"),
+        ("exec --board bench.toml --metrics foo -- true", '--metrics: found "foo"; write'),
+        ("exec --board bench.toml --pinmap q -- true", "there is no [pinmaps.q]"),
+        ("exec --link foo -- true", "--link: 'foo' is no link; allowed are pty:PATH"),
+        ("scope run.vbj --listen foo", '--listen: found "foo"; write "HOST:PORT"'),
+        ("scope run.vbj --key x", "--certificate and --key belong together"),
+        ("report run.vbj --compatibility foo", 'no chip of this run stands in for the part "foo"'),
+        ("wave run.vbj -o x.vcd --before 1ms", "--before counts from a trigger; give one with"),
+        ("router --listen foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("up bench.toml --router foo", '"foo" is no endpoint; write "tcp/HOST:PORT"'),
+        ("run bench.toml --journal x.vbj --from x.vbs", "a journal begins at power-on"),
+    ],
+)
+def test_an_option_that_makes_no_sense_ends_with_the_code_of_a_wrong_command_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: str, said: str
+) -> None:
+    """By itself, beside others, or for this board."""
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+    assert said in capsys.readouterr().err
+    assert ended.value.code == exit_codes.USAGE
 
 
 def test_a_name_that_is_nearly_that_of_a_board_is_guessed(

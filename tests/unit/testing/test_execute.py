@@ -75,7 +75,7 @@ def test_a_program_gets_its_name_when_it_is_whole(
 ) -> None:
     """Workers of one run share a folder; none starts what another is still writing."""
     compiler = suite.path / "compiler"
-    compiler.write_text('#!/bin/sh\n[ "$1" = -o ] && : > "$2" && ls "${2%/*}" > listing\n')
+    compiler.write_text('#!/bin/sh\n[ "$1" = -E ] || { : > "$2"; ls "${2%/*}" > listing; }\n')
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
     suite.path.joinpath("host.c").write_text("")
@@ -88,6 +88,28 @@ def test_a_program_gets_its_name_when_it_is_whole(
             assert program.name not in while_compiling
             assert [name for name in while_compiling if name.startswith(program.name)]
             assert program.exists()
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=1)
+
+
+def test_a_program_is_compiled_again_when_what_it_includes_has_changed(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiler = suite.path / "compiler"
+    compiler.write_text(f'#!/bin/sh\necho "$1" >> called\nexec {require("cc")} "$@"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    suite.path.joinpath("host.c").write_text('#include "code.h"\nint main(void) { return CODE; }\n')
+    suite.makepyfile(
+        """
+        from pathlib import Path
+
+        def test_it(vbus_exec):
+            for code in 3, 3, 4:
+                Path("code.h").write_text(f"#define CODE {code}\\n")
+                assert vbus_exec("host.c").code == code
+            assert Path("called").read_text().split() == ["-E", "-o", "-E", "-E", "-o"]
         """
     )
     suite.runpytest("-q").assert_outcomes(passed=1)
@@ -122,7 +144,7 @@ def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
 
         def test_no_program(vbus_exec):
             import pytest
-            with pytest.raises(Exception, match="nothing: cannot be run: No such file"):
+            with pytest.raises(Exception, match="nothing: there is no such program; build it"):
                 vbus_exec("nothing")
 
         def test_no_source(vbus_exec, request):

@@ -10,7 +10,7 @@ from vbus import plugins
 from vbus.board.build import load_board_text
 from vbus.board.check.checks import all_rules
 from vbus.board.host_bus import HostBus
-from vbus.core.errors import ConfigError, VbusError
+from vbus.core.errors import OptionError, VbusError
 from vbus.core.kernel import MS
 from vbus.core.signals import Violation
 from vbus.record.view import play
@@ -170,7 +170,7 @@ def test_a_run_is_seen_with_the_eyes_of_a_driver_for_another_part() -> None:
         watch.bus_cycle(MS, "h", chip, True, 0x18, 0)
     found = [(it.violation.chip, it.violation.rule) for it in report.findings]
     assert found == [("y", "mcp1200.hctl-1100.commutator")]
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(OptionError) as caught:
         Compatibility("z80", families, report)
     assert (
         str(caught.value)

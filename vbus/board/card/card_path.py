@@ -91,6 +91,10 @@ class CardPath(CyclePath):
         """How the wires stand; None: that is to be found out."""
         self._owed: WireState | None = None
         """How they would stand; None: they do."""
+        self._begun: WireState | None = None
+        """How they stood before the last cycle; None: there was no room for it."""
+        self._observed: bool = False
+        """Whether a wire was watched as they were looked at last."""
         self._byte: int = -1
         self._moving: bool = False
         """Whether the wires to chips that want every edge are moved by what is remembered."""
@@ -200,6 +204,7 @@ class CardPath(CyclePath):
         """Return what is known of such a cycle; :data:`PLAYED` to play it, None to watch it."""
         kernel = self._kernel
         begin = when - self._lead
+        self._begun = None
         # No room for it: its times are shorter than the bus makes them, and not judged.
         if begin < self._bus.free_at or begin < kernel.now:
             return PLAYED
@@ -213,12 +218,15 @@ class CardPath(CyclePath):
             state = self._look()
             if state is None:
                 return PLAYED
+        self._begun = state
         if address < 0 or address >= MOST:
             return PLAYED
         cycle = state.cycles[address << 1 | write]
         if cycle is not None and cycle.by_byte is not None:
             cycle = cycle.by_byte.get(data)
-        return cycle
+        # Wires that are watched move in every cycle; what is known of it is known all the same, or
+        # hosts had no leases under a waveform.
+        return PLAYED if self._observed and cycle is not None else cycle
 
     def _step(self, cycle: CardCycle, write: bool, data: int, when: int) -> int:
         """Run a cycle of which the chips want every edge; return the byte that is read."""
@@ -323,10 +331,12 @@ class CardPath(CyclePath):
         return self._state
 
     def _usable(self) -> bool:
-        """Whether nothing is broken, looked at or on its way, and the bus is idle."""
+        """Whether nothing is broken or on its way, and the bus is idle; note who watches."""
+        self._observed = False
         for nets in (self._nets, self._outside):
             for net in nets:
-                if net.observers or net.bends or net.clashing:
+                self._observed = self._observed or bool(net.observers)
+                if net.bends or net.clashing:
                     return False
         bus = self._bus
         for name in (bus.read_strobe, bus.write_strobe):
@@ -404,12 +414,19 @@ class CardPath(CyclePath):
 
     def steady(self, address: int) -> tuple[Chip | None, int] | None:
         """Return which chip is read again if what was just read is, and the address there."""
-        state = self._state
-        if state is None or self._board.disturbed or address < 0 or address >= MOST:
+        begun = self._begun
+        if begun is None:
+            return None
+        state = self._state or self._look()
+        # What is remembered is no part of a saved state, and must not decide what hosts are told: a
+        # read that has left the wires as they were is remembered by now, wherever the run began.
+        if state is not begun or self._board.disturbed:
+            return None
+        if address < 0 or address >= MOST:
             return None
         cycle = state.cycles[address << 1]
         return (cycle.chip, cycle.place) if cycle is not None and cycle.after is state else None
 
     def forget(self) -> None:
         """Another state has been loaded."""
-        self._owed = self._state = None
+        self._owed = self._state = self._begun = None

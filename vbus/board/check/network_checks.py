@@ -29,7 +29,8 @@ def metrics_address(text: str, remote: bool) -> tuple[str, int]:
     """
     match = re.fullmatch(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:/]+):(\d{1,5})", text)
     if match is None or int(match[2]) > 65535:
-        raise ValueError(f'found {quoted(text)}; write "HOST:PORT", such as "{EXAMPLE}"')
+        form = f'HOST:PORT with a port of 0 to 65535, such as "{EXAMPLE}"'
+        raise ValueError(f"found {quoted(text)}; write {form}")
     host = match[1].strip("[]")
     try:
         address = ip_address("127.0.0.1" if host == "localhost" else host)
@@ -109,7 +110,7 @@ def _hosts(file: BoardFile) -> Mistakes:
         path = ("hosts", place, "transport")
         # An address with a variable is looked at when it is opened.
         if scheme in _SOCKETS and "$" not in rest:
-            if refused := refused_link(scheme, rest, host.remote):
+            if refused := refused_link(scheme, rest.partition("?")[0], host.remote):
                 yield path, refused
         if scheme != NETWORK_SCHEME:
             continue

@@ -106,11 +106,24 @@ class PinMapChecks:
             return ""
         if part is not None and any(row.name == pin and row.wave for row in part.pin_rows):
             return f'"{name}" is a waveform, too fast for a port bit to follow'
-        return f'"{chip}" has no pin "{pin}"; {among(pin, known, "it has")}'
+        glue = part is None and chip not in self._cards
+        more = f'; list a further pin of it in "hosts" of [glue.{chip}]' if glue else ""
+        return f'"{chip}" has no pin "{pin}"; {among(pin, known, "it has")}{more}'
 
     def _wires(self, path: Path, pin_map: PinMapSection) -> Mistakes:
         wired: dict[str, dict[str, str]] = {}
+        outputs: dict[str, str] = {}
         for wire in wires(pin_map, self._chips, self._others):
+            rows = self._chips[wire.chip].pin_rows if wire.chip in self._chips else ()
+            if any(row.name == wire.pin and row.direction == "out" for row in rows):
+                mine_too = f"{wire.chip}.{wire.pin}"
+                first = outputs.setdefault(wire.source.removeprefix("!"), mine_too)
+                if first != mine_too:
+                    yield (
+                        (*path, *wire.path),
+                        f'"{mine_too}" and "{first}" are outputs, which fight on one wire; join'
+                        " them by a gate of [glue.NAME], and wire its output to the port bit",
+                    )
             mine = wired.setdefault(wire.chip, {})
             other = mine.setdefault(wire.pin, wire.source)
             if other != wire.source:

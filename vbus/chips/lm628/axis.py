@@ -62,7 +62,7 @@ class ServoAxis:
         "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_settings", "stuck_part")
-    DERIVED: ClassVar[Names] = ("interrupts_wanted",)
+    DERIVED: ClassVar[Names] = ("interrupts_wanted", "reads")
 
     def __init__(self, settings: Settings) -> None:
         self._settings: Settings = settings
@@ -92,6 +92,8 @@ class ServoAxis:
         self.stuck: bool = False
         self.interrupts_wanted: bool = False
         """MSKI has enabled a flag, and no RSTI has let HI fall since; no part of saved state."""
+        self.reads: i64 = 0
+        """By their codes, which commands the host has read with; no part of saved state."""
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -137,7 +139,7 @@ class ServoAxis:
         fresh = ServoAxis(self._settings)
         fresh.count = self.count
         state.load(self, state.save(fresh))
-        self.interrupts_wanted = False
+        self.interrupts_wanted, self.reads = False, 0
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-2)."""

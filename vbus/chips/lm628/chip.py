@@ -437,8 +437,7 @@ class LM628(FrontEndHost):
             self._unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
-        if self._front.driving:
-            self._front.show()
+        self._front.refresh()
         due = min(min(self._next_inside(), self._sample_at), self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 
@@ -472,7 +471,7 @@ class LM628(FrontEndHost):
         )
 
     def left_over(self) -> list[tuple[Rule, str]]:
-        """Return that HI stands, and what LFIL and LTRJ have loaded in vain."""
+        """Return that HI stands, what was loaded in vain, and that no real position was read."""
         self.advance()
         axis, host = self.axis, self.host
         # What ends when busy falls counts: UDF and STT take what is loaded, a word is loaded.
@@ -492,11 +491,13 @@ class LM628(FrontEndHost):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
         if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        if axis.reads & (1 << ds.RDDP) and not axis.reads & (1 << ds.RDRP):
+            text = "RDDP was read, which the motor does not change, and RDRP never"
+            found.append((ds.DESIRED_ALONE, text))
         return found
 
     def after_load(self) -> None:
         """Work out what is due."""
-        self._front.settle()
         self._refresh()
 
     def overdue(self) -> bool:

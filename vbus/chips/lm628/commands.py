@@ -84,6 +84,7 @@ class AxisCommands:
         elif row.read:
             # LM-CMD-24: all words that the host reads later are of this instant.
             self._host.reply(getattr(holder, name), row.read)
+            self._axis.reads |= 1 << code
         else:
             setattr(holder, name, row.value)
         return True

@@ -77,6 +77,8 @@ LFIL: Final = COMMANDS["LFIL"].code
 UDF: Final = COMMANDS["UDF"].code
 LTRJ: Final = COMMANDS["LTRJ"].code
 STT: Final = COMMANDS["STT"].code
+RDDP: Final = COMMANDS["RDDP"].code
+RDRP: Final = COMMANDS["RDRP"].code
 
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",
@@ -344,6 +346,10 @@ ERRORS_STAND: Final = Rule(
 LEFT_LOADED: Final = Rule(
     "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
+)  # fmt: skip
+DESIRED_ALONE: Final = Rule(
+    "lm628.desired-alone", "LM-CMD-9",
+    "A host that reads where an axis should be (RDDP) reads where it is (RDRP), too.", "note",
 )  # fmt: skip
 
 RULES: Final = (*AC.rules.values(), *rules_in(globals()))

@@ -131,8 +131,7 @@ class BusPins(BusFrontEnd):
         if fell & _WR:
             self._wr_fell = self._kernel.now
         self.edges(before, self._levels)
-        if self.driving:
-            self.show()
+        self.refresh()
         chip.rearm()
 
     def act(self, action: str, before: i64, after: i64) -> None:
@@ -311,17 +310,30 @@ class BusPins(BusFrontEnd):
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
 
+    def conclude(self) -> None:
+        """Judge the hold times that have passed; of others nothing more is found."""
+        self.settle()
+        self._wrote = self._read = _LONG_AGO
+        self._undo = {}
+
     def forget_edges(self) -> None:
         """Take the control lines as they are; no edge has been, and no time is judged from one."""
         self._levels = self.levels()
         self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO
         self._ended = self._wrote = self._read = self._data_wrote = self._data_read = _LONG_AGO
         self._began = self._byte = self._left = 0
-        self._lost = self._fought = False
+        self._lost = self._fought = self.driving = False
+        self.show_at = NEVER
         self._undo = {}
         self._timer.cancel()
+        self._live.cancel()
 
     # -- D0-D7 --------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Drive what a read that is under way shows by now."""
+        if self.driving:
+            self.show()
 
     def show(self) -> None:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
@@ -332,8 +344,7 @@ class BusPins(BusFrontEnd):
 
     def _changes(self) -> None:
         self._chip.advance()
-        if self.driving:  # or another state has been loaded since
-            self.show()
+        self.refresh()  # no read is under way if another state has been loaded since
 
 
 class EncoderPins:

@@ -46,7 +46,9 @@ class AdapterPins(BusFrontEnd):
         self._ac: AcLimits = chip.ac
         # The data bus moves by itself only in answer to strobes: being heard there needs no timer.
         chip.data_pin.on_heard = None
-        chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
+        data = Watcher(chip.kernel, self._data_moved)
+        self.ears = (self.own, data)
+        chip.bus_net.watch(data)
         chip.pins["~Reset"].net.watch(Watcher(chip.kernel, self._reset_moved))
         self.forget_edges()
 

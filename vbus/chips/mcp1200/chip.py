@@ -136,6 +136,7 @@ class MCP1200(HostInterface):
     def write(self, address: int, data: int) -> None:
         """/CS rises on a write: the byte is visible inside four clocks later (MCP-BUS-5)."""
         self.advance()
+        self._reading = NO_READ  # of a host that held the strobes of one by hand
         # MCP-BUS-12: four clocks apart, or the later one is lost under the strict policy.
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
             self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)

@@ -119,6 +119,12 @@ class StrobePins(BusFrontEnd):
         self._previous_closed_at: int = LONG_AGO
         self._release.cancel()
 
+    def conclude(self) -> None:
+        """Let go of the bus at once, where the hold time after a read has not passed."""
+        if self._release.due != NEVER:
+            self._release.cancel()
+            self._let_go()
+
     @property
     def _net(self) -> Net:
         return self._owner.bus_net

@@ -4,16 +4,17 @@ import io
 import os
 import runpy
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from inspect import isfunction
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import click
 import msgspec
 
 from vbus.board.board import Board
@@ -24,11 +25,12 @@ from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import REFERENCE, World, begin, of_world
-from vbus.cli.hosted.program import HostedProgram, Ran, run_beside
+from vbus.cli.hosted.program import HostedProgram, run_beside
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
 from vbus.core.runtime import private_runtime
+from vbus.core.values.settings import among
 from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
 from vbus.serve.in_process import connect_in_process
@@ -107,14 +109,12 @@ class ProgramSubject:
         def prepare(board: Board) -> None:
             seen.append(_begun(board, world, reference is None))
 
-        with private_runtime(), _said() as said:
-            ran: Ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare)
+        with private_runtime():
+            ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare, taken=True)
         stuck = ran.hangs[0] if ran.hangs else ""
-        output, errors = said
         return seen[0].account(
-            code=ran.code, stuck=stuck, slow=ran.slow, output=output, errors=errors,
-            turns=takes_turns(program),
-        )  # fmt: skip
+            **ran.ended._asdict(), stuck=stuck, slow=ran.slow, turns=takes_turns(program)
+        )
 
 
 class FunctionSubject:
@@ -165,41 +165,19 @@ def function_of(text: str) -> Callable[[Bus], object]:
     """Return the function that ``FILE.py:NAME`` names.
 
     Raises:
-        VbusError: there is no such file or function.
+        click.UsageError: there is no such file or function.
     """
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
-        raise VbusError(f"{text}: there is no file {path or text}; write FILE.py:FUNCTION")
+        raise click.UsageError(f"--host {text}: no file {path or text}; write FILE.py:FUNCTION")
     # As Python does for a script: modules beside it are found.
     sys.path.insert(0, str(Path(path).resolve().parent))
-    found = runpy.run_path(path, run_name="campaign").get(name)
-    if not callable(found):
-        raise VbusError(f"{text}: {path} has no function {name}")
-    call: Callable[[Bus], object] = found
+    found = runpy.run_path(path, run_name="campaign")
+    if not callable(found.get(name)):
+        has = among(name, [name for name, one in found.items() if isfunction(one)], "it has")
+        raise click.UsageError(f"--host {text}: {path} has no function {name}; {has}")
+    call: Callable[[Bus], object] = found[name]
     return call
-
-
-@contextmanager
-def _said() -> Iterator[list[str]]:
-    """Catch what this process and those that come from it say; what it was is in the list then."""
-    said: list[str] = []
-    sys.stdout.flush()
-    sys.stderr.flush()
-    before = [os.dup(1), os.dup(2)]
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        os.dup2(output.fileno(), 1)
-        os.dup2(errors.fileno(), 2)
-        try:
-            yield said
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            for number, copy in enumerate(before, 1):
-                os.dup2(copy, number)
-                os.close(copy)
-            for file in (output, errors):
-                file.seek(0)
-                said.append(file.read().decode(errors="replace"))
 
 
 # -- processes ------------------------------------------------------------------------------------

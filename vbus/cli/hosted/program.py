@@ -4,15 +4,18 @@ import asyncio
 import os
 import re
 import signal
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import Any, Final, TextIO
+from tempfile import TemporaryFile
+from threading import current_thread, main_thread
+from typing import IO, Any, Final, NamedTuple
 
 from vbus.board.board import Board
-from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.build import build
 from vbus.board.card.cards import outputs_of
 from vbus.board.strobe_watch import missed_byte
 from vbus.boardfile.sections import BoardFile, HostSection
@@ -30,6 +33,7 @@ from vbus.core.errors import ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, looks_like
 from vbus.core.runtime import private_runtime
 from vbus.core.signals import Observer, Violation
+from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import format_instant
 from vbus.serve.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, HostWatch, Limits
 from vbus.serve.loop import HostLoop
@@ -37,7 +41,7 @@ from vbus.serve.output_file import OutputFile
 from vbus.serve.recording import Recording
 from vbus.serve.registry import own_board
 from vbus.serve.server import LinkSpec, Server
-from vbus.serve.serving import links_of, metrics_of
+from vbus.serve.serving import link_of, links_of, metrics_of
 
 Show = Callable[[str], Coroutine[Any, Any, None]]
 
@@ -48,20 +52,6 @@ LIMIT: Final = "VBUS_LIMIT_PS"
 MISSED: Final = "VBUS_MISSED"
 """Variable that names the file in which a host with a pin map lists bytes that it has not taken."""
 _MISSED_FILE: Final = "missed"
-
-
-def missed_bytes(note: Path, chips: Sequence[str], board: Board) -> list[str]:
-    """Return what a host that moves pins has read outside the strobes that gave it.
-
-    Args:
-        note: the file that :func:`link_of_program` was given; a host's list stands beside it.
-        chips: names of the chips that the host reaches.
-        board: the board, which sees the strobes of chips behind glue.
-    """
-    path = note.with_name(_MISSED_FILE)
-    rows = path.read_text().splitlines() if path.exists() else []
-    listed = [(chips[chip], rest) for chip, *rest in (map(int, row.split()) for row in rows)]
-    return [missed_byte(chip, *rest) for chip, rest in (*listed, *board.missed.items())]
 
 
 class FirstViolations(Observer):
@@ -123,55 +113,52 @@ class HostedProgram:
     command: Callable[[str], list[str]]
     order: int = 0
 
+    def beside(
+        self, board: Board, folder: Path, limit: int, looked_at: int
+    ) -> "tuple[ProgramRun, LinkSpec]":
+        """Return what runs the program beside a board of its file, and what serves it there.
 
-def link_of_program(
-    board: Board,
-    file: BoardFile,
-    host: HostSection,
-    link: str,
-    note: Path | None = None,
-    limit: int = 0,
-    order: int = 0,
-) -> tuple[LinkSpec, dict[str, str]]:
-    """Return what serves a program, and the variables by which it finds that.
+        Args:
+            board: the board.
+            folder: a private one, for the link and the library's notes.
+            limit: chip time after which the program tells the board that it goes on (ps); 0: never.
+            looked_at: what :attr:`ProgramRun.limit` is where time is virtual.
 
-    Args:
-        board: the board, of that file.
-        file: the board file.
-        host: what the program reaches: chips, card, pin map.
-        link: address of the link.
-        note: the file the library makes when the program ends by a fault of its own.
-        limit: chip time after which the program tells the board that it goes on (ps); 0: never.
-        order: seed of the order of its threads, as in :class:`HostedProgram`.
-
-    Raises:
-        VbusError: the library that traps a card's accesses cannot be built, or they are to take
-            the time of a serial line.
-    """
-    card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-    environment = {"VBUS_LINK": link}
-    if card is not None and pin_map is None:  # firmware runs in a program that needs no library
-        port = board.open_port("program", host.chips or None, host.cycle, card)
-        environment |= preload.environment(port.info(), link, note, limit, order)
-        port.close()
-    elif limit:
-        environment[LIMIT] = str(limit)
-    if pin_map is not None and note is not None:
-        environment[MISSED] = str(note.with_name(_MISSED_FILE))
-    if host.baud and (card is not None or pin_map is not None):
-        raise VbusError(
-            f"baud = {host.baud}: a program makes the accesses of a card or a pin map itself, not"
-            " over a serial line; take baud out of that [[hosts]]"
-        )
-    spec = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map, line=host)
-    return spec, environment
+        Raises:
+            VbusError: the library that traps a card's accesses cannot be built, or they are to
+                take the time of a serial line.
+        """
+        host, link, note = self.host, f"unix:{folder / 'host.sock'}", folder / "fault"
+        spec = link_of(self.file, host, link, "byte")
+        card, pin_map = spec.card, spec.pin_map
+        if host.baud and (card is not None or pin_map is not None):
+            raise VbusError(
+                f"baud = {host.baud}: a program makes the accesses of a card or a pin map itself,"
+                " not over a serial line; take baud out of that [[hosts]]"
+            )
+        environment = {"VBUS_LINK": link}
+        # Firmware runs in a program that needs no library, and ends by a clock of its own.
+        if card is not None and pin_map is None:
+            port = board.open_port("program", host.chips or None, host.cycle, card)
+            environment |= preload.environment(port.info(), link, note, limit, self.order)
+            port.close()
+        elif limit:
+            environment[LIMIT] = str(limit)
+        if pin_map is not None:
+            environment[MISSED] = str(note.with_name(_MISSED_FILE))
+        run = ProgramRun(self.command(link), environment, note, board)
+        run.reached = list(host.chips) or [chip.name for chip in board.chips]
+        run.interrupt = card.interrupt if card is not None else ""
+        # In real time a wait may end by itself.
+        run.limit = looked_at if pin_map is None and self.file.board.time != "realtime" else 0
+        return run, spec
 
 
 def run_at_link(
     command: list[str], environment: Mapping[str, str] | None = None, note: Path | None = None
 ) -> int:
     """Run a program that reaches a board which runs already; return its exit code."""
-    return asyncio.run(run_program(command, environment or {}, note or Path()))
+    return asyncio.run(ProgramRun(command, environment or {}, note or Path()).run()).code
 
 
 def run_on_board(
@@ -209,11 +196,11 @@ def run_on_board(
     lines = ran.findings.lines()
     if _files(file, None):
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
-    elif ran.code and not ran.hangs:
+    elif ran.ended.code and not ran.hangs:
         lines += ran.outcome.brief()
     for line in lines if summary else ():
         complain(line)
-    return ran.code or (exit_codes.FAILURE if ran.lost else exit_codes.OK)
+    return ran.ended.code or (exit_codes.FAILURE if ran.lost else exit_codes.OK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +208,7 @@ class Ran:
     """What came of a program's run.
 
     Attributes:
-        code: its exit code.
+        ended: how it has ended.
         findings: what was broken.
         outcome: what became of each axis.
         hangs: why it was ended, if it hung.
@@ -229,7 +216,7 @@ class Ran:
         lost: why files have not all they should have; it has been said.
     """
 
-    code: int
+    ended: "Ended"
     findings: FirstViolations
     outcome: AxisOutcomes
     hangs: list[str]
@@ -239,108 +226,96 @@ class Ran:
 
 def run_beside(
     program: HostedProgram,
-    transcript: str | TextIO | None = None,
+    transcript: str | None = None,
     limit: int | None = None,
     cycles: int = UNBOUNDED,
     prepare: Callable[[Board], None] | None = None,
     show: Show | None = None,
+    taken: bool = False,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
     Args:
         program: the program, and its board.
-        transcript: takes the bus cycles; a file, or the name of one.
+        transcript: name of a file that takes the bus cycles.
         limit: chip time that it may take (ps).
         cycles: bus cycles that it may make, if it has a limit.
         prepare: is called with the board before the program begins, and changes it.
         show: shows the board of this name, and is waited for before the program begins.
+        taken: whether what it writes, and what is said of it meanwhile, is taken.
     """
     file, host = program.file, program.host
     address = metrics_of(file)
     board = build(file, program.source)
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
-    watched = bool(_files(file, None))
     outcome.look()
-    if watched:
+    if _files(file, None):
         board.observe(outcome)
     with ExitStack() as stack:
         folder = stack.enter_context(private_runtime(unless_named=True))
-        link = f"unix:{folder / 'host.sock'}"
-        note = folder / "fault"
         stack.enter_context(own_board(board.name))
-        mine, environment = link_of_program(
-            board, file, host, link, note, limit or 0, program.order
-        )
+        ran, mine = program.beside(board, folder, limit or 0, limit or 0)
+        ran.taken = taken
+        report = ran.sentences.append if taken else complain
         if mine.card is not None and mine.pin_map is None and prepare is None:
-            preload.warn_of(program.command(link)[0], file.board.time)
+            preload.warn_of(ran.command[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
-        others = [spec for section, spec in served if section is not host]
-        recording = Recording(board, program.source.text, file.path, complain)
+        links = [mine, *(spec for section, spec in served if section is not host)]
+        recording = Recording(board, program.source.text, file.path, report)
         stack.callback(recording.close)
-        name, into = (transcript, None) if isinstance(transcript, str) else ("", transcript)
-        opened = stack.enter_context(closing(OutputFile(name, whole=False))) if name else None
+        opened = None
+        if transcript:
+            opened = stack.enter_context(closing(OutputFile(transcript, whole=False)))
         recording.open(file.record, file.waves)
+        written = None
         if opened is not None:
             # An earlier transcript goes only once every file of the run can be written.
-            into = opened.begin_text()
-        written = None if into is None else Transcript(into)
-        if written is not None:
+            written = Transcript(opened.begin_text())
             board.observe(written)
-        links, stall = [mine, *others], file.board.stall
-        server = Server(board, links, stall, complain, address, settle=recording.settle)
+        server = Server(board, links, file.board.stall, report, address, settle=recording.settle)
         if prepare is not None:
             # After the observers: what it changes is in the record.
             prepare(board)
-        watch = None
         if limit is not None:
             until = min(board.now + limit, UNBOUNDED)
             polling = POLLING if board.policy == "realtime" else PATIENCE
-            watch = HostWatch(board, Limits(cycles, until, IN_VAIN, polling))
-        # Firmware ends by its own clock (VBUS_LIMIT_PS); in real time a wait may end by itself.
-        virtual = mine.pin_map is None and file.board.time != "realtime"
-        interrupt = mine.card.interrupt if mine.card is not None else ""
+            ran.watches.append(HostWatch(board, Limits(cycles, until, IN_VAIN, polling)))
 
-        async def serve() -> int:
+        async def serve() -> Ended:
             loop = asyncio.get_running_loop()
             server.start(loop)
             recording.start(loop)
             server.keep(recording)
             recording.others.append("what vbus exec tells at the end")
             if counted := server.statistics()["metrics"]:
-                complain(f"metrics: {counted}")
+                report(f"metrics: {counted}")
             try:
                 if show is not None:
                     await show(board.name)
-                code = await run_program(
-                    program.command(link), environment, note, True, watch,
-                    (limit or 0) if virtual else 0, partial(_interrupts, board, interrupt),
-                )  # fmt: skip
-                code = await _finish(server, watch, code)
+                ended = await ran.beside(server)
+                for watch in ran.watches:
+                    watch.close()
                 board.catch_up()
             finally:
                 server.stop()
-            return code
+            return ended
 
         # Sessions are served inside the selector, as those of vbus run: a bus cycle is cheaper so.
         with asyncio.Runner(loop_factory=HostLoop) as runner:
-            code = runner.run(serve())
+            ended = runner.run(serve())
         for found in board.left_over():
             findings.violation(found)
-        findings.hints = board.hints(findings.first.values())
-        findings.hints += missed_bytes(
-            note, host.chips or [chip.name for chip in board.chips], board
-        )
+        findings.hints = [*board.hints(findings.first.values()), *ran.missed()]
         outcome.look()
         if written is not None:
             written.end()
             if written.error:
-                recording.fail(f"{name}: {written.error}")
-    hangs = []
-    if watch and watch.stuck:
-        hangs = [watch.verdict("the program hangs"), *watch.details]
-    slow = watch is not None and watch.slow
-    return Ran(code, findings, outcome, hangs, slow, recording.failures)
+                recording.fail(f"{transcript}: {written.error}")
+    hangs = [line for one in ran.watches if one.stuck
+             for line in (one.verdict("the program hangs"), *one.details)]  # fmt: skip
+    slow = any(watch.slow for watch in ran.watches)
+    return Ran(ended, findings, outcome, hangs, slow, recording.failures)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -382,119 +357,211 @@ def not_started(program: str, error: OSError) -> ProgramError:
     return ProgramError(f"{program}: cannot be started: {error.strerror}", False)
 
 
-def _interrupts(board: Board, outputs: str) -> str:
-    """Name the outputs that interrupt a program, and when one of them moved last."""
-    nets = [board.find_pin(output).net for output, _ in outputs_of(outputs)]
-    when = max((net.changed_at for net in nets), default=0)
-    return (
-        f"{' or '.join(outputs.split())}, which moved last at {format_instant(when)} of chip time"
-    )
+class Ended(NamedTuple):
+    """How a program has ended.
 
-
-async def _finish(server: Server, watch: HostWatch | None, code: int) -> int:
-    """Let the board carry out what the program has sent; return the exit code that remains.
-
-    SIGINT and SIGTERM end that, and so does the bound of a program that hangs: what it has asked
-    for last, and has not waited for, takes its time, too.
+    Attributes:
+        code: its exit code; 128 + N of one that died of signal N.
+        output: what it wrote to standard output, if that was taken.
+        errors: the same of standard error, and what was said of it meanwhile.
     """
-    came: list[int] = []
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, came.append, number)
-    if watch is None:
-        await server.finish(lambda: bool(came))
-    else:
-        hung = watch.ended
-        await server.finish(lambda: bool(came) or watch.ended)
-        watch.close()
-        if watch.ended and not hung:
-            code = code or 128 + signal.SIGKILL
-    return 128 + came[0] if came else code
+
+    code: int
+    output: str = ""
+    errors: str = ""
 
 
-async def run_program(
-    command: list[str],
-    environment: Mapping[str, str],
-    note: Path,
-    alone: bool = False,
-    watch: HostWatch | None = None,
-    limit: int = 0,
-    interrupts: Callable[[], str] = lambda: "see interrupt of the card",
-) -> int:
-    """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
+@dataclass(eq=False, slots=True)
+class ProgramRun:
+    """One run of a program, with its bounds and its end.
 
-    SIGINT and SIGTERM are passed on, and end it in any case, with all that comes from it. If this
-    process dies, so does the program.
-
-    Args:
+    Attributes:
         command: program and arguments.
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
-        alone: whether the board ends with the program, and so what the program leaves behind.
-        watch: kills it when it passes a bound.
+        board: the board, which ends with the program, as does what the program leaves behind;
+            None: one of another process, which goes on.
+        reached: names of the chips that the program reaches.
+        interrupt: outputs that interrupt the program.
+        watches: each ends it when it passes a bound; the first is of this run alone.
         limit: chip time it may take (ps), if time is virtual: it is ended too when it waits for
             what cannot come, or computes for as long; 0: it is not.
-        interrupts: names the card's interrupt, and when it last came.
-
-    Raises:
-        VbusError: it cannot be started.
+        wall: seconds of wall time that it may take, and what it has sent last, too.
+        taken: whether what it writes is taken; it reads nothing then.
+        folder: where it runs; None: the present directory.
+        sentences: what was said of it, where that is taken.
     """
-    loop = asyncio.get_running_loop()
-    running: list[int] = []
-    came: list[int] = []
-    asked: list[asyncio.TimerHandle] = []
-    offspring = child_processes.ChildProcesses()
 
-    def pass_on(number: int) -> None:
-        """Not by the process object, which would take the exit code from who waits for it."""
-        came.append(number)
-        for pid in running:
-            with suppress(ProcessLookupError):
-                os.kill(pid, number)
-            if not asked:
-                asked.append(loop.call_later(child_processes.PATIENCE, offspring.overdue, number))
+    command: list[str]
+    environment: Mapping[str, str]
+    note: Path
+    board: Board | None = None
+    reached: list[str] = field(default_factory=list)
+    interrupt: str = ""
+    watches: list[HostWatch] = field(default_factory=list)
+    limit: int = 0
+    wall: float = inf
+    taken: bool = False
+    folder: Path | None = None
+    sentences: list[str] = field(default_factory=list)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, pass_on, number)
-    with closing(offspring), ExitStack() as at_end:
-        try:
-            process = await asyncio.create_subprocess_exec(
-                *command,
-                env={**os.environ, **environment},
-                preexec_fn=offspring.die_with_parent,
-            )
-        except OSError as error:
-            raise not_started(command[0], error) from error
-        running.append(process.pid)
-        if watch is not None:
-            hung = watch
+    def missed(self) -> list[str]:
+        """Return what a host that moves pins has read outside the strobes that gave it."""
+        path = self.note.with_name(_MISSED_FILE)
+        rows = path.read_text().splitlines() if path.exists() else []
+        listed = [(self.reached[chip], rest) for chip, *rest in (map(int, r.split()) for r in rows)]
+        # The board sees the strobes of chips behind glue.
+        behind = self.board.missed.items() if self.board is not None else ()
+        return [missed_byte(chip, *rest) for chip, rest in (*listed, *behind)]
+
+    @property
+    def _bounded(self) -> bool:
+        """Whether a bound has been passed."""
+        return any(watch.ended for watch in self.watches)
+
+    async def beside(self, server: Server) -> Ended:
+        """Run it on a board that is served here, which carries out what it has sent last.
+
+        That takes its time, too: its bounds end it, and so do SIGINT and SIGTERM.
+
+        Raises:
+            VbusError: it cannot be started.
+        """
+        ended = await self.run()
+        hung, came = self._bounded, _signals()
+        last = monotonic() + self.wall
+
+        def over() -> bool:
+            if monotonic() > last:
+                self.watches[0].pass_bound(
+                    f"what it sent last was not done after {self.wall:g} s of wall time: the"
+                    " machine was too slow"
+                )
+            return bool(came) or self._bounded
+
+        await server.finish(over)
+        code = ended.code
+        if self._bounded and not hung:
+            code = code or 128 + signal.SIGKILL
+        return ended._replace(code=128 + came[0] if came else code)
+
+    async def run(self) -> Ended:
+        """Run it, and end what it leaves behind.
+
+        SIGINT and SIGTERM are passed on, and end it in any case, with all that comes from it. If
+        this process dies, so does the program. In a thread other than the main one neither is so.
+
+        Raises:
+            VbusError: it cannot be started.
+        """
+        loop = asyncio.get_running_loop()
+        running: list[int] = []
+        asked: list[asyncio.TimerHandle] = []
+        report = self.sentences.append if self.taken else child_processes.say
+        offspring = child_processes.ChildProcesses(report)
+
+        def pass_on(number: int) -> None:
+            """Not by the process object, which would take the exit code from who waits for it."""
+            for pid in running:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, number)
+                if not asked:
+                    late = loop.call_later(child_processes.PATIENCE, offspring.overdue, number)
+                    asked.append(late)
+
+        came = _signals(pass_on)
+        with closing(offspring), ExitStack() as at_end:
+            files: list[IO[str]] = []
+            if self.taken:
+                for _ in ("output", "errors"):
+                    files.append(at_end.enter_context(TemporaryFile("w+", errors="replace")))
+            try:
+                process = await asyncio.create_subprocess_exec(
+                    *self.command,
+                    env={**os.environ, **self.environment},
+                    cwd=self.folder,
+                    stdin=asyncio.subprocess.DEVNULL if files else None,
+                    stdout=files[0] if files else None,
+                    stderr=files[1] if files else None,
+                    preexec_fn=offspring.die_with_parent if _has_signals() else None,
+                )
+            except OSError as error:
+                raise not_started(self.command[0], error) from error
+            running.append(process.pid)
 
             def kill(_: str) -> None:
                 # What it was doing is asked for first: of a process that is killed nothing is left.
-                hung.add_threads(what_hangs(offspring.there()))
+                threads = what_hangs(offspring.there())
+                for watch in self.watches:
+                    watch.add_threads(threads)
                 offspring.kill()
 
-            hung.over = kill
-            if limit:
-                look = AtRest(offspring.there, watch, note, limit)
+            for watch in self.watches:
+                watch.over = kill
+                if watch.ended:  # while it was being started
+                    kill("")
+            if self.watches and self.limit:
+                look = AtRest(offspring.there, self.watches[0], self.note, self.limit)
                 at_end.callback(asyncio.ensure_future(look.go_on()).cancel)
-        loop.add_signal_handler(signal.SIGCHLD, offspring.reap, process.pid)
-        # A loop that closes has no pipe for a child that dies then, and its handler still.
-        at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
-        for early in tuple(came):  # while it was being started
-            pass_on(early)
-        code = await process.wait()
-        until = asked[0].when() if asked else loop.time() + child_processes.PATIENCE
-        for handle in asked:
-            handle.cancel()
-        if watch is not None:
-            watch.over = None
-        left = offspring.there()
-        if left and alone and not came and not (watch is not None and watch.ended):
-            child_processes.say_left(left)
-        if left and (alone or came):
-            await offspring.end(until)
-    if "VBUS_EXEC" in environment:
-        found = re.search(r";signal=(\d+);", environment["VBUS_EXEC"])
-        child_processes.explain(code, note, int(found[1]) if found else 0, interrupts())
-    return code if code >= 0 else 128 - code
+            if self.wall < inf:
+                sentence = f"it was not done after {self.wall:g} s of wall time"
+                timer = loop.call_later(self.wall, self.watches[0].pass_wall, sentence)
+                at_end.callback(timer.cancel)
+            if _has_signals():
+                loop.add_signal_handler(signal.SIGCHLD, offspring.reap, process.pid)
+                # A loop that closes has no pipe for a child that dies then, and its handler still.
+                at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
+            for early in tuple(came):  # while it was being started
+                pass_on(early)
+            try:
+                code = await process.wait()
+            except BaseException:
+                offspring.kill()
+                raise
+            until = asked[0].when() if asked else loop.time() + child_processes.PATIENCE
+            for handle in asked:
+                handle.cancel()
+            for watch in self.watches:
+                watch.over = None
+            left, alone = offspring.there(), self.board is not None
+            if left and alone and not came and not self._bounded:
+                offspring.say_left(left)
+            if left and (alone or came):
+                await offspring.end(until)
+            if "VBUS_EXEC" in self.environment:
+                found = re.search(r";signal=(\d+);", self.environment["VBUS_EXEC"])
+                number = int(found[1]) if found else 0
+                offspring.explain(code, self.note, number, self._interrupts())
+            for file in files:
+                file.seek(0)
+            output, errors = [file.read() for file in files] or ("", "")
+        errors += "".join(f"vbus: {sentence}\n" for sentence in self.sentences)
+        return Ended(code if code >= 0 else 128 - code, output, errors)
+
+    def _interrupts(self) -> str:
+        """Name the outputs that interrupt the program, and when one of them moved last."""
+        if self.board is None:
+            return "see interrupt of the card"
+        nets = [self.board.find_pin(output).net for output, _ in outputs_of(self.interrupt)]
+        when = max((net.changed_at for net in nets), default=0)
+        outputs = " or ".join(self.interrupt.split())
+        return f"{outputs}, which moved last at {format_instant(when)} of chip time"
+
+
+def _has_signals() -> bool:
+    """Whether this thread gets signals; in another one a fork is not safe for Python's code."""
+    return current_thread() is main_thread()
+
+
+def _signals(then: Callable[[int], None] = lambda _: None) -> list[int]:
+    """Return a list that SIGINT and SIGTERM come to from now on; ``then`` is called with each."""
+    came: list[int] = []
+
+    def take(number: int) -> None:
+        came.append(number)
+        then(number)
+
+    if _has_signals():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, take, number)
+    return came

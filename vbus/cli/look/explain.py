@@ -99,7 +99,8 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
         raise click.UsageError(
             unknown_clause(what)
             or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules"'
-            f" lists them), nor a clause, nor a journal; {_meant(what)}".rstrip("; ")
+            f" lists them), nor a clause, nor a journal; {_meant(what)}a command is told by its"
+            ' bytes: "vbus explain CHIP BYTE..."'
         )
     from vbus.cli.journal_lines import decoded
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.output import no_progress, time_option
-from vbus.core.errors import PluginError, VbusError
+from vbus.core.errors import OptionError, PluginError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 
@@ -46,12 +46,13 @@ def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
         height: in inches.
 
     Raises:
-        VbusError: the name ends otherwise, or the file cannot be written.
+        OptionError: the name ends otherwise.
+        VbusError: the file cannot be written.
         PluginError: matplotlib is not installed.
     """
     kind = path.suffix.lower()
     if kind not in _METADATA:
-        raise VbusError(f"{path}: a picture's name ends in {', '.join(_METADATA)}")
+        raise OptionError(f"{path}: a picture's name ends in {', '.join(_METADATA)}")
     try:
         import matplotlib
         from matplotlib.figure import Figure

@@ -94,6 +94,8 @@ def command(
         option = "--sigrok" if sigrok is not None else "--control"
         raise click.UsageError(f"{option} is for one board, and these are {len(sources)}")
     if output is not None:
+        if output.suffix not in ("", ".html", ".htm", ".mcap"):
+            raise click.UsageError(f"-o {output}: a page ends in .html, Foxglove's file in .mcap")
         if not journal:
             raise click.UsageError(
                 f"-o is for journals, and {source} is none: {_no_file(Path(source))}"

@@ -5,16 +5,18 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass
 from threading import Thread
 from typing import Any, Final
 
 from vbus.cli.output import complain
 from vbus.cli.sources import Feed
 from vbus.core.errors import TransportError, VbusError
+from vbus.transports.base import ignore
 from vbus.views.scope.merged import Merged
 
 Take = Callable[[bytes], None]
+OnLoop = Callable[..., object]
+"""Has something done on the loop; RuntimeError: that has ended."""
 
 LOOK_SECONDS: Final = 0.02
 """How often it is looked whether a node that has gone is back."""
@@ -65,6 +67,8 @@ class Feeds:
             self._merged.description
         )  # fmt: skip
         self._left: int = len(boards)
+        self._show: Take = ignore
+        self._ended: Callable[[], None] = ignore
 
     @property
     def hellos(self) -> list[dict[str, Any]]:
@@ -102,43 +106,44 @@ class Feeds:
 
         Each is read in a thread of its own: a page is never what a board waits for.
         """
+        self._show, self._ended = take, ended
         for part in range(len(self._feeds)):
-            Thread(target=self._follow, args=(part, _Taker(loop, take, ended)), daemon=True).start()
+            Thread(target=self._follow, args=(part, loop.call_soon_threadsafe), daemon=True).start()
 
-    def _follow(self, part: int, taker: "_Taker") -> None:
+    def _follow(self, part: int, on_loop: OnLoop) -> None:
         """Have taken what a part tells, and what it tells when it has come back."""
         merged = self._merged
         with suppress(OSError, ValueError, RuntimeError):  # closed while it was read
             while True:
                 for message in self._feeds[part].messages():
                     if merged is None:
-                        taker.call(taker.take, message)
+                        on_loop(self._show, message)
                     elif message[:1] != b"{":
-                        taker.call(self._take, part, taker, message)
-                taker.call(self._over, part, taker)
+                        on_loop(self._take, part, message)
+                on_loop(self._over, part)
                 if merged is None or "node" not in self._feeds[part].hello:
                     return
-                description = self._back(part, taker)
+                description = self._back(part, on_loop)
                 if description is None:
                     return
-                taker.call(self._begin_again, part, taker, description)
+                on_loop(self._begin_again, part, description)
 
-    def _take(self, part: int, taker: "_Taker", message: bytes) -> None:
+    def _take(self, part: int, message: bytes) -> None:
         assert self._merged is not None
         if frames := self._merged.take(part, message):
-            taker.take(frames)
+            self._show(frames)
 
-    def _over(self, part: int, taker: "_Taker") -> None:
+    def _over(self, part: int) -> None:
         # Time of the others goes on without it: they are no longer held to where it ended.
         if self._merged is not None and (frames := self._merged.end(part)):
-            taker.take(frames)
+            self._show(frames)
         self._left -= 1
         if not self._left:
-            taker.ended()
+            self._ended()
 
     # -- nodes that go and come back ----------------------------------------------------------
 
-    def _back(self, part: int, taker: "_Taker") -> dict[str, Any] | None:
+    def _back(self, part: int, on_loop: OnLoop) -> dict[str, Any] | None:
         """Wait for a node as long as others are there; return what it tells first, if it is back.
 
         Raises:
@@ -154,7 +159,7 @@ class Feeds:
                 return None
             if not said and time.monotonic() - gone > GONE_SECONDS:
                 said = True
-                taker.call(self._event, part, taker, "has gone")
+                on_loop(self._event, part, "has gone")
             try:
                 feed = Feed(board)
             except TransportError:
@@ -177,18 +182,18 @@ class Feeds:
                 feed.send(_registers(True))
             return description
 
-    def _begin_again(self, part: int, taker: "_Taker", description: dict[str, Any]) -> None:
+    def _begin_again(self, part: int, description: dict[str, Any]) -> None:
         assert self._merged is not None
         if self._left <= 0:  # meanwhile the others have ended
             self._feeds[part].close()
             return
-        taker.take(self._merged.begin_again(part, description))
+        self._show(self._merged.begin_again(part, description))
         self._left += 1
 
-    def _event(self, part: int, taker: "_Taker", text: str) -> None:
+    def _event(self, part: int, text: str) -> None:
         assert self._merged is not None
         if self._left > 0:
-            taker.take(self._merged.event(part, text))
+            self._show(self._merged.event(part, text))
 
     def _end(self) -> None:
         self._left = 0
@@ -198,23 +203,6 @@ class Feeds:
     def close(self) -> None:
         """Watch no more."""
         self._opened.close()
-
-
-@dataclass(frozen=True, slots=True)
-class _Taker:
-    """Takes messages on a loop, and the end of all boards."""
-
-    loop: asyncio.AbstractEventLoop
-    take: Take
-    ended: Callable[[], None]
-
-    def call(self, do: Callable[..., None], *values: Any) -> None:
-        """Have something done on the loop.
-
-        Raises:
-            RuntimeError: it has ended.
-        """
-        self.loop.call_soon_threadsafe(do, *values)
 
 
 def _registers(on: bool) -> bytes:

@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 import click
 
-from vbus.core.errors import TransportError, VbusError
+from vbus.core.errors import OptionError, TransportError, VbusError
 
 if TYPE_CHECKING:
     import ssl
@@ -99,7 +99,8 @@ class PageRequest(NamedTuple):
             section: where the board file wants it.
 
         Raises:
-            VbusError: it is no address, or there is no such certificate.
+            OptionError: it is no address.
+            VbusError: there is no such certificate.
         """
         from msgspec.structs import replace
 
@@ -164,7 +165,8 @@ class PagePlace:
         plain: there is no TLS here, so it is not asked for.
 
     Raises:
-        VbusError: it is no address, or lets other computers in where that is not meant.
+        OptionError: it is no address, or lets other computers in where that is not meant.
+        VbusError: there is no such certificate.
     """
 
     def __init__(
@@ -182,17 +184,17 @@ class PagePlace:
         try:
             self.host, self.port = metrics_address(listen, remote=True)
         except ValueError as error:
-            raise VbusError(f"{option}: {error}") from None
+            raise OptionError(f"{option}: {error}") from None
         self.tls: ssl.SSLContext | None = None
         self._files: tuple[Path, Path] | None = None
         if (certificate is None) != (key is None):
-            raise VbusError("--certificate and --key belong together")
+            raise OptionError("--certificate and --key belong together")
         if certificate is not None and key is not None:
             self.tls = _tls(certificate, key)
             self._files = certificate, key
         if not stays_here(self.host) and not (remote and (plain or self.tls)):
             meant = "--remote" if plain else "--remote with --certificate and --key"
-            raise VbusError(
+            raise OptionError(
                 f'{option}: "{listen}" lets other computers in; write'
                 f' "{loopback_like(self.host)}:{self.port}", or say {meant} if that is meant'
             )

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.cli.output import complain, no_progress, show, time_option
+from vbus.cli.output import complain, no_progress, show, time_option, vcd_named
 from vbus.cli.sources import Feed, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError, write_errors
@@ -18,7 +18,8 @@ from vbus.core.errors import VbusError, write_errors
 
 @click.command("wave")
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
-@click.option("-o", "--output", required=True, metavar="FILE", help='The VCD file; "-": print.')
+@click.option("-o", "--output", required=True, metavar="FILE", callback=vcd_named,
+              help='The VCD file; "-": print.')  # fmt: skip
 @click.option("--profile", type=click.Choice(["full", "sigrok"]), default="full", show_default=True,
               help="Everything, or single wires for sigrok's decoders.")  # fmt: skip
 @click.option("--signals", multiple=True, metavar="PATTERN", help='These, such as "x.*"; else all.')
@@ -43,6 +44,8 @@ def command(
 
     if as_json and output == "-":
         raise click.UsageError('"-o -" prints the waveform: with --json name a file')
+    if before and not trigger:
+        raise click.UsageError("--before counts from a trigger; give one with --trigger")
     section = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
         duration=length, sample=max(sample, 1),

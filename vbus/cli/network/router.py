@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from vbus.cli.output import endpoint_option
 from vbus.cli.status_lines import READY
 from vbus.core import exit_codes
 
@@ -22,8 +23,8 @@ NAME: Final = "router"
 
 @click.command("router")
 @click.argument("file", required=False)
-@click.option("--listen", multiple=True, metavar="ENDPOINT", help=f"Else {DEFAULT}; repeatable.")
-@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Another router; repeatable.")
+@endpoint_option("--listen", multiple=True, text=f"Else {DEFAULT}; repeatable.")
+@endpoint_option("--connect", multiple=True, text="Another router; repeatable.")
 @click.option("--remote", is_flag=True, help="Let other computers in without certificates.")
 @click.option(
     "--detach", is_flag=True, help="Return when ready; vbus ls, stop and logs call it router."

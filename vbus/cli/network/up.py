@@ -15,6 +15,7 @@ from vbus.cli.look.scope_page import refuse_detached, scope_option
 from vbus.cli.output import (
     complain,
     detach_option,
+    endpoint_option,
     from_option,
     rate_option,
     record_options,
@@ -46,9 +47,9 @@ _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
     "--patience", default=0,
     text="How long the others wait for a node whose link is cut; else it is an error at once.",
 )  # fmt: skip
-@click.option(
-    "--router", metavar="ENDPOINT",
-    help="Start a router there, in place of what the file says; port 0 is a free one.",
+@endpoint_option(
+    "--router",
+    text="Start a router there, in place of what the file says; port 0 is a free one.",
 )  # fmt: skip
 @seconds_option("--timeout", default=10.0, text="How long a process may take to end; else 10 s.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")

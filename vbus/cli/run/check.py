@@ -177,8 +177,10 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
             suppressions_of(record.suppress)
     for wave in file.waves:
         from vbus.events.condition import Condition
-        from vbus.views.wave.signals import nets_of
+        from vbus.views.wave.signals import nets_of, vcd_name
 
+        with checked("waves", wave.name, "file"):
+            vcd_name(wave.file)
         with checked("waves", wave.name, "signals"):
             nets_of(board, wave.signals)
         if wave.trigger:

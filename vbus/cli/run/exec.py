@@ -168,13 +168,14 @@ def program_of(
 
     Raises:
         click.UsageError: ``avr`` or ``cpu`` is wrong, or does not go with the program.
-        ConfigError: the board file is wrong, or has no such pin map.
+        ConfigError: the board file is wrong.
+        OptionError: it has no such pin map.
         ProgramError: the firmware is none, or for another processor.
         VbusError: there is no simulator or emulator.
     """
     from vbus.board.config import read_board_file
     from vbus.cli.hosted.program import HostedProgram, host_of
-    from vbus.core.errors import ConfigError
+    from vbus.core.errors import OptionError
     from vbus.serve.serving import recorded
 
     if avr is not None and cpu is not None:
@@ -194,7 +195,7 @@ def program_of(
             command = firmware.cpu_command(settings, program[0], file)
         return HostedProgram(file, source, host, command)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
-        raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
+        raise OptionError(f"{board}: there is no [pinmaps.{pinmap}]")
     return HostedProgram(file, source, host_of(file, pinmap), lambda _: list(program))
 
 
@@ -221,10 +222,14 @@ def _join(link: str, program: list[str]) -> int:
     from vbus.cli.hosted.preload import environment, warn_of
     from vbus.cli.hosted.program import run_at_link
     from vbus.client import connect
+    from vbus.core.errors import OptionError
 
     # Asked once before the program begins: a link that is wrong is named, and no program runs.
-    with connect(link) as bus:
-        info = bus.info
+    try:
+        with connect(link) as bus:
+            info = bus.info
+    except ValueError as error:
+        raise OptionError(f"--link: {error}") from None
     with TemporaryDirectory(prefix="vbus-") as folder:
         note = Path(folder) / "fault"
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}

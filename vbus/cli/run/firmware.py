@@ -201,7 +201,11 @@ def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSectio
         )
     names = [section.name for section in file.pinmaps]
     if not names:
-        raise ConfigError(f"{file.path}: there is no [pinmaps.NAME]: what is wired to {what}?")
+        raise ConfigError(
+            f'{file.path}: no pin of {what} is wired; write PB0 = "/RD" and so on in'
+            " [pinmaps.NAME.pins], or an empty [pinmaps.NAME] if a card has all, and pinmap ="
+            ' "NAME" in [[hosts]]'
+        )
     if name is None and len(names) > 1:
         raise ConfigError(f"{file.path}: choose one of its pin maps: {listed(names)}")
     if name is not None and name not in names:

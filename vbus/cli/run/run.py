@@ -9,6 +9,7 @@ from vbus.cli.look.scope_page import PageRequest, refuse_detached, scope_options
 from vbus.cli.output import (
     complain,
     detach_option,
+    endpoint_option,
     from_option,
     rate_option,
     record_options,
@@ -52,8 +53,8 @@ if TYPE_CHECKING:
     "--patience", default=0,
     text="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
 )  # fmt: skip
-@click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
-@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
+@endpoint_option("--listen", multiple=True, text="Nodes: let the others connect.")
+@endpoint_option("--connect", multiple=True, text="Nodes: meet the others there.")
 @collection_held()
 def command(
     board: str, rate: float | None, record: dict[str, str], durable: str | None, metrics: str,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import reading, seconds, show
+from vbus.cli.output import Verbs, reading, seconds, show
 from vbus.cli.sources import opened
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vbus.nodes.machine_snapshot import MachineSnapshot
 
 
-@click.group("snap")
+@click.group("snap", cls=Verbs)
 def command() -> None:
     """Take snapshots of running boards, load them again, look into them.
 

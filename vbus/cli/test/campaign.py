@@ -224,7 +224,7 @@ def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
     outcomes[0].look()
     for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
         complain(line)
-    return ran.code
+    return ran.ended.code
 
 
 def _replay_function(name: str, function: "FunctionSubject") -> int:

@@ -120,10 +120,10 @@ def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple
     from vbus import plugins
     from vbus.board.build import load_board_text
 
-    if clock is None:
-        raise click.UsageError('say at which clock the chip runs: --clock "8 MHz"')
     part = part.upper()
     axes = plugins.chip_class(part).AXES
+    if clock is None:
+        raise click.UsageError('say at which clock the chip runs: --clock "8 MHz"')
     models = ""
     names = []
     for number, plant in enumerate(plants):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli.output import complain, reading
+from vbus.cli.output import complain, no_progress, reading
 from vbus.cli.sources import opened
 from vbus.core import exit_codes
 from vbus.serve.output_file import write_file
@@ -30,7 +30,7 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 )  # fmt: skip
 @click.option("--covers", metavar="NAME", help="Which tests use a command, register, flag.")
 @click.option("--test", metavar="TEST", help="What a test uses, and which rules it breaks.")
-@click.option("--no-progress", is_flag=True, help="Show no bar while journals are read.")
+@no_progress
 def command(
     files: tuple[Path, ...], style: str, output: Path | None, every: bool, diff: bool,
     fail_under: float, covers: str | None, test: str | None, no_progress: bool,

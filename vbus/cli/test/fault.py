@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vbus.cli.output import show
+from vbus.cli.output import Verbs, show
 from vbus.serve.registry import order
 
 if TYPE_CHECKING:
     from vbus.faults.row import Fault
 
 
-@click.group("fault")
+@click.group("fault", cls=Verbs)
 def command() -> None:
     """Arm and clear faults of a running board; show what they did.
 

@@ -10,12 +10,16 @@ from typing import Final
 import click
 
 from vbus.cli.output import duration
-from vbus.core.errors import PluginError, VbusError, read_errors, write_errors
+from vbus.core.errors import ConfigError, PluginError, read_errors, write_errors
 from vbus.serve.output_file import write_file
 
 _SCRIPT: Final = '''\
 """A vbus board as a unit of FMI; made by "vbus fmu"."""
 
+import atexit
+import ctypes
+import pathlib
+import platform
 import sys
 
 sys.path += [path for path in {paths!r} if path not in sys.path]
@@ -27,6 +31,13 @@ from pythonfmu3 import (
 from vbus.board.block import BoardBlock
 
 TYPES = {{float: Float64, str: String}}
+
+# pythonfmu3 0.3.4 lets go of Python twice at the end of a process in which the unit's library stays
+# loaded, which can corrupt the heap. It lets go once, and in time, unless the unit started Python.
+HERE = pathlib.Path(__file__).parent
+if sys.orig_argv and HERE.name == "resources":
+    for library in HERE.parent.glob(f"binaries/{{platform.machine()}}-linux/*.so"):
+        atexit.register(ctypes.CDLL(str(library)).finalizePythonInterpreter)
 
 
 class Board(Fmi3Slave):
@@ -85,16 +96,17 @@ def command(board: Path, output: Path, step: int) -> int:
         raise PluginError(
             "units of FMI need pythonfmu3; install it with: pip install 'vbus[fmi]'"
         ) from None
-    with read_errors(board, VbusError):
+    with read_errors(board, ConfigError):
         text = board.read_text()
     block = BoardBlock(text, str(board), step)
+    guid = uuid.uuid5(uuid.NAMESPACE_URL, f"{step} {text}")
     script = _SCRIPT.format(
         paths=[path for path in sys.path if path], text=text, file=str(board), base=step,
-        guid=str(uuid.uuid5(uuid.NAMESPACE_URL, f"{step} {text}")),
-        name=re.sub(r"\W", "_", block.name), title=f"vbus board {block.name}",
+        guid=str(guid), name=re.sub(r"\W", "_", block.name), title=f"vbus board {block.name}",
     )  # fmt: skip
     with write_errors(output), tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "board_block.py"
+        # Python imports a name once: two units in one process have two names.
+        source = Path(folder) / f"board_{guid.hex}.py"
         source.write_text(script)
         made = FmuBuilder.build_FMU(source, Path(folder) / "made")
         write_file(output, made.read_bytes())

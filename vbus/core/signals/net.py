@@ -36,12 +36,14 @@ class Watcher(Task):
         self._kernel: Kernel = kernel
         self._callback: Callable[[], None] = callback
         self._pending: bool = False
+        self.deaf: bool = False
+        """Whether changes are not for it: a bus moves between two hosts' ways of using it."""
         self.alone: tuple[Watcher, ...] = (self,)
         """What the nets have whose only watcher this is: one tuple for all of them."""
 
     def notify(self) -> None:
         """Queue the callback, unless it is queued already."""
-        if not self._pending:
+        if not self._pending and not self.deaf:
             self._pending = True
             self._kernel.soon(self)
 

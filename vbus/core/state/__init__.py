@@ -32,6 +32,7 @@ A field without a kind is an integer of 64 bits. The other kinds:
 ``part``, ``part | None``  another part, by its own declaration
 ``parts``                  a list of parts, or of None
 ``kept[name]``             what ``keep()`` has given of the part at attribute ``name``, or nothing
+``saved[name]``            what ``save()`` has given of it
 =========================  =======================================================================
 
 Compiled classes refuse or convert what interpreted ones take, so everything is checked before

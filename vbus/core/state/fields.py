@@ -79,11 +79,13 @@ class Parts(Kind):
 
 
 class Kept(Kind):
-    """What :func:`keep` gave of the part at attribute ``of``, or nothing."""
+    """What :func:`keep` or :func:`save` gave of the part at attribute ``of``, or nothing."""
 
-    def __init__(self, of: str) -> None:
+    def __init__(self, of: str, whole: bool) -> None:
         super().__init__("kept fields", dict)
         self.of: str = of
+        self.whole: bool = whole
+        """Whether :func:`save` gave it."""
 
     def owner(self, name: str) -> str:
         """Return the attribute that says what the field may hold."""
@@ -93,7 +95,7 @@ class Kept(Kind):
         """Return the value for what was saved."""
         # Empty: nothing was kept when the state was saved.
         if saved != {}:
-            kept_layout(type(now)).check(now, saved, Load())
+            (layout_of if self.whole else kept_layout)(type(now)).check(now, saved, Load())
         return saved
 
 
@@ -123,8 +125,8 @@ def kind_of(text: str) -> Kind:
     if text.startswith("(") and text.endswith(")"):
         return Row([kind_of(one) for one in _split(text[1:-1])])
     outer, _, inner = text.partition("[")
-    if outer == "kept":
-        return Kept(inner[:-1])
+    if outer in ("kept", "saved"):
+        return Kept(inner[:-1], outer == "saved")
     if outer == "bytes" and inner.removesuffix("]").isdecimal():
         return Octets(int(inner[:-1]))
     if outer in MAKERS and inner.endswith("]"):

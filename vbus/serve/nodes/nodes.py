@@ -13,7 +13,7 @@ import msgspec
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
-from vbus.core.errors import ConfigError, VbusError, read_errors, write_errors
+from vbus.core.errors import ConfigError, OptionError, VbusError, read_errors, write_errors
 from vbus.core.file_kinds import HEAD, is_none
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
@@ -137,7 +137,7 @@ def _conductors(
 ) -> list[Conductor]:
     """Return the nodes of this process, each where it is to begin in virtual time."""
     if options.snapshot and len(names) != 1:
-        raise ConfigError(
+        raise OptionError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
         )
     made = [
@@ -196,6 +196,7 @@ def serve_nodes(
 
     Raises:
         ConfigError: the board or the scenario has mistakes.
+        OptionError: an option makes no sense, or not for this board.
         TransportError: a link cannot be opened.
         NodeError: another node has died, stalls, or runs another board; names it.
         VbusError: a file to write is another writer's.
@@ -254,7 +255,7 @@ class _NodesRun(ServedRun):
         record = file.record
         wanted = record.journal or record.report or record.coverage or file.waves
         if options.start and wanted:
-            raise ConfigError(
+            raise OptionError(
                 f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
                 " node that goes on from a snapshot; leave it out with"
                 " --from"
@@ -266,7 +267,7 @@ class _NodesRun(ServedRun):
         self._peers: Peers
         if self._real:
             if options.snapshot or options.start:
-                raise ConfigError(NO_ROUNDS)
+                raise OptionError(NO_ROUNDS)
             trace = bool(options.trace)
             self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
             until = scenario.until if scenario is not None else -1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from vbus.nodes.node import Node
 from vbus.serve.nodes.ordering import Answer, NodeRequest, take_order
 from vbus.serve.nodes.peers import TICK, Group, Peers
 from vbus.serve.time.pacer import WallClockPacer
+from vbus.serve.time.statistics import Histogram
 
 KEPT: Final = 64
 """Exchanges looked back at."""
@@ -90,11 +90,9 @@ class Skew:
     def __init__(self) -> None:
         self._open: dict[int, dict[int, tuple[int, int]]] = {}
         self._spreads: deque[int] = deque(maxlen=MARKS_KEPT)
-        self._counts: list[int] = [0] * (len(BOUNDS_NS) + 1)
-        self.worst: int = 0
+        self._all: Histogram = Histogram(BOUNDS_NS)
         self.latest: int = 0
         """The spread of the latest mark (ns)."""
-        self.marks: int = 0
         self.uncertainty: int = 0
         """How far the latest spread may be from the truth (ns): both ends' clocks are estimates."""
 
@@ -117,9 +115,7 @@ class Skew:
             self.uncertainty = before + after
             self.latest = spread
             self._spreads.append(spread)
-            self._counts[bisect_left(BOUNDS_NS, spread)] += 1
-            self.worst = max(self.worst, spread)
-            self.marks += 1
+            self._all.note(spread)
         if len(self._open) > MARKS_OPEN:
             del self._open[min(self._open)]
 
@@ -131,14 +127,14 @@ class Skew:
         """
         ordered = sorted(self._spreads) or [0]
         last = len(ordered) - 1
-        classes = [list(pair) for pair in zip((*BOUNDS_NS, None), self._counts, strict=True)]
+        classes = [list(pair) for pair in zip((*BOUNDS_NS, None), self._all.buckets, strict=True)]
         while classes and not classes[-1][1]:
             classes.pop()
         return {
-            "marks": self.marks,
+            "marks": self._all.count,
             "p50_ns": ordered[last // 2],
             "p99_ns": ordered[last * 99 // 100],
-            "max_ns": self.worst,
+            "max_ns": self._all.most,
             "uncertainty_ns": self.uncertainty,
             "histogram": classes,
         }

@@ -6,7 +6,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.core.errors import VbusError
+from vbus.core.errors import OptionError, VbusError
 from vbus.transports.linux import lock_memory, unlock_memory
 
 FIFO: Final = 10
@@ -49,12 +49,13 @@ class Priority(Struct, frozen=True):
         """Enter the class and lock the memory; see that the processor can be had.
 
         Raises:
+            OptionError: there is no such processor for it.
             VbusError: the system does not permit it; says what to do.
         """
         allowed = os.sched_getaffinity(0)
         if self.cpu >= 0 and self.cpu not in allowed:
             there = ", ".join(map(str, sorted(allowed)))
-            raise VbusError(f"--cpu {self.cpu}: this process may run on processors {there} only")
+            raise OptionError(f"--cpu {self.cpu}: this process may run on processors {there} only")
         if not self.fifo:
             return
         try:

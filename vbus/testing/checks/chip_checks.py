@@ -20,9 +20,21 @@ Step = tuple[int, bool, int, int]
 
 
 class _CheckRun:
-    """One board with one chip under test and one host."""
+    """One board with one chip under test and one host.
 
-    def __init__(self, factory: Callable[[], Board], chip: str) -> None:
+    Args:
+        factory: makes the board.
+        chip: the chip's name; "" for the first one.
+        wait: lets time pass (ps) before a bus cycle.
+    """
+
+    def __init__(
+        self,
+        factory: Callable[[], Board],
+        chip: str,
+        wait: "Callable[[_CheckRun, int], None]" = lambda run, gap: run.board.run_for(gap),
+    ) -> None:
+        self._wait = wait
         self.board: Board = factory()
         names = [member.name for member in self.board.chips]
         demand(bool(names), "the factory made a board without chips")
@@ -39,13 +51,9 @@ class _CheckRun:
         )
         self.board.run_until(max(ready, self.board.now))
 
-    def wait(self, gap: int) -> None:
-        """Let time pass before a bus cycle."""
-        self.board.run_for(gap)
-
     def step(self, step: Step) -> None:
         gap, write, address, data = step
-        self.wait(gap)
+        self._wait(self, gap)
         if write:
             self.port.write(address, data)
         else:
@@ -86,33 +94,30 @@ class _CheckRun:
         return [(found.when, found.rule) for found in self.board.violations]
 
 
-class _ObservedRun(_CheckRun):
-    """Time comes in pieces, and the chip's values are read after each of them."""
-
-    def wait(self, gap: int) -> None:
-        for part in (gap // 3, gap - gap // 3):
-            self.board.run_for(part)
-            self.chip.advance()
-            self.chip.advance()
-            due = self.chip.due(OUTPUT)
-            demand(
-                due > self.board.now,
-                f"{self.name}: due(OUTPUT) gave {due} ps, and it is {self.board.now} ps: it must"
-                " lie ahead",
-            )
-            self.chip.telemetry()
-            self.chip.ready_at()
-            self.state()
+def _observed(run: _CheckRun, gap: int) -> None:
+    """Let time pass in pieces, and read the chip's values after each of them."""
+    board, chip = run.board, run.chip
+    for part in (gap // 3, gap - gap // 3):
+        board.run_for(part)
+        chip.advance()
+        chip.advance()
+        due = chip.due(OUTPUT)
+        demand(
+            due > board.now,
+            f"{run.name}: due(OUTPUT) gave {due} ps, and it is {board.now} ps: it must lie ahead",
+        )
+        chip.telemetry()
+        chip.ready_at()
+        run.state()
 
 
-class _SlicedRun(_CheckRun):
-    """The chip is looked at again and again while time passes."""
-
-    def wait(self, gap: int) -> None:
-        until = self.board.now + gap
-        while self.board.now < until:
-            self.board.run_until(min(until, self.board.now + max(gap // 16, 1)))
-            self.chip.advance()
+def _sliced(run: _CheckRun, gap: int) -> None:
+    """Let time pass, and look at the chip again and again meanwhile."""
+    board = run.board
+    until = board.now + gap
+    while board.now < until:
+        board.run_until(min(until, board.now + max(gap // 16, 1)))
+        run.chip.advance()
 
 
 def check_chip(
@@ -139,7 +144,7 @@ def check_chip(
     first.play(steps)
     again = _CheckRun(factory, chip).play(steps)
     _same(first, again, "two runs with the same bus cycles differ: something is not repeatable")
-    observed = _ObservedRun(factory, chip).play(steps)
+    observed = _CheckRun(factory, chip, _observed).play(steps)
     sentence = "looking at it (advance, next_event, telemetry, ready_at, save) changes its run"
     _same(first, observed, sentence)
     _snapshots(factory, chip, steps, first)
@@ -240,7 +245,7 @@ def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: 
 
 def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
     """No output changes before due(OUTPUT) says so."""
-    quick = _SlicedRun(factory, chip)
+    quick = _CheckRun(factory, chip, _sliced)
     seen = []
     for run in (quick, _CheckRun(factory, chip)):
         found: list[tuple[int, str, int]] = []

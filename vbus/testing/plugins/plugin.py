@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
+from traceback import walk_tb
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -39,6 +41,7 @@ COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
 SHORT: pytest.StashKey[str] = pytest.StashKey()
 NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
 """What is noted of a test that has passed."""
+_PACKAGE: Final = Path(__file__).parents[2]
 
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
@@ -307,6 +310,20 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     return result
 
 
+def _cut_short(found: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
+    """Leave only the test's own lines of a mistake that vbus has put in a sentence."""
+    from vbus.core.errors import VbusError
+    from vbus.testing.limits import HostStuck
+
+    own = None
+    for frame, line in reversed(list(walk_tb(found.tb))):
+        if not Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):
+            own = TracebackType(own, frame, frame.f_lasti, line)
+    if own is None or not isinstance(found.value, VbusError | ValueError | HostStuck):
+        return found
+    return pytest.ExceptionInfo.from_exception(found.value.with_traceback(own))
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
@@ -314,9 +331,7 @@ def pytest_runtest_makereport(
     """Let the report of a failing test carry what its boards saw."""
     whole = item.config.getoption("fulltrace") or item.stash.get(BENCH, None) is None
     if call.excinfo is not None and not whole:
-        from vbus.testing.plugins.traceback_filter import cut_short
-
-        call.excinfo = cut_short(call.excinfo)
+        call.excinfo = _cut_short(call.excinfo)
     report = yield
     if call.when == "call" and report.passed:
         report.__dict__["vbus_notes"] = item.stash.get(NOTES, [])

@@ -12,7 +12,7 @@ from msgspec import Struct, field
 from vbus.chips.family import Family
 from vbus.chips.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Packet
 from vbus.circuit.stream import PacketReader
-from vbus.core.errors import ConfigError
+from vbus.core.errors import OptionError
 from vbus.core.signals import Rule, Violation
 from vbus.views.findings.suppress import Suppression
 
@@ -194,7 +194,7 @@ class Compatibility(PacketReader):
         report: takes the notes; it reads each bus cycle before.
 
     Raises:
-        ConfigError: no chip is compatible with such a part; says with what they are.
+        OptionError: no chip is compatible with such a part; says with what they are.
     """
 
     def __init__(self, other: str, families: Mapping[str, Family], report: Report) -> None:
@@ -206,7 +206,7 @@ class Compatibility(PacketReader):
         if not self._uses:
             parts = {name for family in families.values() for name in family.compatibility}
             known = f"they stand in for {', '.join(sorted(parts))}" if parts else "nor for another"
-            raise ConfigError(f'no chip of this run stands in for the part "{other}"; {known}')
+            raise OptionError(f'no chip of this run stands in for the part "{other}"; {known}')
         # Chips of one family have the same rules: each once.
         for uses in {type(uses): uses for uses in self._uses.values()}.values():
             report.rules = [*report.rules, *uses.RULES]

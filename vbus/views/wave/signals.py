@@ -3,6 +3,7 @@
 import fnmatch
 import re
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import Final
 
 from msgspec import Struct
@@ -15,6 +16,16 @@ from vbus.events.names import net_names
 FULL: Final = "full"
 SIGROK: Final = "sigrok"
 PROFILES: Final = (FULL, SIGROK)
+
+
+def vcd_name(path: str) -> None:
+    """Refuse a name of a waveform that promises another format, such as FST.
+
+    Raises:
+        VbusError: it ends otherwise; a name without an ending, such as that of a pipe, may be.
+    """
+    if PurePath(path).suffix.lower() not in ("", ".vcd"):
+        raise VbusError(f"{path}: a waveform is a VCD file; its name ends in .vcd")
 
 
 class Signal(Struct, eq=False):
