@@ -152,7 +152,11 @@ def measure(root: Path, package: str, tests: str, options: list[str], path: Path
     pytest.main(options, plugins=[contexts])
     coverage.stop()
     found = Map.load(path)
-    found.tests = {name: it for name, it in found.tests.items() if not name.startswith(tests)}
+    found.tests = {
+        name: it
+        for name, it in found.tests.items()
+        if not name.startswith((f"{tests}/", f"{tests}::"))
+    }
     passed = {name: Measured(contexts.seconds[name], name in contexts.draws, {})
              for name in contexts.passed}  # fmt: skip
     data = coverage.get_data()

@@ -1,5 +1,6 @@
 """The runner itself, on a package of a few lines: it tells killed from survived."""
 
+import json
 import os
 import re
 import shutil
@@ -315,6 +316,20 @@ def test_the_gate_fails_when_a_mutant_survives_or_is_gone(toy: Path) -> None:
     finally:
         code.write_text(CODE)
         tests.write_text(TESTS)
+
+
+def test_a_folder_that_is_measured_takes_nothing_from_one_with_a_longer_name(toy: Path) -> None:
+    path = toy / "build" / "mutation" / "map.json"
+    before = path.read_text()
+    (toy / "check").mkdir()
+    (toy / "check" / "test_one.py").write_text("def test_one(): pass\n")
+    try:
+        run(toy, "map", "check")
+        there = {*json.loads(before)["tests"], "check/test_one.py::test_one"}
+        assert Map.load(path).tests.keys() == there
+    finally:
+        path.write_text(before)
+        shutil.rmtree(toy / "check")
 
 
 def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(

@@ -176,6 +176,15 @@ def test_a_name_has_one_owner_at_a_time(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_looking_at_locks_holds_no_descriptor(tmp_path: Path) -> None:
+    lock = NameLock(tmp_path / "x")
+    lock.take()
+    before = len(os.listdir("/proc/self/fd"))
+    assert lock_state(tmp_path / "x")[0]
+    assert len(os.listdir("/proc/self/fd")) == before
+    lock.give_back()
+
+
 def test_a_lock_left_by_a_process_that_died_is_taken_over(tmp_path: Path) -> None:
     (tmp_path / ".x.lock").write_text("12345\n")
     lock = NameLock(tmp_path / "x")

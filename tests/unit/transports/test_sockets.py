@@ -51,6 +51,8 @@ def test_all_hosts_that_wait_are_taken_in_one_turn(tmp_path: Path, scheme: str) 
                 host.connect(("127.0.0.1", int(transport.url.rpartition(":")[2])))
         loop.turn()
         assert len(links) == HOSTS
+        if scheme == "tcp":  # a host is named as its own end is: where it comes from
+            assert links[-1].peer == "{}:{}".format(*host.getsockname())
         assert not transport.waiting()
         for link in links:
             link.close()
