@@ -1,6 +1,7 @@
 """A Cortex-M: exceptions, NVIC, SysTick and the debugger's console (semihosting)."""
 
 import struct
+from collections.abc import Callable
 from typing import Final
 
 from unicorn import arm_const as arm
@@ -44,6 +45,8 @@ class CortexM(Processor):
         self.enabled: Final[set[int]] = {HARD_FAULT, SVC, PENDSV, SYSTICK}
         self.priorities: Final[dict[int, int]] = {HARD_FAULT: -1}
         self.vectors = 0
+        self.look: Callable[[], None] = lambda: None
+        """Lets EXTI look at the pins."""
         self.groups = -2
         """The bits of a priority by which one exception interrupts another (PRIGROUP)."""
 
@@ -243,10 +246,7 @@ class CortexM(Processor):
 
     def levels(self) -> None:
         """Pass the look on to EXTI."""
-        for block in self.machine.blocks.values():
-            if isinstance(block, ExtiLines):
-                block.look()
-                return
+        self.look()
 
 
 def _named(number: int) -> str:
@@ -254,13 +254,6 @@ def _named(number: int) -> str:
         return f" (interrupt {number - IRQ})"
     names = {HARD_FAULT: "HardFault", SVC: "SVC", PENDSV: "PendSV", SYSTICK: "SysTick"}
     return f" ({names[number]})" if number in names else ""
-
-
-class ExtiLines(RegisterBlock):
-    """A peripheral that sees edges at pins."""
-
-    def look(self) -> None:
-        """Look at the pins."""
 
 
 class SystemControl(RegisterBlock):

@@ -211,9 +211,6 @@ class Dma(RegisterBlock):
         self._flags &= ~(value << 8 * place)
         self._ask()
 
-    def nothing(self, _: int, __: int) -> None:
-        """It cannot be written."""
-
 
 class Dma4(Dma):
     """DMA1 of an F4, which calls its channels streams."""

@@ -255,6 +255,3 @@ class I2cMaster(RegisterBlock):
             self._more = not state & SENDS
             self._go_on()
         return state
-
-    def nothing(self, _: int, __: int) -> None:
-        """It cannot be written."""

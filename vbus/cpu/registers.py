@@ -120,5 +120,8 @@ class RegisterBlock(Peripheral):
             self.values[place] = (self.values[place] & ~mask) | (value << shift & mask)
         self.settle()
 
+    def nothing(self, _: int, __: int) -> None:
+        """Take what is written to a register that cannot be written."""
+
     def settle(self) -> None:
         """Do what an access has led to: interrupt, or ask for a transfer."""

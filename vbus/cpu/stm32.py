@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 
 from msgspec import Struct
 
-from vbus.cpu.cortex_m import IRQ, CortexM, ExtiLines, SystemControl, Trace
+from vbus.cpu.cortex_m import IRQ, CortexM, SystemControl, Trace
 from vbus.cpu.dma import Dma, Dma4
 from vbus.cpu.i2c import I2cMaster
 from vbus.cpu.machine import CpuMachine, PortBits
@@ -236,7 +236,7 @@ class Choice(RegisterBlock):
     )
 
 
-class ExternalInterrupts(ExtiLines):
+class ExternalInterrupts(RegisterBlock):
     """EXTI: edges at port bits."""
 
     VECTORS: ClassVar[dict[int, int]] = {
@@ -255,6 +255,7 @@ class ExternalInterrupts(ExtiLines):
     ) -> None:
         super().__init__(machine, name, base)
         self._processor: Final = processor
+        processor.look = self.look
         self._choice: Final = choice
         self._levels = 0
 
@@ -320,9 +321,6 @@ class SerialPort(RegisterBlock):
         while self.of("CR3") & 0x80 and self._dma.serve(f"{self.name}_TX"):
             pass
         self._processor.request(self._number, self, bool(self.of("CR1") & 0xC0))
-
-    def nothing(self, _: int, __: int) -> None:
-        """Flags are cleared, which are never set."""
 
     def send(self, _: int, value: int) -> None:
         """Send a byte."""
@@ -581,10 +579,6 @@ FAMILIES: Final = {
 }  # fmt: skip
 
 
-class Unmodelled(RegisterBlock):
-    """A peripheral of which the name alone is known."""
-
-
 def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
     """Give a Cortex-M the peripherals of its family."""
     family, f4 = FAMILIES[name], name == "stm32f4"
@@ -607,7 +601,7 @@ def equip(machine: CpuMachine, processor: CortexM, name: str) -> None:
                   Device(machine, "DEVICE", device)):  # fmt: skip
         add(block)
     for name, base in family.named.items():
-        add(Unmodelled(machine, name, base))
+        add(RegisterBlock(machine, name, base))
     for number, letter in enumerate("ABCDEFGHI"[: family.ports]):
         port = (Port4 if f4 else Port1)(machine, f"GPIO{letter}", ports + 0x400 * number)
         add(port)
