@@ -75,7 +75,7 @@ static uint8_t move_to(int32_t target)
         status = lm629_bus_read_status();
     } while (!(status & (LM629_TRAJECTORY_COMPLETE | LM629_POSITION_ERROR)) && ++polls < 5000);
     _delay_ms(50); /* until the motor is at rest */
-    if (failed(lm629_read_real_position(&real), PSTR("RDRP")))
+    if (failed(lm629_check_move(target, &real), PSTR("move")))
         return 1;
     say(PSTR("status "));
     say_hex(status);

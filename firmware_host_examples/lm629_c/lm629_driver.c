@@ -112,6 +112,18 @@ int lm629_read_real_position(int32_t *position)
     return read_long(RDRP, position);
 }
 
+int lm629_check_move(int32_t target, int32_t *real)
+{
+    int error = read_long(RDRP, real);
+
+    if (error != LM629_OK)
+        return error;
+    if (lm629_bus_read_status() & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
+        return LM629_E_STATUS;
+    return *real < target - LM629_NEAR || *real > target + LM629_NEAR ? LM629_E_ELSEWHERE
+                                                                      : LM629_OK;
+}
+
 int lm629_read_desired_position(int32_t *position)
 {
     return read_long(RDDP, position);

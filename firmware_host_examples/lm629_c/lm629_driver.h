@@ -31,6 +31,9 @@ void lm629_bus_write_data(uint8_t data);       /* /PS high, /WR strobe */
 #define LM629_OK 0
 #define LM629_E_BUSY (-1)  /* the chip stays busy: wrong wiring, no clock */
 #define LM629_E_RESET (-2) /* the status after reset is not what a healthy chip shows */
+#define LM629_E_STATUS (-3) /* position error, command error, or the move does not end */
+#define LM629_E_ELSEWHERE (-4) /* the motor is more than LM629_NEAR counts from its target */
+#define LM629_NEAR 6
 
 struct lm629_filter {
     uint16_t kp, ki, kd, il; /* 0 to 7FFFh each */
@@ -51,6 +54,7 @@ int lm629_load_filter(const struct lm629_filter *filter); /* LFIL and UDF */
 int lm629_start(const struct lm629_move *move);           /* LTRJ and STT */
 int lm629_clear_flags(uint8_t flags);                     /* RSTI */
 int lm629_read_real_position(int32_t *position);          /* RDRP */
+int lm629_check_move(int32_t target, int32_t *position);   /* RDRP, status: at rest after a move */
 int lm629_read_desired_position(int32_t *position);       /* RDDP */
 int lm629_read_signals(uint16_t *signals);                /* RDSIGS */
 

@@ -141,6 +141,10 @@ static void move_to(int32_t target)
     }
     flush_transcript();
     printf("  status %02Xh\n", status);
+    /* A command error tells of a byte that came otherwise, or came twice, or not at all. */
+    if (!(status & LM629_TRAJECTORY_COMPLETE)
+        || status & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
+        check(LM629_E_STATUS, "move");
     pause_us(200000);
     check(lm629_read_desired_position(&desired), "RDDP");
     check(lm629_read_real_position(&real), "RDRP");

@@ -10,6 +10,8 @@
 #include <string.h>
 #include <time.h>
 
+#define TOLERANCE 4 /* counts: the motor has friction */
+
 static struct lm629 card;
 
 static void check(int result, const char *what)
@@ -49,6 +51,12 @@ static void move_to(int32_t target)
     nanosleep(&rest, NULL);
     check(lm629_real_position(&card, &position), "RDRP");
     printf(", at %ld\n", (long)position);
+    /* What the chip tells of bytes that came otherwise, and of a target that is another one. */
+    if ((status & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
+        || labs((long)position - target) > TOLERANCE) {
+        fprintf(stderr, "to %ld: not there\n", (long)target);
+        exit(1);
+    }
 }
 
 int main(int count, char **arguments)

@@ -37,7 +37,7 @@ static int move_to(int32_t target)
     while (!lm629_interrupted)
         ;
     lm629_bus_delay_ms(50); /* until the motor is at rest */
-    if (lm629_read_real_position(&position) != LM629_OK)
+    if (lm629_check_move(target, &position) != LM629_OK)
         return 1;
     say("position ");
     say_number(position);

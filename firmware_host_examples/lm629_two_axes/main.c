@@ -82,7 +82,7 @@ static uint8_t move(int32_t target)
     return failed(lm629_start(&move), "LTRJ, STT");
 }
 
-static uint8_t tell(void)
+static uint8_t tell(int32_t target)
 {
     int32_t real = 0;
     uint16_t polls = 0;
@@ -90,7 +90,7 @@ static uint8_t tell(void)
     while (!(lm629_bus_read_status() & LM629_TRAJECTORY_COMPLETE) && ++polls < 5000)
         pause_ms(1);
     pause_ms(50); /* until the motor is at rest */
-    if (failed(lm629_read_real_position(&real), "RDRP"))
+    if (failed(lm629_check_move(target, &real), "move"))
         return 1;
     say(axis == X ? "x at " : "y at ");
     say_number(real);
@@ -112,7 +112,7 @@ int main(void)
         if (move(axis == X ? 4000 : -1000))
             return 1;
     for (axis = X; axis <= Y; axis++)
-        if (tell())
+        if (tell(axis == X ? 4000 : -1000))
             return 1;
     put_char('\n'); /* a UART has sent all but its last character */
     return 0;

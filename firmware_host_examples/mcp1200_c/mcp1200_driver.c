@@ -48,6 +48,13 @@ static int32_t from_24_bits(uint32_t value)
     return (int32_t)(value & 0x7FFFFF) - (int32_t)(value & 0x800000);
 }
 
+/* For registers that read back: what came otherwise is seen here. */
+static int put(uint8_t reg, uint8_t value)
+{
+    mcp1200_bus_write(reg, value);
+    return mcp1200_bus_read(reg) == value ? MCP1200_OK : MCP1200_E_READBACK;
+}
+
 /* MSB first, towards lower or higher registers. */
 static void write_24(uint8_t msb, int step, int32_t value)
 {
@@ -66,10 +73,11 @@ static int32_t read_24(uint8_t lsb, int step)
     return from_24_bits(value);
 }
 
-static void write_16(uint8_t lsb, uint16_t value)
+static int write_16(uint8_t lsb, uint16_t value)
 {
-    mcp1200_bus_write((uint8_t)(lsb + 1), (uint8_t)(value >> 8));
-    mcp1200_bus_write(lsb, (uint8_t)value);
+    int error = put((uint8_t)(lsb + 1), (uint8_t)(value >> 8));
+
+    return error == MCP1200_OK ? put(lsb, (uint8_t)value) : error;
 }
 
 static int wait_for(uint8_t reg, uint8_t mask, uint8_t level)
@@ -100,11 +108,9 @@ int mcp1200_check_reset(uint8_t *status)
 
 int mcp1200_start(const struct mcp1200_pid *pid)
 {
-    mcp1200_bus_write(R_CONFIG, CONFIG_EXTENDED);
-    mcp1200_bus_write(R_FEATURE, FEATURE_PID);
-    mcp1200_bus_write(R_KP, pid->kp);
-    mcp1200_bus_write(R_KI, pid->ki);
-    mcp1200_bus_write(R_KD, pid->kd);
+    if (put(R_CONFIG, CONFIG_EXTENDED) || put(R_FEATURE, FEATURE_PID) || put(R_KP, pid->kp)
+        || put(R_KI, pid->ki) || put(R_KD, pid->kd))
+        return MCP1200_E_READBACK;
     return go_to(MODE_CONTROL);
 }
 
@@ -113,9 +119,11 @@ int mcp1200_home(int16_t velocity, uint16_t acceleration, int32_t *captured)
     int32_t stopped;
     int result;
 
-    mcp1200_bus_write(R_FEATURE, FEATURE_PID | FEATURE_HIGH_RESOLUTION);
+    if (put(R_FEATURE, FEATURE_PID | FEATURE_HIGH_RESOLUTION))
+        return MCP1200_E_READBACK;
     mcp1200_bus_write(R_CAPTURE_CONTROL, CAPTURE_INDEX);
-    write_16(R_ACCELERATION, acceleration);
+    if (write_16(R_ACCELERATION, acceleration))
+        return MCP1200_E_READBACK;
     write_24(R_VELOCITY, 1, velocity);
     mcp1200_bus_write(R_FLAG, SET_VELOCITY);
     result = wait_for(R_CAPTURE_CONTROL, CAPTURE_INDEX_LATCH, CAPTURE_INDEX_LATCH);
@@ -161,11 +169,12 @@ int mcp1200_begin(const struct mcp1200_move *move)
 
     if (move->jerk != 0) {
         feature |= FEATURE_S_CURVE;
-        write_16(R_JERK, move->jerk);
+        if (write_16(R_JERK, move->jerk))
+            return MCP1200_E_READBACK;
     }
-    mcp1200_bus_write(R_FEATURE, feature);
-    mcp1200_bus_write(R_PROFILE_VELOCITY, move->velocity);
-    write_16(R_ACCELERATION, move->acceleration);
+    if (put(R_FEATURE, feature) || put(R_PROFILE_VELOCITY, move->velocity)
+        || write_16(R_ACCELERATION, move->acceleration))
+        return MCP1200_E_READBACK;
     write_24(R_FINAL + 2, -1, move->final);
     mcp1200_bus_write(R_FLAG, SET_PROFILE);
     return (mcp1200_status() & STATUS_ERRORS) == STATUS_ERRORS ? MCP1200_OK : MCP1200_E_FAULT;

@@ -25,6 +25,7 @@ void mcp1200_pause_us(unsigned microseconds);
 #define MCP1200_OK 0
 #define MCP1200_E_TIMEOUT (-1)
 #define MCP1200_E_FAULT (-2) /* an error flag in the status register is down */
+#define MCP1200_E_READBACK (-3) /* a register reads other than what was written */
 
 struct mcp1200_pid {
     uint8_t kp, ki, kd;

@@ -242,7 +242,7 @@ static int move_lm629(int32_t target)
     pause_ms(40);
     if (failed(lm629_clear_flags(LM629_TRAJECTORY_COMPLETE), "RSTI")) /* HI falls */
         return 1;
-    if (failed(lm629_read_real_position(&real), "RDRP"))
+    if (failed(lm629_check_move(target, &real), "move"))
         return 1;
     say("LM629 at ");
     say_number(real);

@@ -176,7 +176,9 @@ def test_exit_code_output_and_transcript_of_a_program_are_kept() -> None:
 
 def test_what_a_program_leaves_behind_ends_with_its_board() -> None:
     """It has the program's output open, and so the run would wait for it."""
-    leaves = ["sh", "-c", "sleep 3600 & echo $!"]
+    # Between fork and exec the child still has the name of the shell.
+    begun = 'until [ "$(cat /proc/$!/comm)" = sleep ]; do :; done'
+    leaves = ["sh", "-c", f"sleep 3600 & {begun}; echo $!"]
     outcome = run_program(*read_board_text(BOARD), leaves)
     assert (outcome.code, outcome.stuck) == (0, "")
     assert f"left behind: sleep (process {outcome.output.strip()})" in outcome.errors
