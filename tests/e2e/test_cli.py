@@ -93,11 +93,6 @@ def test_help_names_every_command_and_exit_code_on_one_screen() -> None:
             'Error: there is no command "chek"; did you mean "check"? there are '
             + ", ".join(_COMMANDS),
         ),
-        (
-            ["order", "board.toml", "-"],
-            'Error: there is no command "order"; vbus.serve.nodes.ordering.order() of Python orders'
-            " bus cycles on the nodes of a board; there are " + ", ".join(_COMMANDS),
-        ),
         (["check"], "Error: name a board file, or ask for --rules"),
         (["run"], "Error: Missing argument 'BOARD'."),
         (
