@@ -226,6 +226,7 @@ class Glue:
         for name, pin in part.pins.items():
             self.pins.setdefault(f"{part.name}.{name}", pin)
         for block in part.blocks:
+            self.blocks.append(block)  # a board that runs already is not started again
             block.after_load()
             for net in dict.fromkeys(pin.net for pin, _ in block.inputs):
                 if self._watcher not in net.watchers:
