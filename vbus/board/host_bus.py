@@ -478,6 +478,7 @@ class HostBus(HostPort):
         try:
             if self._orders is not None:
                 self._orders.close()
+            self.board.player.flush()
             self.board.player.give_back()
             self.strobes.before()
             self.pins.unsolder()
@@ -492,6 +493,7 @@ class HostBus(HostPort):
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""
+        self.board.player.flush()
         self.board.player.give_back()
         self.pins.unsolder()
         self.unclaim()

@@ -224,8 +224,9 @@ class StrobePlayer:
 
     def give_back(self) -> None:
         """Put every bus back as hosts have left it by hand."""
-        self.flush()
         lent = list(self.lent.values())
+        if lent:  # of a computer's own bus, which is never lent, the hold edges come in time
+            self.flush()
         self.forget()
         if lent:
             self._move(lent, back=True)

@@ -226,9 +226,9 @@ class CardPath(CyclePath):
         cycle = state.cycles[address << 1 | write]
         if cycle is not None and cycle.by_byte is not None:
             cycle = cycle.by_byte.get(data)
-        # Wires that are watched move in every cycle; what is known of it is known all the same, or
-        # hosts had no leases under a waveform.
-        return PLAYED if self._observed and cycle is not None else cycle
+        # Wires that are watched move in every cycle, and let go of its byte after the hold time: to
+        # find out how they stand afterwards would cut that short.
+        return PLAYED if self._observed else cycle
 
     def _step(self, cycle: CardCycle, write: bool, data: int, when: int) -> int:
         """Run a cycle of which the chips want every edge; return the byte that is read."""
