@@ -107,7 +107,7 @@ def test_a_packet_that_is_too_long_is_a_command_error_and_nothing_more(habit: Ha
             "status 82",
             "cleared 80",
         ],
-        ["lm628.wrong-way", "lm628.left-loaded"],
+        ["lm628.wrong-way", "lm628.left-loaded", "lm628.desired-alone"],
     )
 
 
@@ -116,7 +116,7 @@ def test_a_packet_that_is_cut_short_leaves_the_chip_responsive(habit: Habit) -> 
     said, broken = habit("short")
     assert said[0] == "desired position 00000000, status 80"
     assert said[1].endswith(", status 80")
-    assert broken == ["lm628.cut-packet", "lm628.left-loaded"]
+    assert broken == ["lm628.cut-packet", "lm628.left-loaded", "lm628.desired-alone"]
 
 
 @pytest.mark.spec("LM-BUS-11")

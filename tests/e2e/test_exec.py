@@ -91,7 +91,7 @@ def test_an_interrupt_is_passed_on(board: Path) -> None:
         (["--board", "b", "--link", "l", "true"], 2, "name either a board file"),
         (["--board", "BOARD", "/no/program"], 127, "/no/program: there is no such program"),
         (["--board", "none.toml", "true"], 3, "none.toml: cannot be read"),
-        (["--board", "BOARD", "--pinmap", "p", "true"], 3, "there is no [pinmaps.p]"),
+        (["--board", "BOARD", "--pinmap", "p", "true"], 2, "there is no [pinmaps.p]"),
         (
             ["--board", "BOARD", "--transcript", "/no/t", "true"],
             1,

@@ -26,7 +26,7 @@ def test_a_journal_is_a_picture(folder: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert "bench: x" in picture.read_text()
     done = vbus("plot", folder / "run.vbj", "-o", folder / "run.bmp")
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (done.returncode, done.stdout) == (2, "")
     assert "run.bmp: a picture's name ends in .svg, .png, .pdf" in done.stderr
 
 
