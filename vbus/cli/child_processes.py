@@ -45,6 +45,8 @@ class ChildProcesses:
 
     def close(self) -> None:
         """Care for orphans no more."""
+        # What ended before the first look, or was killed, would stay in the table of processes.
+        self.reap()
         _ask(_SUBREAPER, 0)
 
     def die_with_parent(self) -> None:
@@ -93,6 +95,7 @@ class ChildProcesses:
             self.reap()
         if self.there():
             self.overdue(signal.SIGTERM)
+            await asyncio.sleep(_LOOK)
 
     def say_left(self, pids: list[int]) -> None:
         """Name the processes that a program has left behind on a board that ends with it."""
