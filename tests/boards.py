@@ -13,18 +13,13 @@ plant = "none"
 """
 """One LM629 without a motor, in lockstep, and no host."""
 
-BENCH: Final = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
+BENCH: Final = (
+    ALONE.replace("[board]\n", '[board]\nname = "bench"\n')
+    + """\
 [[hosts]]
 transport = "unix:$VBUS_RUNTIME/x"
 """
+)
 """One LM629 without a motor, in lockstep, at a Unix socket of the runtime directory."""
 
 AXIS: Final = """\

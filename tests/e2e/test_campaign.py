@@ -8,21 +8,11 @@ from textwrap import indent
 
 import pytest
 
+from tests.boards import BENCH
 from tests.e2e.command import vbus
 from tests.left_out import require
 
-BOARD = """\
-[board]
-name = "bench"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/other.sock"
-"""
+BOARD = BENCH.replace("/x", "/other.sock")
 
 # It looks at the profile a fixed time after the start of a move: what it finds hangs on when the
 # chip's next sample comes.

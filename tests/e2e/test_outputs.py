@@ -15,22 +15,12 @@ import click
 import pytest
 
 import vbus as package
+from tests.boards import BENCH
 from tests.e2e.command import running, vbus
 from vbus import connect
 from vbus.cli.cli import cli
 
-BOARD = """\
-[board]
-name = "{name}"
-time = "lockstep"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/{name}"
-"""
+BOARD = BENCH.replace('"bench"', '"{name}"').replace("/x", "/{name}")
 MACHINE = """\
 [board]
 name = "machine"

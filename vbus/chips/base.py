@@ -373,7 +373,7 @@ class Chip:
             self.advance()
             self.rearm()
         # Lazy again: the next question brings the chip up to date. A state that was saved while
-        # somebody listened has set the timer.
+        # a chip had a listener has set the timer.
         elif self._heard or self._timer.due != NEVER:
             self._heard = False
             self._timer.cancel()

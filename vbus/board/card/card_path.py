@@ -221,14 +221,14 @@ class CardPath(CyclePath):
             if state is None:
                 return PLAYED
         self._begun = state
-        if address < 0 or address >= MOST:
+        # Wires that are watched move in every cycle, and let go of its byte after the hold time: to
+        # find out how they stand afterwards would cut that short.
+        if self._observed or address < 0 or address >= MOST:
             return PLAYED
         cycle = state.cycles[address << 1 | write]
         if cycle is not None and cycle.by_byte is not None:
             cycle = cycle.by_byte.get(data)
-        # Wires that are watched move in every cycle, and let go of its byte after the hold time: to
-        # find out how they stand afterwards would cut that short.
-        return PLAYED if self._observed else cycle
+        return cycle
 
     def _step(self, cycle: CardCycle, write: bool, data: int, when: int) -> int:
         """Run a cycle of which the chips want every edge; return the byte that is read."""
