@@ -1,10 +1,12 @@
 """No silent outcome of an example or a client is new: a short campaign beside its baseline."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
 
-from tests.examples.campaigns import BASELINES, EXAMPLES_RUN, NAMES, SLOW, campaign
+from tests.examples.campaigns import BASELINES, EXAMPLES_RUN, EXPLAINED, NAMES, SLOW, campaign
 from tests.left_out import require
 
 WORLDS = 4
@@ -21,3 +23,19 @@ def test_a_campaign_has_no_silent_outcome_that_its_baseline_has_not(
             pytest.importorskip("unicorn")
     done = campaign(name, tmp_path, WORLDS, "--baseline", str(BASELINES / f"{name}.json"))
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_silent_outcome_that_is_known_has_its_sentence(name: str) -> None:
+    keys = json.loads((BASELINES / f"{name}.json").read_text())["keys"]
+    bare = [key for key in map(" ".join, keys)
+            if not any(re.fullmatch(pattern, key) for pattern, _ in EXPLAINED)]  # fmt: skip
+    assert not bare
+
+
+def test_no_sentence_explains_nothing() -> None:
+    every = [" ".join(key) for name in NAMES
+             for key in json.loads((BASELINES / f"{name}.json").read_text())["keys"]]  # fmt: skip
+    idle = [pattern for pattern, _ in EXPLAINED
+            if not any(re.fullmatch(pattern, key) for key in every)]  # fmt: skip
+    assert not idle
