@@ -190,9 +190,8 @@ def _chip(decoder: Decoder, items: Sequence[str]) -> Iterator[str]:
 
 
 def _packet(packet: Packet) -> Iterator[str]:
-    clause = f"  [{packet.clause}]" if packet.clause else ""
     data = [cycle.data for cycle in packet.cycles]
     yield Line(
-        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.text}{clause}",
+        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.cited}",
         bytes=data, kind=packet.kind, text=packet.text, clause=packet.clause,
     )  # fmt: skip

@@ -130,9 +130,8 @@ class View(PacketReader):
             self.polls += 1
             return
         self.packets += 1
-        clause = f"  [{packet.clause}]" if packet.clause else ""
         self._line(
-            packet.end, f"{chip} {packet.text}{clause}",
+            packet.end, f"{chip} {packet.cited}",
             chip=chip, kind=packet.kind, text=packet.text, clause=packet.clause,
             bytes=[cycle.data for cycle in packet.cycles],
         )  # fmt: skip
