@@ -457,6 +457,7 @@ class ProgramRun:
         asked: list[asyncio.TimerHandle] = []
         report = self.sentences.append if self.taken else child_processes.say
         offspring = child_processes.ChildProcesses(report)
+        dies_with_us = child_processes.end_with_parent(signal.SIGKILL)
 
         def pass_on(number: int) -> None:
             """Not by the process object, which would take the exit code from who waits for it."""
@@ -480,7 +481,7 @@ class ProgramRun:
                     stdin=asyncio.subprocess.DEVNULL if files else None,
                     stdout=files[0] if files else None,
                     stderr=files[1] if files else None,
-                    preexec_fn=offspring.die_with_parent if _has_signals() else None,
+                    preexec_fn=dies_with_us if _has_signals() else None,
                 )
             except OSError as error:
                 raise not_started(self.command[0], error) from error

@@ -18,9 +18,6 @@ _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
 _LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
 _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
-# Each call of echo flushes the stream, which costs more than making the line.
-_TOGETHER: Final = 1000
-"""Lines that are printed together where no person waits for the first."""
 
 
 @click.command("explain")
@@ -39,23 +36,12 @@ def command(what: str, items: tuple[str, ...], as_json: bool, no_progress: bool)
     journal: "run.vbj" is all of it, "run.vbj:17" its entry 17, "run.vbj:17-40" several.
     """
     lines = _lines(what, items, no_progress, as_json)
-    _print(map(json_line, lines) if as_json else lines)
-
-
-def _print(lines: Iterable[str]) -> None:
-    """Print lines: each at once on a terminal, many together elsewhere."""
-    waiting: list[str] = []
-    most = 1 if sys.stdout.isatty() else _TOGETHER
+    # Not echo, which flushes each line, and that costs more than making it: a terminal is given
+    # every line at once anyway.
     try:
-        for line in lines:
-            waiting.append(line)
-            # A person sees the first line at once; a pipe takes many at a time.
-            if len(waiting) >= most:
-                click.echo("\n".join(waiting))
-                waiting.clear()
+        sys.stdout.writelines(f"{line}\n" for line in (map(json_line, lines) if as_json else lines))
     finally:
-        if waiting:
-            click.echo("\n".join(waiting))
+        sys.stdout.flush()
 
 
 def _lines(what: str, items: Sequence[str], quiet: bool, as_json: bool) -> Iterable[str]:
