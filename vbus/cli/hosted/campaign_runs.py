@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import iscoroutinefunction, isfunction
 from multiprocessing import get_context
 from pathlib import Path
@@ -119,6 +119,7 @@ def _ended_without_bus(watch: HostWatch) -> Iterator[None]:
         signal.signal(signal.SIGVTALRM, earlier)
 
 
+@dataclass(frozen=True, slots=True)
 class ProgramSubject:
     """A program on a board of its own.
 
@@ -127,13 +128,12 @@ class ProgramSubject:
         failed: what it prints when it has failed, if its exit code does not say so.
     """
 
-    def __init__(self, program: HostedProgram, failed: str = "") -> None:
-        self._program = program
-        self._failed = failed
+    program: HostedProgram
+    failed: str = ""
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
-        program = in_world(self._program, world)
+        program = in_world(self.program, world)
         file = msgspec.structs.replace(program.file, record=RecordSection(), waves=())
         program = replace(program, file=file)
         limit, cycles = limits_of(reference)
@@ -146,7 +146,7 @@ class ProgramSubject:
             ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare, taken=True)
         ended, stuck = ran.ended, ran.hangs[0] if ran.hangs else ""
         # Firmware that has said so may wait for its reset from there on.
-        if self._failed and self._failed in ended.output:
+        if self.failed and self.failed in ended.output:
             ended, stuck = ended._replace(code=ended.code or 1), ""
         return seen[0].account(
             **ended._asdict(), stuck=stuck, slow=ran.slow and bool(stuck),
@@ -169,19 +169,19 @@ def _called(call: Callable[[Any], Any], link: InProcessLink) -> object:
     return asyncio.run(run())
 
 
+@dataclass(frozen=True, slots=True)
 class FunctionSubject:
     """A function of Python that is given a client's bus, on a board in the same process.
 
-    Args:
+    Attributes:
         file: the board.
         source: the same as text.
         call: the function.
     """
 
-    def __init__(self, file: BoardFile, source: Source, call: Callable[[Bus], object]) -> None:
-        self.file: BoardFile = file
-        self.source: Source = source
-        self._call = call
+    file: BoardFile
+    source: Source
+    call: Callable[[Bus], object]
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
@@ -197,7 +197,7 @@ class FunctionSubject:
             board.serve_links(InProcessFaults(link))
             try:
                 with _ended_without_bus(watch):
-                    result = _called(self._call, link)
+                    result = _called(self.call, link)
                 if result is not None:
                     print(result)
             except HostStuck:
