@@ -913,6 +913,9 @@ def test_the_timer_is_set_to_the_wall_time_until_the_next_wake_up_rounded_up(
     board, pacer, _ = paced(rate)
     with closing(asyncio.new_event_loop()) as loop:
         pacer.start(loop)
+        timer = pacer._timer
+        pacer.set_rate(rate)
+        assert pacer._timer is timer
         pacer.wake_at(board.now + AHEAD + 500 * US, lambda: None)
         pacer.stop()
     assert waits[-1] == wait
