@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.core.options import Value
-from vbus.faults.row import MESSAGES, misfit
+from vbus.faults.row import MESSAGES, LinkActs, misfit
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.local_socket import Order
 from vbus.serve.message_session import MessageSession
@@ -57,7 +57,7 @@ class _LinkFault(LinkFilter):
             self.session.read_again()
 
 
-class FaultOrders:
+class FaultOrders(LinkActs):
     """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
 
     Args:
