@@ -199,7 +199,6 @@ class Server:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self.hosts:
             host.transport.tell_pause(paused)
-            host.mark_pause(paused)
         for session in self.sessions():
             session.tell_pause(paused)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from vbus.boardfile.sections import NO_HOST, HostSection
 from vbus.core.errors import TransportError
 from vbus.network.session import Network
+from vbus.transports.runtime import mark_pause
 from vbus.transports.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -183,6 +184,7 @@ class Transport:
 
     def tell_pause(self, paused: bool) -> None:
         """Let clients know that what they ask is answered later, or at once again."""
+        mark_pause(self.url, paused)
 
     def waiting(self) -> bool:
         """Tell whether a host has come, or has sent something, that no session knows of yet."""
