@@ -58,12 +58,9 @@ class Link:
         self.close()
 
 
-class LinkFilter:
-    """Stands between a session and its link while something is wrong with it."""
-
-    def passes(self, out: bytearray) -> None:
-        """Change in place what is about to be sent; nothing is, if nothing is left."""
-        raise NotImplementedError
+LinkFilter = Callable[[bytearray], None]
+"""Changes in place what is about to be sent, while something is wrong with a link; nothing is sent
+if nothing is left."""
 
 
 class MessageLink(Link):
