@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from vbus.board.board import Board
-from vbus.serve.server import LinkSpec, Server
+from vbus.serve.server import LinkSpec, ServedRun, Server
 
 
 @contextmanager
@@ -20,7 +20,7 @@ def served(board: Board, *links: LinkSpec, stall: str = "catch_up") -> Iterator[
 
     def run() -> None:
         try:
-            loop.run_until_complete(server.serve(stop, ready.set))
+            loop.run_until_complete(ServedRun([server]).serve(stop, ready.set))
         except BaseException as error:
             failure.append(error)
         finally:

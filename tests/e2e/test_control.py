@@ -17,7 +17,7 @@ from tests.waiting import PATIENCE
 from vbus.board.build import load_board_text
 from vbus.core.errors import TransportError, VbusError
 from vbus.serve.registry import order, running, socket_path
-from vbus.serve.server import Server
+from vbus.serve.server import ServedRun, Server
 
 BOARD = """\
 [board]
@@ -41,7 +41,7 @@ def served(**orders: Any) -> Iterator[Server]:
     async def main() -> None:
         stop = asyncio.Event()
         ends.append((asyncio.get_running_loop(), stop))
-        await server.serve(stop, ready.set)
+        await ServedRun([server]).serve(stop, ready.set)
 
     thread = threading.Thread(target=lambda: asyncio.run(main()))
     thread.start()

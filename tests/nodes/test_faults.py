@@ -190,7 +190,7 @@ def test_what_comes_from_outside_waits_until_its_edges_are_in_time(heedless: boo
             if heedless and conductor.participant.reported and not poked:
                 poke()
             elif not heedless and not first.outside:
-                first.outside.append(poke)
+                first.outside.append((0, poke))
             moved = machine.poll(conductor) or moved
     assert poked
     late = machine.nodes[1].late

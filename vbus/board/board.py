@@ -18,8 +18,8 @@ from vbus.core.state.kinds import Load
 from vbus.protocols.quantities import picoseconds
 
 if TYPE_CHECKING:
-    from vbus.faults.armed import LinkActs
     from vbus.faults.faults import Faults
+    from vbus.faults.row import LinkActs
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -115,8 +115,6 @@ class Condition:
         """The kinds of events it waits for."""
         self.commands: list[tuple[str, str]] = []
         """The commands it waits for, each with its chip; "" is any."""
-        self.stays: bool = True
-        """Whether it holds for ever once it does."""
         self.remembers: bool = False
         """Whether it needs more than what the board is at two looks."""
         self._what = what
@@ -167,7 +165,6 @@ class Condition:
                 join: Callable[[Iterable[object]], bool] = all if word == "and" else any
                 return _Bound(lambda course: join([give(course) for give in gives]), _TRUTH)
             case Not(of):
-                self.stays = False
                 give = self._truth(self._bind(of), of.at)
                 return _Bound(lambda course: not give(course), _TRUTH)
             case Stable(of, span):
@@ -193,7 +190,6 @@ class Condition:
 
     def _stable(self, give: Callable[[Course], bool], span: int) -> _Bound:
         slot = self._slot()
-        self.stays = False
 
         def stable(course: Course) -> bool:
             if not give(course):
@@ -231,7 +227,6 @@ class Condition:
 
     def _happens(self, kind: str, chip: str, fits: Callable[[str], bool]) -> _Bound:
         self.events.add(kind)
-        self.stays = False
         return _Bound(
             lambda course: any(
                 seen == kind and chip in ("", of) and fits(text)
@@ -246,7 +241,6 @@ class Condition:
             if command is not None:
                 return command
         left, right = self._side(node.left, node.right), self._side(node.right, node.left)
-        self.stays = False
         kinds = {_AMOUNT if side.kind == _TRUTH else side.kind for side in (left, right)}
         if len(kinds) > 1:
             raise self._error(node.right, f"{left.kind} is compared with {right.kind}")
@@ -326,7 +320,6 @@ class Condition:
             bound.kind == _WORDS and node.name in ("changed", "previous")
         ):
             raise self._error(node.of, f"{node.name}() is not of {bound.kind}, as it stands")
-        self.stays = False
         give = bound.give
         if node.name == "abs":
             return _Bound(lambda course: abs(give(course)), _AMOUNT)
@@ -380,7 +373,6 @@ class Condition:
         level = self._names.find(node.parts)
         if level is not None:
             self.levels.setdefault(level.key, level)
-            self.stays = False
             key, bit = level.key, level.bit
             if bit >= 0:
                 return _Bound(lambda course: int(course.values[key]) >> bit & 1, _AMOUNT)

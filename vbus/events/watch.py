@@ -165,9 +165,6 @@ class ConditionTracker:
         text: the condition.
         board: a board for its names, or one like it.
 
-    Attributes:
-        stays: whether it holds for ever once it does.
-
     Raises:
         ConditionError: it is none, or names what the board does not have.
     """
@@ -175,7 +172,7 @@ class ConditionTracker:
     def __init__(self, text: str, board: Circuit) -> None:
         self._text = text
         self._watch: Watch | None = None
-        self.stays: bool = Watch(text, board).condition.stays
+        Watch(text, board)  # what makes no sense is refused now
 
     def __call__(self, board: Circuit) -> bool:
         """Tell whether it holds on a board that is up to date."""

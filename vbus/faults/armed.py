@@ -1,6 +1,6 @@
 """A fault that is armed, and the evidence of what it did."""
 
-from typing import ClassVar, Final, Protocol
+from typing import ClassVar, Final
 
 from msgspec import Struct
 
@@ -98,21 +98,3 @@ class Armed(Struct):
             f"#{self.number} {self.name} {self.target}{given}, when {self.when.text}, until"
             f" {self.until.text}: {self.state}, fired {self.fired} times"
         )
-
-
-class LinkActs(Protocol):
-    """What does the faults of links: the server."""
-
-    def check(self, name: str, target: str) -> None:
-        """Raise ValueError if the link ``target`` can never have the fault; says why."""
-
-    def begin(
-        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
-    ) -> str:
-        """Let a fault act; return what it changes. Raises ValueError if it cannot."""
-
-    def end(self, number: int) -> None:
-        """Let it act no more."""
-
-    def end_all(self) -> None:
-        """Let none act any more."""

@@ -86,12 +86,13 @@ class AxisFaults:
         self._apply(name)
         return text
 
-    def end(self, number: int) -> None:
-        """Let it act no more."""
+    def end(self, number: int) -> str:
+        """Let it act no more; there is nothing to say of it."""
         acting = self.acting.pop(number, None)
         if acting is not None:
             self.chip.advance()
             self._apply(acting[0])
+        return ""
 
     def toggle(self, number: int, closed: bool) -> None:
         """A switch that bounces closes or opens."""

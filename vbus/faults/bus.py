@@ -83,6 +83,16 @@ class BusFault(Observer):
 
     def end(self) -> None:
         """Let the nets be as they are driven."""
+        self._loosen()
+        self._work_out()
+        self._look_away()
+
+    def leave(self) -> None:
+        """Bend nothing any more, and leave the levels as they are."""
+        self._loosen()
+        self._look_away()
+
+    def _loosen(self) -> None:
         self._chip.bus_net.rest = self._rest
         for bend in (self._stuck, self._flip, self._late):
             if bend in self._chip.bus_net.bends:
@@ -95,7 +105,8 @@ class BusFault(Observer):
             self._pin.release()
             self._chip.bus_net.unsolder(self._pin)
             self._pin = None
-        self._work_out()
+
+    def _look_away(self) -> None:
         self._chip.bus_net.unobserve(self)
         for net in self.strobes:
             net.unobserve(self)
@@ -154,7 +165,3 @@ class BusFault(Observer):
         self._gap = False
         self._work_out()
         self._inside = False
-
-    def cancel(self) -> None:
-        """Whatever is set for later is void."""
-        self._gap = self._inside = False

@@ -9,12 +9,12 @@ from vbus.core.kernel.clock import Course
 from vbus.core.options import Value
 from vbus.core.signals.wire import WireEnd
 from vbus.core.state import Names
-from vbus.faults.armed import ACTING, Armed, LinkActs
+from vbus.faults.armed import ACTING, Armed
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.glue import Placed, glue_fault
-from vbus.faults.row import AXIS, LINK, MESSAGES, ONCE, WIRE, concerned
+from vbus.faults.row import AXIS, LINK, MESSAGES, ONCE, WIRE, LinkActs, concerned
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
 
@@ -23,8 +23,8 @@ AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
 which count each fault has begun."""
 
 
-_PLACED: Final = ("wire", "glue")
-"""Families of faults that are about one wire or one part."""
+_PLACED: Final = ("bus", "wire", "glue")
+"""Families of faults that are about one bus, one wire or one part."""
 
 
 class FaultEffects:
@@ -36,8 +36,7 @@ class FaultEffects:
         armed: every fault that was ever armed, by number.
 
     Attributes:
-        buses: what is wrong with buses now, by number of fault.
-        wires: the same of wires and parts of glue.
+        placed: what is wrong with buses, wires and parts of glue now, by number of fault.
         links: does the faults of links; None on a board without a server.
     """
 
@@ -46,7 +45,7 @@ class FaultEffects:
         "axes: list[(str, bool, i64, list[(i64, i64), ...]), ...]",
     )
     WIRING: ClassVar[Names] = ("_armed", "_board", "_later", "links")
-    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "buses", "wires")
+    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "placed")
 
     def __init__(self, board: Circuit, later: Later, armed: dict[int, Armed]) -> None:
         self._board: Circuit = board
@@ -54,8 +53,7 @@ class FaultEffects:
         self._armed: dict[int, Armed] = armed
         self._axes: dict[str, AxisFaults] = {}
         self._clocks: dict[str, ClockFaults] = {}
-        self.buses: dict[int, BusFault] = {}
-        self.wires: dict[int, Placed] = {}
+        self.placed: dict[int, Placed] = {}
         self.links: LinkActs | None = None
 
     def axis(self, place: str) -> AxisFaults:
@@ -83,9 +81,9 @@ class FaultEffects:
         Raises:
             ValueError: it cannot; says why.
         """
-        fault = armed.fault
-        if fault.target == AXIS:
-            return self.axis(armed.target).begin(armed.number, armed.name, armed.values)
+        fault, group = armed.fault, self._group(armed)
+        if group is not None:
+            return group.begin(armed.number, armed.name, armed.values)
         if fault.target == LINK:
             if self.links is None:
                 raise ValueError("no link is served: this board has no server, or none yet")
@@ -94,38 +92,31 @@ class FaultEffects:
             )
             return concerned(armed.values) if fault.family == MESSAGES else text
         if fault.family in _PLACED:
-            wire = self.wires[armed.number] = self._wire(armed)
-            return wire.begin()
-        chip = self._board.chip(armed.target)
-        if fault.family == "bus":
-            bus = BusFault(chip, armed.name, armed.values, self._later)
-            self.buses[armed.number] = bus
-            return bus.begin()
-        if armed.name in CLOCKS:
-            return self.clock(armed.target).begin(armed.number, armed.name, armed.values)
-        return upsets_of(chip).begin(armed.name, armed.values)
+            placed = self.placed[armed.number] = self._place(armed)
+            return placed.begin()
+        return upsets_of(self._board.chip(armed.target)).begin(armed.name, armed.values)
 
     def end(self, armed: Armed) -> str:
         """Let a fault act no more; return what there is to say about it."""
-        fault = armed.fault
-        if fault.target == AXIS:
-            self.axis(armed.target).end(armed.number)
-        elif fault.target == LINK:
+        fault, group = armed.fault, self._group(armed)
+        if group is not None:
+            return group.end(armed.number)
+        if fault.target == LINK:
             if self.links is not None:
                 self.links.end(armed.number)
         elif fault.family in _PLACED:
-            wire = self.wires.pop(armed.number, None)
-            if wire is not None:
-                wire.end()
-        elif fault.family == "bus":
-            bus = self.buses.pop(armed.number, None)
-            if bus is not None:
-                bus.end()
-        elif armed.name in CLOCKS:
-            return self.clock(armed.target).end(armed.number)
+            placed = self.placed.pop(armed.number, None)
+            if placed is not None:
+                placed.end()
         elif fault.acts != ONCE:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
+
+    def _group(self, armed: Armed) -> AxisFaults | ClockFaults | None:
+        """Return what is worked out from all faults of one axis or clock, if it is one of them."""
+        if armed.fault.target == AXIS:
+            return self.axis(armed.target)
+        return self.clock(armed.target) if armed.name in CLOCKS else None
 
     def serve(self, links: LinkActs | None) -> None:
         """Let ``links`` do the faults of links from now on, those that act already among them."""
@@ -136,7 +127,10 @@ class FaultEffects:
                     self.begin(armed)
                     armed.fired = max(1, armed.fired)
 
-    def _wire(self, armed: Armed) -> Placed:
+    def _place(self, armed: Armed) -> Placed:
+        if armed.fault.family == "bus":
+            chip = self._board.chip(armed.target)
+            return BusFault(chip, armed.name, armed.values, self._later)
         if armed.fault.target != WIRE:
             return glue_fault(self._board, armed.name, armed.target, armed.values)
         end = self._board.nets[armed.target]
@@ -186,6 +180,12 @@ class FaultEffects:
             }
             self.clock(name).restore(off, courses.get(name, []))
 
+    def leave(self) -> None:
+        """Another state is being loaded: nothing is wrong with a bus, a wire or a part any more."""
+        for placed in self.placed.values():
+            placed.leave()
+        self.placed.clear()
+
     def _acting_on(self, target: str) -> list[Armed]:
         return [one for one in self._armed.values() if one.target == target and one.state == ACTING]
 
@@ -212,16 +212,10 @@ class FaultEffects:
             for row in upsets.FAULTS:
                 on = any(one.name == row.name and one.target == chip.name for one in acting)
                 upsets.restore(row.name, on)
-        for wire in self.wires.values():
-            wire.leave()
-        self.wires = {one.number: self._wire(one) for one in acting if one.fault.family in _PLACED}
-        for wire in self.wires.values():
-            wire.begin(again=True)
         for one in acting:
-            if one.fault.family == "bus":
-                bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)
-                self.buses[one.number] = bus
-                bus.begin(again=True)
+            if one.fault.family in _PLACED:
+                placed = self.placed[one.number] = self._place(one)
+                placed.begin(again=True)
         if self.links is not None:
             self.links.end_all()
             self.serve(self.links)

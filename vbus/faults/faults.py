@@ -14,9 +14,10 @@ from vbus.core.signals import Observer
 from vbus.core.state import Names
 from vbus.core.values.settings import allowed, among, check_value, quoted
 from vbus.core.values.units import DIMENSIONS
-from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
+from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence
+from vbus.faults.bus import BusFault
 from vbus.faults.effects import FaultEffects
-from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault, LinkActs
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
@@ -311,9 +312,11 @@ class Faults(Observer):
             if chip_of is not None and chip_of.name not in names:
                 continue
             if armed.state == ACTING:
-                bus = self.acts.buses.get(armed.number)
+                bus = self.acts.placed.get(armed.number)
                 once = armed.until.kind == ONCE or armed.when.kind == RATE
-                mine = armed.fault.of_cycles and (bus is None or bus.concerns(write))
+                mine = armed.fault.of_cycles and not (
+                    isinstance(bus, BusFault) and not bus.concerns(write)
+                )
                 if once and mine:
                     self._push(when, _END, armed.number)
             elif armed.when.kind == CYCLE:
@@ -463,9 +466,8 @@ class Faults(Observer):
 
     @records.setter
     def records(self, records: list[Record]) -> None:
+        self.acts.leave()
         for armed in self.live():
-            if armed.number in self.acts.buses:
-                self.acts.end(armed)
             self._finish(armed)
         self._armed.clear()
         known = faults() if records else {}

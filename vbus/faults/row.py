@@ -104,3 +104,24 @@ def concerned(values: Mapping[str, Value]) -> str:
     what = ways.get(str(values.get("way", "both")), "requests and replies")
     every = int(values.get("every", 1))
     return what if every == 1 else f"one of {every} {what}"
+
+
+class LinkActs:
+    """What does the faults of links: the server. By itself, links of a recorded run, in which
+    their faults changed nothing on the board.
+    """
+
+    def check(self, name: str, target: str) -> None:
+        """Raise ValueError if the link ``target`` can never have the fault; says why."""
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
+        """Let a fault act; return what it changes. Raises ValueError if it cannot."""
+        return ""
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""
+
+    def end_all(self) -> None:
+        """Let none act any more."""

@@ -4,9 +4,8 @@ from vbus.chips.base import Chip
 from vbus.circuit.circuit import Circuit
 from vbus.core.signals.wire import WireEnd
 from vbus.core.values.settings import among, listed
-from vbus.faults.armed import LinkActs
 from vbus.faults.glue import net_of
-from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
+from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault, LinkActs
 from vbus.plant.shaft import Shaft
 
 

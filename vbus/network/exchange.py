@@ -1,7 +1,7 @@
 """The board's end of one host's messages: carried out in order, and each one once."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from vbus.network.envelope import GONE, WINDOW
 
@@ -14,15 +14,12 @@ MOST_STORED: Final = 16 << 20
 """Bytes of replies stored for a host that does not acknowledge them."""
 
 
-class _Received:
+class _Received(NamedTuple):
     """A message that came, and the way back to its host."""
 
-    __slots__ = ("answer", "data", "refuse")
-
-    def __init__(self, data: bytes, answer: Answer, refuse: Refuse) -> None:
-        self.data: bytes = data
-        self.answer: Answer = answer
-        self.refuse: Refuse = refuse
+    data: bytes
+    answer: Answer
+    refuse: Refuse
 
 
 class Exchange:

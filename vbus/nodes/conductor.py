@@ -46,9 +46,9 @@ class Conductor:
         self.state: str = RUNS
         self.awaited: set[str] = set()
         """Labels of hosts that have not used time yet, and without which it does not begin."""
-        self.outside: list[Callable[[], None]] = []
-        """What comes from outside and is no call of a host, such as a fault: done as soon as no
-        other node has been promised that nothing happens yet."""
+        self.outside: list[tuple[int, Callable[[], None]]] = []
+        """What comes from outside and is no call of a host, such as a fault: done, in whatever
+        round, as soon as no other node has been promised that nothing happens yet."""
         self.at_round: list[tuple[int, Callable[[], None]]] = []
         self._wanted: int = -2
         node.board.limit = -1  # until time is granted
@@ -125,7 +125,7 @@ class Conductor:
         now = int(self.node.board.kernel.now)
         if now + participant.lookahead >= participant.granted:
             while self.outside:
-                self.outside.pop(0)()
+                self.outside.pop(0)[1]()
 
     def _report(self) -> NodeReport:
         # Before that instant the node sends no edge of its own.

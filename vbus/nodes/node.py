@@ -30,7 +30,6 @@ class NodeTrace(TraceHash):
         "_lines: list[(i64, str), ...]", "_pending: list[(i64, i64, str), ...]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_hash", "_order")
-    DERIVED: ClassVar[Names] = ("records",)
 
     def __init__(self, order: list[str]) -> None:
         super().__init__(order)
@@ -43,14 +42,6 @@ class NodeTrace(TraceHash):
     def lines(self) -> list[Line]:
         """Return everything so far, in order."""
         return [*self._lines, *self.waiting()]
-
-    def digest(self) -> str:
-        """Return the hash of this node alone (hex)."""
-        return hash_of(merged([self.lines()]))
-
-    def after_load(self) -> None:
-        """Count what has been loaded."""
-        self.records = len(self._lines)
 
 
 def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:

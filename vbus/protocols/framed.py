@@ -35,11 +35,6 @@ class FramedProtocol(Protocol):
         self._reader: FrameReader = FrameReader()
         self.reset()
 
-    @property
-    def damaged(self) -> int:
-        """Marks seen so far that did not start a good frame."""
-        return self._reader.damaged
-
     def reset(self) -> None:
         """Forget half a frame, the last answer and the request count."""
         self._reader.clear()

@@ -45,12 +45,9 @@ class FrameReader:
     """
 
     STATE: ClassVar[Names] = ("_bytes: bytearray[...]",)
-    DERIVED: ClassVar[Names] = ("damaged",)
 
     def __init__(self) -> None:
         self._bytes: bytearray = bytearray()
-        self.damaged: int = 0
-        """Marks that turned out not to start a good frame."""
 
     def __len__(self) -> int:
         """How many bytes wait."""
@@ -84,7 +81,6 @@ class FrameReader:
                 found = (body[0], body[2:])
                 start = end
             else:
-                self.damaged += 1
                 start += 1
         del data[:start]
         return found

@@ -32,7 +32,7 @@ from vbus.core.errors import VbusError
 from vbus.core.file_kinds import HEAD, is_none
 from vbus.core.kernel import END, NEVER
 from vbus.record.rows import FULL, PORTS, READ, WRITE, rows_of
-from vbus.record.shapes import checked
+from vbus.record.shapes import SHAPES, checked
 
 FORMAT: Final = 1
 MAGIC: Final = b"vbus journal 1\n"
@@ -40,13 +40,8 @@ MAGIC: Final = b"vbus journal 1\n"
 LARGEST: Final = 1 << 26
 """Bytes beyond which a block's length, packed or unpacked, is taken for damage."""
 
-OPERATIONS: Final = (
-    "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
-    "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
-    "violation", "end", "cycle", "fault", "arm", "clear", "jump",
-    "arrive", "orders", "order", "made",
-)  # fmt: skip
-"""Operations by number. Their order is part of the format. All up to ``edges`` are calls of a host;
+OPERATIONS: Final = tuple(SHAPES)
+"""Operations by number. All up to ``edges`` are calls of a host;
 ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
 instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand.
 Of nodes, ``arrive`` is edges of other nodes: instant sent, node, number, wire, level, weak;

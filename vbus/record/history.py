@@ -1,6 +1,6 @@
 """A recorded run that can be walked through in both directions."""
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
 from vbus.board import snapshot as snapshots
@@ -83,26 +83,9 @@ class History:
             self.board.pass_until(when)
         return self.board
 
-    def first(self, condition: Condition, stays: bool = False) -> Entry | None:
-        """Find the first entry after which ``condition`` holds, and go there; None if none is.
-
-        Args:
-            condition: looks at the board.
-            stays: once it holds, it holds to the end (a violation has been filed, say): the
-                snapshots taken so far are bisected, and only the run between two of them is
-                played again.
-        """
-        start = 0
-        if stays and self._snapshots:
-
-            def holds_at(place: int) -> bool:
-                self._go_back(place)
-                return self._holds(condition)
-
-            places = sorted(self._snapshots)
-            first = bisect_left(places, True, key=holds_at)
-            start = places[first - 1] if first else 0
-        self._go_back(start)
+    def first(self, condition: Condition) -> Entry | None:
+        """Find the first entry after which ``condition`` holds, and go there; None if none is."""
+        self._go_back(0)
         if self._holds(condition):
             return None
         while self.position < len(self.entries):

@@ -9,8 +9,8 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import Snapshot
 from vbus.core.kernel import END, MS
-from vbus.core.options import Value
 from vbus.core.signals import Observer, Violation
+from vbus.faults.row import LinkActs
 from vbus.protocols.port import NotYet, PortError
 from vbus.record.format import NOT_YET, OUTSIDE, Entry, JournalError
 from vbus.record.view import violation_of
@@ -40,7 +40,7 @@ class Player:
         if board.broken:
             # Links of the recorded run are not here; their faults are in the journal as what they
             # did.
-            board.faults.links = _NoLinks()
+            board.faults.links = LinkActs()
 
     def run_to(self, entry: Entry) -> None:
         """Let time pass to the instant of an entry."""
@@ -69,7 +69,7 @@ class Player:
         if entry.op == "arm":
             name, target, when, until, values = entry.args
             if self.board.faults.links is None:
-                self.board.faults.links = _NoLinks()
+                self.board.faults.links = LinkActs()
             self.board.faults.arm(name, target, when, until, **values)
             return None, 0
         if entry.op == "clear":
@@ -198,22 +198,3 @@ class RewoundRun(Player, Observer):
             else:
                 rest.append(finding)
         return rest
-
-
-class _NoLinks:
-    """Stands for the links of the recorded run: their faults changed nothing on the board."""
-
-    def check(self, name: str, target: str) -> None:
-        """Whatever was armed could be."""
-
-    def begin(
-        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
-    ) -> str:
-        """Do nothing."""
-        return ""
-
-    def end(self, number: int) -> None:
-        """Do nothing."""
-
-    def end_all(self) -> None:
-        """Do nothing."""

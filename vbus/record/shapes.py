@@ -22,48 +22,47 @@ _Kind = Annotated[int, Meta(ge=0, le=2)]
 _Value = int | float | str | bool
 _Nothing: Final = type(None)
 
-_CALLS: Final[dict[str, tuple[Any, Any]]] = {
-    "read": (tuple[_Address], _Byte),
-    "write": (tuple[_Address, _Byte], _Nothing),
-    "open": (tuple[str, list[str], _Instant], _Nothing),
-    "close": (tuple[()], _Nothing),
-    "select": (tuple[_Mask], _Nothing),
-    "claim": (tuple[()], bool),
-    "unclaim": (tuple[()], _Nothing),
-    "wait": (tuple[_Count], tuple[bool, _Instant]),
-    "lines": (tuple[_Mask, int], _Nothing),
-    "drive": (tuple[_Byte], _Nothing),
-    "release": (tuple[()], _Nothing),
-    "sample": (tuple[()], tuple[int, int]),
-    "pin": (tuple[_Byte, _Byte], _Nothing),
-    "getpin": (tuple[_Byte], int),
-    "delay": (tuple[_Count], bool),
-    "at": (tuple[_Count], _Nothing),
-    "now": (tuple[()], int),
-    "sync": (tuple[()], tuple[int, int]),
-    "events": (tuple[_Mask], _Nothing),
-    "edges": (tuple[()], list[tuple[int, int]]),
-    "cycle": (tuple[str, bool, _Address, _Byte], _Nothing),
-}  # fmt: skip
-"""What a call was asked, and what it answered; None also stands for a call that was refused."""
+
+def _call(asked: Any, reply: Any) -> Any:
+    """Return what a call is: what was asked, and what was answered, None if it was refused."""
+    return tuple[asked, reply | None, _Number, _Limit]
+
 
 SHAPES: Final[dict[str, Any]] = {
-    **{
-        op: tuple[asked, reply | None, _Number, _Limit]  # type: ignore[valid-type]
-        for op, (asked, reply) in _CALLS.items()
-    },
+    "read": _call(tuple[_Address], _Byte),
+    "write": _call(tuple[_Address, _Byte], _Nothing),
+    "open": _call(tuple[str, list[str], _Instant], _Nothing),
+    "close": _call(tuple[()], _Nothing),
+    "select": _call(tuple[_Mask], _Nothing),
+    "claim": _call(tuple[()], bool),
+    "unclaim": _call(tuple[()], _Nothing),
+    "wait": _call(tuple[_Count], tuple[bool, _Instant]),
+    "lines": _call(tuple[_Mask, int], _Nothing),
+    "drive": _call(tuple[_Byte], _Nothing),
+    "release": _call(tuple[()], _Nothing),
+    "sample": _call(tuple[()], tuple[int, int]),
+    "pin": _call(tuple[_Byte, _Byte], _Nothing),
+    "getpin": _call(tuple[_Byte], int),
+    "delay": _call(tuple[_Count], bool),
+    "at": _call(tuple[_Count], _Nothing),
+    "now": _call(tuple[()], int),
+    "sync": _call(tuple[()], tuple[int, int]),
+    "events": _call(tuple[_Mask], _Nothing),
+    "edges": _call(tuple[()], list[tuple[int, int]]),
     "violation": tuple[_Instant, str, str, str, str, int, int, str],
     "end": tuple[_Number, str, str, _Number],
+    "cycle": _call(tuple[str, bool, _Address, _Byte], _Nothing),
     "fault": tuple[_Instant, str, str, str, str],
     "arm": tuple[str, str, str, str, dict[str, _Value]],
     "clear": tuple[int | str],
+    "jump": tuple[_Count, _Instant, _Instant],
     "arrive": tuple[list[tuple[_Instant, _Count, _Count, _Count, _Level, bool]]],
     "orders": tuple[str, bool],
     "order": tuple[str, _Instant, list[str], _Kind, _Address, _Byte, str],
     "made": tuple[_Instant, str, str, bool, _Address, _Byte],
-    "jump": tuple[_Count, _Instant, _Instant],
-}  # fmt: skip
-"""What an entry's value is, by operation."""
+}
+"""What an entry's value is, by operation. Operations are numbered in this order, which is part of
+the format."""
 
 
 def checked(op: str, value: Any) -> Any:

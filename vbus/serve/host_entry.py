@@ -14,7 +14,6 @@ from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.serve.session import Session
 from vbus.transports.base import Link, Transport, split_url
-from vbus.transports.runtime import mark_pause
 
 _Base = TypeVar("_Base")
 
@@ -99,10 +98,6 @@ class HostEntry:
         for session in list(self.sessions):
             session.end(why)
         self.transport.close()
-
-    def mark_pause(self, paused: bool) -> None:
-        """Leave word beside the name of the link that the board answers later, or again."""
-        mark_pause(self.transport.url, paused)
 
     def ended(self, session: Session) -> None:
         """A session is over; what it carried stays counted."""

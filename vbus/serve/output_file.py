@@ -17,17 +17,13 @@ import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from time import monotonic, sleep
 from typing import BinaryIO, Final, TextIO
 
 from vbus.core.errors import VbusError, write_errors
+from vbus.transports.runtime import PLAIN, lock, locked
 
-PATIENCE_SECONDS: Final = 0.2
-"""How long a lock may be held by a process that only looks for one."""
-PAUSE_SECONDS: Final = 0.01
 LONGEST_COMMAND: Final = 120
 """Characters of a command line that a message shows."""
-_FLAGS: Final = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 
 
 class OutputFile:
@@ -69,7 +65,7 @@ class OutputFile:
             if not self._whole:
                 self._check(part)
             self._made = not self._whole and not place.exists()
-            taken = self._locked(part if self._whole else place)
+            taken = locked(part if self._whole else place, os.O_WRONLY, 0o666, self._in_use)
             undo.callback(os.close, taken)
             if self._whole:
                 undo.callback(part.unlink)
@@ -78,39 +74,19 @@ class OutputFile:
             self._file = os.fdopen(taken, "wb", buffering=0)
             undo.pop_all()
 
-    def _locked(self, place: Path) -> int:
-        """Return the descriptor of a file, locked."""
-        while True:
-            fd = os.open(place, os.O_WRONLY | os.O_CREAT | _FLAGS, 0o666)
-            with ExitStack() as undo:
-                undo.callback(os.close, fd)
-                self._lock(fd, fcntl.LOCK_EX)
-                with suppress(FileNotFoundError):  # it has taken its name meanwhile
-                    if os.path.samestat(os.stat(place), os.fstat(fd)):
-                        undo.pop_all()
-                        return fd
-
     def _check(self, place: Path) -> None:
         """Refuse to go on where a file is locked."""
         try:
-            fd = os.open(place, os.O_RDONLY | _FLAGS)
+            fd = os.open(place, os.O_RDONLY | PLAIN)
         except (FileNotFoundError, PermissionError):
             return
         try:
-            self._lock(fd, fcntl.LOCK_SH)
+            lock(fd, fcntl.LOCK_SH, self._in_use)
         finally:
             os.close(fd)
 
-    def _lock(self, fd: int, how: int) -> None:
-        deadline = monotonic() + PATIENCE_SECONDS
-        while True:
-            try:
-                fcntl.flock(fd, how | fcntl.LOCK_NB)
-                return
-            except BlockingIOError:
-                if monotonic() > deadline:
-                    raise VbusError(f"{self.path}: {_refusal(fd)}") from None
-            sleep(PAUSE_SECONDS)
+    def _in_use(self, fd: int) -> VbusError:
+        return VbusError(f"{self.path}: {_refusal(fd)}")
 
     def begin(self) -> BinaryIO:
         """Return the file to write to, empty; it has no buffer of its own.

@@ -220,14 +220,14 @@ def order(board: str, do: str, **values: Any) -> Any:
 
 def running() -> Iterator[dict[str, Any]]:
     """Yield what each running board tells, by name; remove sockets of boards that died."""
+    # A killed process leaves its names behind.
+    sweep(boards_directory())
     for path in sorted(boards_directory().glob("*.sock")):
         try:
             yield ask(path)
         except TransportError as error:
-            # A killed process leaves its socket behind, at which the system refuses.
-            if isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
-                _forget(path)
-            else:
+            # The system refuses while it begins; that of one that has just ended is not there.
+            if not isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
                 yield {"board": path.stem, "error": str(error), **_owner(path)}
 
 
@@ -239,13 +239,3 @@ def _owner(path: Path) -> dict[str, Any]:
             process, _, board = holder.partition("\n")
             return {"pid": int(process), "board": board or path.stem}
     return {}
-
-
-def _forget(path: Path) -> None:
-    """Remove the socket of a board that died, unless its next run has just begun."""
-    for name in (path, path.with_suffix(".name")):
-        lock = NameLock(name)
-        with contextlib.suppress(TransportError):
-            lock.take(patience=0)
-            name.unlink(missing_ok=True)
-            lock.give_back()

@@ -26,7 +26,7 @@ from vbus.serve.loop import done_before, first_of, run_until_signal
 from vbus.serve.message_session import MessageSession
 from vbus.serve.metrics import MetricsPort
 from vbus.serve.orders.fault_orders import FaultOrders
-from vbus.serve.orders.snapshots import SnapshotOrders
+from vbus.serve.orders.snapshots import snapshot_orders
 from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import own_board, runs_already, socket_path
 from vbus.serve.session import Serving, Session
@@ -92,7 +92,7 @@ class Server:
             :class:`~vbus.serve.recording.Recording`.
 
     Raises:
-        PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
+        PluginError: a transport or protocol is missing.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Server:
         self.hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
         self.faults: FaultOrders = FaultOrders(board, self.hosts)
         self.control: Control = Control(self.pacer.catch_up)
-        self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
+        self.control.orders |= snapshot_orders(board, self.pacer, self.sessions)
         self.control.orders |= self.faults.orders()
         self.steps: Steps = Steps(board, self.pacer, self.sessions)
         self.control.orders |= self.steps.orders()
@@ -199,7 +199,6 @@ class Server:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self.hosts:
             host.transport.tell_pause(paused)
-            host.mark_pause(paused)
         for session in self.sessions():
             session.tell_pause(paused)
 
@@ -299,31 +298,6 @@ class Server:
             or (passing and self.detached.passing)
         )
 
-    async def serve(
-        self,
-        stop: asyncio.Event,
-        ready: Callable[[], None] | None = None,
-        before: Callable[[], Awaitable[None]] | None = None,
-        patience: float = PATIENCE_SECONDS,
-    ) -> None:
-        """Serve until ``stop`` is set; what hosts that have gone had sent is carried out then.
-
-        In real time, that is, as far as it needs no time: the board stops now.
-
-        Args:
-            stop: ends it.
-            ready: called once every link is open and ``before`` has returned.
-            before: what is waited for until then; cancelled by ``stop``.
-            patience: how long hosts that have gone keep the board (s of wall time), where hosts are
-                masters of time.
-
-        Raises:
-            TimeEndedError: chip time has come to its end; every link has been closed.
-        """
-        run = ServedRun(before, patience)
-        run.servers.append(self)
-        await run.serve(stop, ready)
-
     # -- telling about itself -------------------------------------------------------------------
 
     def _late(self) -> "Lateness":
@@ -376,22 +350,26 @@ class Server:
 class ServedRun:
     """Boards that are served in this process, from their start to their end.
 
+    What hosts that have gone had sent is carried out at the end; in real time, as far as it needs
+    no time.
+
     Args:
+        servers: a board's, or one for each node.
         before: what is waited for before the run is ready; cancelled by its end.
         patience: how long hosts that have gone keep a board (s of wall time), where hosts are
             masters of time.
 
     Attributes:
-        servers: a board's, or one for each node.
         over: set when the run ends by itself.
     """
 
     def __init__(
         self,
+        servers: Iterable[Server] = (),
         before: Callable[[], Awaitable[None]] | None = None,
         patience: float = PATIENCE_SECONDS,
     ) -> None:
-        self.servers: list[Server] = []
+        self.servers: list[Server] = list(servers)
         self.over: asyncio.Event = asyncio.Event()
         self._before: Callable[[], Awaitable[None]] | None = before
         self._patience: float = patience
@@ -464,6 +442,7 @@ def run(
     async def serve(stop: asyncio.Event) -> None:
         server = Server(board, links, stall, report, metrics, settle=settle)
         ready = None if on_ready is None else partial(on_ready, server)
-        await server.serve(stop, ready, None if before is None else partial(before, server))
+        first = None if before is None else partial(before, server)
+        await ServedRun([server], first).serve(stop, ready)
 
     run_until_signal(serve)

@@ -379,7 +379,7 @@ class Session:
             return
         # A copy: a fault of one answer takes itself out while it passes.
         for one in tuple(self._filters):
-            one.passes(out)
+            one(out)
             if not out:
                 return
         if not self._pending:

@@ -10,7 +10,7 @@ from vbus.board.board import Board
 from vbus.core.errors import VbusError
 from vbus.core.kernel import END
 from vbus.serve.loop import HostLoop
-from vbus.serve.server import LinkSpec, Server
+from vbus.serve.server import LinkSpec, ServedRun, Server
 
 _T = TypeVar("_T")
 PATIENCE_SECONDS: Final = 60.0
@@ -49,7 +49,8 @@ class ServedBoard:
         async def main() -> None:
             self._loop = asyncio.get_running_loop()
             self._stop = asyncio.Event()
-            await self.server.serve(self._stop, self._ready.set, patience=PATIENCE_SECONDS)
+            run = ServedRun([self.server], patience=PATIENCE_SECONDS)
+            await run.serve(self._stop, self._ready.set)
             self.board.catch_up()
 
         try:

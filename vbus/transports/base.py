@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from vbus.boardfile.sections import NO_HOST, HostSection
 from vbus.core.errors import TransportError
 from vbus.network.session import Network
+from vbus.transports.runtime import mark_pause
 from vbus.transports.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -57,12 +58,9 @@ class Link:
         self.close()
 
 
-class LinkFilter:
-    """Stands between a session and its link while something is wrong with it."""
-
-    def passes(self, out: bytearray) -> None:
-        """Change in place what is about to be sent; nothing is, if nothing is left."""
-        raise NotImplementedError
+LinkFilter = Callable[[bytearray], None]
+"""Changes in place what is about to be sent, while something is wrong with a link; nothing is sent
+if nothing is left."""
 
 
 class MessageLink(Link):
@@ -183,6 +181,7 @@ class Transport:
 
     def tell_pause(self, paused: bool) -> None:
         """Let clients know that what they ask is answered later, or at once again."""
+        mark_pause(self.url, paused)
 
     def waiting(self) -> bool:
         """Tell whether a host has come, or has sent something, that no session knows of yet."""

@@ -5,7 +5,7 @@ import fcntl
 import os
 import stat
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from time import sleep
@@ -18,6 +18,8 @@ from vbus.core.wall_clock import monotonic
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
 """How long a busy lock is tried again, and how often: one that only tests it lets go at once."""
+PLAIN: Final = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+"""A file is opened as it is: what others have put there is not followed, nor waited for."""
 LONGEST_ADDRESS: Final = 107
 """Bytes of a Unix socket's path that the system takes."""
 
@@ -46,6 +48,55 @@ def socket_address(path: Path) -> Iterator[str]:
         os.close(directory)
 
 
+def lock(
+    fd: int, how: int, refused: Callable[[int], Exception], patience: float = PATIENCE_SECONDS
+) -> None:
+    """Lock a file, or raise what ``refused`` makes of it if another process has it locked.
+
+    Args:
+        fd: the file.
+        how: LOCK_EX or LOCK_SH.
+        refused: returns the error.
+        patience: how long another process may hold the lock that only looks for one (s).
+    """
+    deadline = monotonic() + patience
+    while True:
+        try:
+            fcntl.flock(fd, how | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if monotonic() > deadline:
+                raise refused(fd) from None
+        sleep(PAUSE_SECONDS)
+
+
+def locked(
+    path: Path, flags: int, mode: int, refused: Callable[[int], Exception],
+    check: Callable[[int], object] | None = None, patience: float = PATIENCE_SECONDS,
+) -> int:  # fmt: skip
+    """Return the descriptor of a file that this process alone has locked, as long as it lives.
+
+    Args:
+        path: the file; it is made if there is none.
+        flags: how it is opened.
+        mode: its permissions, if it is made.
+        refused: see :func:`lock`.
+        check: looks at the open file before it is locked, if anything does.
+        patience: see :func:`lock`.
+    """
+    while True:
+        with ExitStack() as closing:
+            fd = os.open(path, flags | os.O_CREAT | PLAIN, mode)
+            closing.callback(os.close, fd)
+            if check is not None:
+                check(fd)
+            lock(fd, fcntl.LOCK_EX, refused, patience)
+            with suppress(FileNotFoundError):  # its last owner has moved or removed it meanwhile
+                if os.path.samestat(os.stat(path), os.fstat(fd)):
+                    closing.pop_all()
+                    return fd
+
+
 class NameLock:
     """Ownership of a name in the file system, given back by the system when its owner dies.
 
@@ -69,8 +120,10 @@ class NameLock:
         """
         try:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            while self._fd < 0:
-                self._fd = self._locked(monotonic() + patience)
+            if self._fd < 0:
+                self._fd = locked(
+                    lock_of(self._path), os.O_RDWR, 0o600, self._in_use, self._check, patience
+                )
             _HELD[self._path.parent] += 1
             os.ftruncate(self._fd, 0)
             os.write(self._fd, f"{os.getpid()}\n{board}".encode())
@@ -78,39 +131,25 @@ class NameLock:
             raise
         except OSError as error:
             self.give_back()
-            raise TransportError(f"{self._path}: {error.strerror or error}") from error
+            planted = f"{lock_of(self._path)} {_PLANTED}"
+            said = f"{self._path}: {error.strerror or error}"
+            raise TransportError(planted if error.errno == errno.ELOOP else said) from error
 
-    def _locked(self, deadline: float) -> int:
-        """Return the lock's descriptor; -1 if its last owner has removed the file meanwhile."""
-        path = lock_of(self._path)
-        with ExitStack() as closing:
-            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-            try:
-                fd = os.open(path, flags, 0o600)
-            except OSError as error:
-                if error.errno == errno.ELOOP:
-                    raise TransportError(f"{path} {_PLANTED}") from None
-                raise
-            closing.callback(os.close, fd)
-            found = os.fstat(fd)
-            if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-                raise TransportError(f"{path} {_PLANTED}")
-            if not is_trusted(found):
-                raise TransportError(
-                    f"{path} is no lock of vbus: others have made it or may write to it; remove it"
-                )
-            while not _flock(fd):
-                if monotonic() > deadline:
-                    owner = os.read(fd, 32).decode("ascii", "replace").partition("\n")[0] or "?"
-                    raise NameInUseError(
-                        f"{self._path} is in use by process {owner}; stop it or choose another name"
-                    )
-                sleep(PAUSE_SECONDS)
-            with suppress(FileNotFoundError):
-                if os.stat(path).st_ino == os.fstat(fd).st_ino:
-                    closing.pop_all()
-                    return fd
-        return -1
+    def _check(self, fd: int) -> None:
+        """Refuse a lock that others have put there."""
+        path, found = lock_of(self._path), os.fstat(fd)
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+            raise TransportError(f"{path} {_PLANTED}")
+        if not is_trusted(found):
+            raise TransportError(
+                f"{path} is no lock of vbus: others have made it or may write to it; remove it"
+            )
+
+    def _in_use(self, fd: int) -> NameInUseError:
+        owner = os.read(fd, 32).decode("ascii", "replace").partition("\n")[0] or "?"
+        return NameInUseError(
+            f"{self._path} is in use by process {owner}; stop it or choose another name"
+        )
 
     def give_back(self) -> None:
         """Let the name go and remove the lock."""
@@ -119,14 +158,6 @@ class NameLock:
             os.close(self._fd)
             self._fd = -1
             _HELD[self._path.parent] -= 1
-
-
-def _flock(fd: int) -> bool:
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def mark_pause(url: str, paused: bool) -> None:

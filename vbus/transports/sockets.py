@@ -119,7 +119,7 @@ class _SocketTransport(Transport):
         connection.setblocking(False)
         try:
             self._tune(connection)
-            self.on_link(SocketLink(connection, self._peer(address)))
+            self.on_link(self._link(connection, self._peer(address)))
         except OSError as error:
             if error.errno in _EXHAUSTED:
                 self._turn_away(connection, error)
@@ -182,6 +182,9 @@ class _SocketTransport(Transport):
 
     def _tune(self, connection: socket.socket) -> None:
         pass
+
+    def _link(self, connection: socket.socket, peer: str) -> Link:
+        return SocketLink(connection, peer)
 
     def _peer(self, address: object) -> str:
         return self.url

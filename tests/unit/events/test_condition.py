@@ -49,8 +49,6 @@ def test_what_makes_sense_holds_or_does_not(text: str, values: list[int]) -> Non
         found.append(condition.holds(course, now * MS))
         assert now * MS < course.due <= NEVER
     assert set(found) <= {False, True}
-    if condition.stays:
-        assert found == sorted(found)
 
 
 def test_edges_within_one_look_are_both_seen() -> None:
@@ -84,9 +82,3 @@ def test_a_text_rises_and_falls_when_it_becomes_another_and_not_otherwise() -> N
     assert (course.rose, course.fell) == (set(), set())
     course.change("x.mode", "profile")
     assert (course.rose, course.fell) == ({"x.mode"}, {"x.mode"})
-
-
-def test_that_a_rule_was_broken_stays_so_and_a_level_may_change() -> None:
-    assert Condition("lm628.busy-write", BOARD).stays
-    assert not Condition("x.HI", BOARD).stays
-    assert not Condition("lm628.busy-write and x.HI", BOARD).stays

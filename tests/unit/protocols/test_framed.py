@@ -28,7 +28,6 @@ def unpack(data: bytes) -> list[tuple[int, str]]:
     found = []
     while (one := reader.next()) is not None:
         found.append((one[0], one[1].hex()))
-    assert reader.damaged == 0
     return found
 
 
@@ -78,7 +77,6 @@ def test_a_damaged_frame_is_not_answered_and_the_next_one_is(
     damaged = bytearray(frame(5, b"\x20\xaa"))
     damaged[4] ^= 1
     assert say(wire, bytes(damaged)) == []
-    assert wire.damaged == 1
     assert port.calls == []
     assert say(wire, frame(5, b"\x20\xaa")) == [(5, "")]
 
@@ -88,7 +86,6 @@ def test_a_good_frame_is_found_inside_what_a_false_mark_seems_to_span(
 ) -> None:
     good = frame(5, b"\x02\x07")
     assert say(wire, bytes((MARK, 0, len(good) - 2)) + good + b"\0" * 10) == [(5, "4507")]
-    assert wire.damaged == 1
 
 
 def test_260_zeros_end_any_frame_that_lost_its_end(wire: FramedProtocol) -> None:

@@ -161,9 +161,7 @@ def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> i
         entries = list(reader)
     history = History(lambda: board_of(header, str(journal)), entries)
     holds = ConditionTracker(condition, history.board)
-    # What stays, such as a violation, is bisected between snapshots; a level is looked for call by
-    # call.
-    found = history.first(holds, holds.stays)
+    found = history.first(holds)
     if found is None:
         never = f"{condition}: never in {len(entries)} entries"
         show(as_json, {"condition": condition, "entry": None, "entries": len(entries)}, [never])

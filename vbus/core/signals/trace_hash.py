@@ -20,7 +20,6 @@ class TraceHash(Observer):
         import hashlib  # which loads OpenSSL: 3 ms that a client, which hashes nothing, would pay
 
         self._hash = hashlib.sha256()
-        self.records: int = 0
 
     def _add(self, when: int, name: str, text: str) -> None:
         # A joined net has no chip: it comes after all of them, by name.
@@ -67,7 +66,6 @@ class TraceHash(Observer):
                 break
             self.record(when, text)
             done += 1
-        self.records += done
         del pending[:done]
 
     def digest(self) -> str:

@@ -237,7 +237,7 @@ class Attachment:
 
     def _mark_pause(self, paused: bool) -> None:
         for host in self._hosts:
-            host.mark_pause(paused)
+            host.transport.tell_pause(paused)
 
     # -- a board that is gone -------------------------------------------------------------------
 

@@ -226,7 +226,7 @@ class _NodesRun(ServedRun):
         before: Callable[[], Awaitable[None]] | None,
         owned: ExitStack,
     ) -> None:
-        super().__init__(before)
+        super().__init__(before=before)
         if options.connect and file.zenoh.connect:  # hosts come by the same routers
             zenoh = msgspec.structs.replace(file.zenoh, connect=options.connect)
             file = msgspec.structs.replace(file, zenoh=zenoh)

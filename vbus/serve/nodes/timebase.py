@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from vbus.board.snapshot import write
 from vbus.boardfile.sections import BoardFile
@@ -27,9 +27,6 @@ SNAPSHOT_EVERY: Final = 0.25
 WAITS_FOR_OTHERS: Final = "waits for the others"
 
 log = logging.getLogger("vbus")
-
-
-_T = TypeVar("_T")
 
 
 class Timebase(Peers):
@@ -240,20 +237,18 @@ class Timebase(Peers):
 
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen as soon as no other node relies on that it does not."""
-        outside = self._mine[rank].outside
-        self._ask_for(rank, outside, lambda now: now, "nothing was changed", do)
+        self._ask_for(rank, self._mine[rank].outside, 0, "nothing was changed", do)
 
     def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
         """Let something happen at the end of a round, or of the next if that one is past."""
-        at_round = self._mine[rank].at_round
         what = f"round {number} has not ended"
-        self._ask_for(rank, at_round, lambda now: (number, now), what, do)
+        self._ask_for(rank, self._mine[rank].at_round, number, what, do)
 
     def _ask_for(
         self,
         rank: int,
-        asked: list[_T],
-        entry_of: Callable[[Callable[[], None]], _T],
+        asked: list[tuple[int, Callable[[], None]]],
+        number: int,
         what: str,
         do: Callable[[str], None],
     ) -> None:
@@ -262,7 +257,7 @@ class Timebase(Peers):
         Args:
             rank: of the node.
             asked: what the conductor has been asked for.
-            entry_of: makes of a deed what stands there.
+            number: of the first round that will do.
             what: has not come about if it is refused.
             do: see :meth:`let_in`.
         """
@@ -279,7 +274,7 @@ class Timebase(Peers):
                 " are here (vbus ls tells for whom it waits)"
             )
 
-        entry = entry_of(now)
+        entry = (number, now)
         timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
         asked.append(entry)
         self.proceed()

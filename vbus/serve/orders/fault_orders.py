@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.core.options import Value
-from vbus.faults.row import MESSAGES, misfit
+from vbus.faults.row import MESSAGES, LinkActs, misfit
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.local_socket import Order
 from vbus.serve.message_session import MessageSession
 from vbus.serve.session import Session
-from vbus.transports.base import LinkFilter
 from vbus.transports.traffic import MessageFault, Traffic
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
 
-class _LinkFault(LinkFilter):
+class _LinkFault:
     """One fault on one session."""
 
     def __init__(self, session: Session, name: str, once: bool) -> None:
@@ -31,12 +30,12 @@ class _LinkFault(LinkFilter):
 
     def begin(self) -> "_LinkFault":
         """Act from now on."""
-        self.session.add_filter(self)
+        self.session.add_filter(self._pass)
         if self._name == "link_dead":
             self.session.stop_reading()
         return self
 
-    def passes(self, out: bytearray) -> None:
+    def _pass(self, out: bytearray) -> None:
         """Keep an answer for later, cut it short, or lose it."""
         if self._name == "answers_late":
             self._kept += out
@@ -52,12 +51,12 @@ class _LinkFault(LinkFilter):
 
     def undo(self) -> None:
         """Let the session send and read as ever; what was kept is sent now."""
-        self.session.remove_filter(self, bytes(self._kept))
+        self.session.remove_filter(self._pass, bytes(self._kept))
         if self._name == "link_dead":
             self.session.read_again()
 
 
-class FaultOrders:
+class FaultOrders(LinkActs):
     """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
 
     Args:

@@ -31,8 +31,10 @@ def load_into(board: Board, snapshot: "Snapshot", wires: "Hosts | None" = None) 
     restore(board, snapshot, wires)
 
 
-class SnapshotOrders:
-    """``snap.save`` and ``snap.load``, for one served board.
+def snapshot_orders(
+    board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
+) -> dict[str, Order]:
+    """Return ``snap.save`` and ``snap.load``, for one served board.
 
     Args:
         board: the board.
@@ -40,30 +42,17 @@ class SnapshotOrders:
         sessions: gives those that are open.
     """
 
-    def __init__(
-        self, board: Board, pacer: WallClockPacer, sessions: Callable[[], Iterator[Session]]
-    ) -> None:
-        self._board: Board = board
-        self._pacer: WallClockPacer = pacer
-        self._sessions: Callable[[], Iterator[Session]] = sessions
-
-    def orders(self) -> dict[str, Order]:
-        """Return the orders by name."""
-        return {"snap.save": self._save, "snap.load": self._load}
-
-    def _wires(self) -> "Hosts":
+    def wires() -> "Hosts":
         """Return the wire formats of all sessions, by the place of their port."""
-        wires = {id(session.port): session.protocol for session in self._sessions()}
+        known = {id(session.port): session.protocol for session in sessions()}
         return {
-            number: wires[id(port)]
-            for number, port in enumerate(self._board.ports)
-            if id(port) in wires
+            number: known[id(port)] for number, port in enumerate(board.ports) if id(port) in known
         }
 
-    def _save(self, request: dict[str, Any]) -> dict[str, Any]:
+    def save(request: dict[str, Any]) -> dict[str, Any]:
         from vbus.board.snapshot import take, write
 
-        snapshot = take(self._board, self._wires())
+        snapshot = take(board, wires())
         data = write(snapshot)
         return {
             "when_ps": snapshot.when,
@@ -71,12 +60,14 @@ class SnapshotOrders:
             "data": base64.b64encode(data).decode(),
         }
 
-    def _load(self, request: dict[str, Any]) -> dict[str, Any]:
+    def load(request: dict[str, Any]) -> dict[str, Any]:
         from vbus.board.snapshot import read
 
         snapshot = read(base64.b64decode(request["data"], validate=True))
-        load_into(self._board, snapshot, self._wires())
-        self._pacer.jumped()
-        for session in list(self._sessions()):
+        load_into(board, snapshot, wires())
+        pacer.jumped()
+        for session in list(sessions()):
             session.resume()
         return {"when_ps": snapshot.when, "hash": snapshot.digest}
+
+    return {"snap.save": save, "snap.load": load}
