@@ -15,7 +15,7 @@ from vbus.core.kernel import END, MS
 from vbus.protocols.port import NotYet, PortError
 from vbus.record.format import NOT_YET, Entry
 from vbus.record.journal import Journal
-from vbus.record.player import Player
+from vbus.record.player import FINDINGS, Player
 from vbus.record.recorded_bus import RecordedBus
 
 Port = Callable[..., HostBus]
@@ -56,9 +56,9 @@ def test_the_fast_recorder_writes_the_bytes_of_the_plain_one(name: str) -> None:
 
 
 def calls(data: bytes) -> list[Entry]:
-    """Return what hosts did; rules that came since the run was recorded find more."""
+    """Return what hosts did; what is found of it depends on rules and rulings made since."""
     found = (replace(entry, number=0) for entry in read_journal(data)[1])
-    return [entry for entry in found if entry.op not in ("violation", "end")]
+    return [entry for entry in found if entry.op not in FINDINGS]
 
 
 def refused_and_unfinished(port: Port, granted: bool) -> bytes:
