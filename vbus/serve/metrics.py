@@ -147,26 +147,26 @@ def _escaped(value: object) -> str:
     return str(value).replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
 
 
-def _families(status: dict[str, Any]) -> Iterator[tuple[str, str, str, Samples]]:
+def _families(told: dict[str, Any]) -> Iterator[tuple[str, str, str, Samples]]:
     """Give what has one value for each set of labels: its name, its kind, and what it is."""
     links: list[tuple[dict[str, object], dict[str, Any]]] = [
-        ({"link": f"{n}:{link['url']}"}, link) for n, link in enumerate(status["links"])
+        ({"link": f"{n}:{link['url']}"}, link) for n, link in enumerate(told["links"])
     ]
     yield (
         "vbus_board_info", "gauge", "The board",
-        [({"policy": status["policy"], "rate": status["rate"]}, 1)],
+        [({"policy": told["policy"], "rate": told["rate"]}, 1)],
     )  # fmt: skip
     yield (
         "vbus_bus_cycles_total", "counter", "Whole bus cycles hosts have made",
         [
             ({"chip": chip["name"], "direction": direction}, chip[f"{direction}s"])
-            for chip in status["chips"]
+            for chip in told["chips"]
             for direction in ("read", "write")
         ],
     )  # fmt: skip
     yield (
         "vbus_violations_total", "counter", "Breaches of a rule by hosts",
-        [({"rule": rule}, count) for rule, count in sorted(status["violations"].items())],
+        [({"rule": rule}, count) for rule, count in sorted(told["violations"].items())],
     )  # fmt: skip
     yield (
         "vbus_sessions", "gauge", "Open sessions",
@@ -195,16 +195,16 @@ def _families(status: dict[str, Any]) -> Iterator[tuple[str, str, str, Samples]]
          "overload", 1),
         ("vbus_worst_lag_seconds", "gauge", "Largest lag since the start", "worst_lag_ps", 1e12),
     ):  # fmt: skip
-        yield name, kind, text, [({}, status[key] / scale)]
+        yield name, kind, text, [({}, told[key] / scale)]
 
 
 def _histogram(
-    name: str, board: str, status: dict[str, Any], unit: str, scale: float
+    name: str, board: str, told: dict[str, Any], unit: str, scale: float
 ) -> Iterator[str]:
     count = 0
-    for bound, number in zip(status[f"bounds_{unit}"], status["buckets"], strict=False):
+    for bound, number in zip(told[f"bounds_{unit}"], told["buckets"], strict=False):
         count += number
         yield f'{name}_bucket{{board="{board}",le="{bound / scale!r}"}} {float(count)!r}'
-    yield f'{name}_bucket{{board="{board}",le="+Inf"}} {float(status["count"])!r}'
-    yield f'{name}_count{{board="{board}"}} {float(status["count"])!r}'
-    yield f'{name}_sum{{board="{board}"}} {status[f"sum_{unit}"] / scale!r}'
+    yield f'{name}_bucket{{board="{board}",le="+Inf"}} {float(told["count"])!r}'
+    yield f'{name}_count{{board="{board}"}} {float(told["count"])!r}'
+    yield f'{name}_sum{{board="{board}"}} {told[f"sum_{unit}"] / scale!r}'
