@@ -19,12 +19,12 @@ wheels)
     if [ "${VBUS_PURE:-0}" = 0 ]; then
         export VBUS_NEED_COMPILED=1
     fi
-    python3 -m pip wheel --quiet --disable-pip-version-check --wheel-dir "$3" "$2[wave]"
+    python3 -m pip wheel --quiet --disable-pip-version-check --wheel-dir "$3" "$2[wave,metrics]"
     ;;
 venv)
     python3 -m venv "$3"
     "$3/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
-        --no-index --find-links "$2" "vbus[wave]"
+        --no-index --find-links "$2" "vbus[wave,metrics]"
     version=$("$3/bin/vbus" --version)
     echo "$version"
     if [ "${VBUS_PURE:-0}" = 0 ] && [ "${version#*compiled core}" = "$version" ]; then

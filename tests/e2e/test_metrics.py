@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -241,3 +242,19 @@ def test_a_wrong_address_in_the_board_file_is_a_mistake_of_its_line(
     assert done.returncode == exit_codes.BAD_BOARD
     assert f"{path}:17: " in done.stderr
     assert message in done.stderr
+
+
+def test_without_the_extra_the_message_says_what_to_install(
+    board_file: Path, runtime: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "prometheus_client.py").write_text("raise ImportError('not there')\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "vbus", "run", "--metrics", "127.0.0.1:0", str(board_file)],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+    assert done.returncode == exit_codes.NO_PLUGIN
+    assert "pip install prometheus-client" in done.stderr

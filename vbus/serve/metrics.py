@@ -1,23 +1,26 @@
 """The numbers of a running board as Prometheus metrics, answered by the event loop itself."""
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 import os
 import socket
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from vbus.core.errors import TransportError, listen_errors
+from vbus.core.errors import PluginError, TransportError, listen_errors
 from vbus.transports.base import Link
 from vbus.transports.sockets import TcpTransport
+
+if TYPE_CHECKING:
+    from prometheus_client.metrics_core import Metric
 
 PATH: Final = "/metrics"
 PATIENCE_SECONDS: Final = 5.0
 """How long a client may take to ask, or to take its answer."""
 _LINES: Final = 100
-TEXT: Final = "text/plain; version=0.0.4; charset=utf-8"
-OPEN: Final = "application/openmetrics-text; version=1.0.0; charset=utf-8"
-"""The two formats there are: the same lines, but for names of counters and a last line."""
+_MISSING: Final = "metrics need prometheus-client; install it with: pip install prometheus-client"
 
 
 class MetricsPort:
@@ -27,20 +30,29 @@ class MetricsPort:
         host: numeric address.
         port: 0 is any free one.
         statistics: what :meth:`vbus.serve.server.Server.statistics` returns.
+
+    Raises:
+        PluginError: prometheus-client is not installed.
     """
 
     def __init__(self, host: str, port: int, statistics: Callable[[], dict[str, Any]]) -> None:
+        try:
+            from prometheus_client import CollectorRegistry
+        except ImportError as error:
+            raise PluginError(_MISSING) from error
         self._host: str = f"[{host}]" if ":" in host else host
         self._transport: TcpTransport = TcpTransport(f"{host}:{port}", {})
         self._transport.remote = True  # where it is not meant, the address has been refused
-        self._boards: list[Callable[[], dict[str, Any]]] = [statistics]
+        self._registry: CollectorRegistry = CollectorRegistry()
+        self._collector: Collector = Collector(statistics)
+        self._registry.register(self._collector)
         self._talks: set[asyncio.Task[None]] = set()
         self.url: str = f"http://{self._host}:{port}{PATH}"
         """Where the metrics are, with the port that was found once it is open."""
 
     def add(self, statistics: Callable[[], dict[str, Any]]) -> None:
         """Show another board of this process too."""
-        self._boards.append(statistics)
+        self._collector.boards.append(statistics)
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Listen from now on.
@@ -76,6 +88,12 @@ class MetricsPort:
 
     async def _answer(self, reader: asyncio.StreamReader) -> bytes:
         """Read one request; return the whole reply."""
+        try:
+            return await self._answer_to(reader)
+        except ValueError as error:  # a line too long, or an Accept header that makes no sense
+            return _reply("400 Bad Request", "text/plain", f"{error}\n".encode())
+
+    async def _answer_to(self, reader: asyncio.StreamReader) -> bytes:
         method, _, rest = (await reader.readline()).decode("latin-1").partition(" ")
         target = rest.partition(" ")[0].partition("?")[0]
         accept = ""
@@ -94,9 +112,11 @@ class MetricsPort:
             return _reply("405 Method Not Allowed", "text/plain", b"only GET and HEAD\n")
         if target != PATH:
             return _reply("404 Not Found", "text/plain", f"metrics are at {PATH}\n".encode())
-        kind = OPEN if OPEN.partition(";")[0] in accept else TEXT
-        lines = exposition([one() for one in self._boards], kind == OPEN)
-        return _reply("200 OK", kind, "\n".join((*lines, "")).encode(), method == "HEAD")
+        from prometheus_client.exposition import choose_encoder
+
+        encoder, content_type = choose_encoder(accept)
+        body = encoder(self._registry)
+        return _reply("200 OK", content_type, body, method == "HEAD")
 
 
 def _reply(status: str, content_type: str, body: bytes, head_only: bool = False) -> bytes:
@@ -107,104 +127,125 @@ def _reply(status: str, content_type: str, body: bytes, head_only: bool = False)
     return head.encode() + (b"" if head_only else body)
 
 
-Samples = Iterable[tuple[dict[str, object], float]]
-"""Values, each with its labels."""
+class Collector:
+    """Makes Prometheus metrics of the statistics of boards, at each request."""
+
+    def __init__(self, statistics: Callable[[], dict[str, Any]]) -> None:
+        self.boards: list[Callable[[], dict[str, Any]]] = [statistics]
+
+    def describe(self) -> Iterator[Metric]:
+        """Say nothing beforehand: the names do not depend on anything."""
+        return iter(())
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield every metric as it is now, each with the samples of all boards."""
+        for metric, *others in zip(*(self._metrics(one()) for one in self.boards), strict=True):
+            for other in others:
+                metric.samples += other.samples
+            yield metric
+
+    @staticmethod
+    def _metrics(statistics: dict[str, Any]) -> Iterator[Metric]:
+        board = statistics["board"]
+        yield _info(board, statistics)
+        yield from _families(board, statistics)
+        text = "How late chip time was when it was brought up to date"
+        yield _histogram("vbus_lag_seconds", text, board, statistics["lag"], "ps", 1e12)
+        yield _histogram(
+            "vbus_round_trip_seconds",
+            "From a message's arrival in the server until its answer is handed over",
+            board,
+            statistics["round_trips"],
+            "ns",
+            1e9,
+        )
 
 
-def exposition(boards: list[dict[str, Any]], open_metrics: bool) -> Iterator[str]:
-    """Give the lines of a page: every number as it is now, each of all boards.
-
-    Args:
-        boards: what each board tells of itself.
-        open_metrics: in the format of OpenMetrics, else in Prometheus' own.
-    """
-    for families in zip(*map(_families, boards), strict=True):
-        name, kind, text, _ = families[0]
-        family = name.removesuffix("_total") if open_metrics else name
-        yield f"# HELP {family} {text}"
-        yield f"# TYPE {family} {kind}"
-        for board, (*_, samples) in zip(boards, families, strict=True):
-            for labels, number in samples:
-                shown = "".join(f',{key}="{_escaped(value)}"' for key, value in labels.items())
-                part = f'{{board="{_escaped(board["board"])}"{shown}}}'
-                yield f"{name}{part} {float(number)!r}"
-    for name, text, key, unit, scale in (
-        ("vbus_lag_seconds", "How late chip time was when it was brought up to date", "lag", "ps",
-         1e12),
-        ("vbus_round_trip_seconds",
-         "From a message's arrival in the server until its answer is handed over", "round_trips",
-         "ns", 1e9),
-    ):  # fmt: skip
-        yield f"# HELP {name} {text}"
-        yield f"# TYPE {name} histogram"
-        for board in boards:
-            yield from _histogram(name, _escaped(board["board"]), board[key], unit, scale)
-    if open_metrics:
-        yield "# EOF"
+Samples = Iterable[tuple[tuple[str, ...], float]]
+"""Values, each with what its labels say."""
 
 
-def _escaped(value: object) -> str:
-    return str(value).replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
+def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
+    """Yield what has one value for each set of labels."""
+    from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
-
-def _families(told: dict[str, Any]) -> Iterator[tuple[str, str, str, Samples]]:
-    """Give what has one value for each set of labels: its name, its kind, and what it is."""
-    links: list[tuple[dict[str, object], dict[str, Any]]] = [
-        ({"link": f"{n}:{link['url']}"}, link) for n, link in enumerate(told["links"])
+    links = [
+        ((f"{number}:{link['url']}",), link) for number, link in enumerate(statistics["links"])
     ]
-    yield (
-        "vbus_board_info", "gauge", "The board",
-        [({"policy": told["policy"], "rate": told["rate"]}, 1)],
+    rows: tuple[tuple[Any, str, str, tuple[str, ...], Samples], ...] = (
+        (
+            CounterMetricFamily, "vbus_bus_cycles", "Whole bus cycles hosts have made",
+            ("chip", "direction"),
+            [
+                ((chip["name"], direction), chip[f"{direction}s"])
+                for chip in statistics["chips"]
+                for direction in ("read", "write")
+            ],
+        ),
+        (
+            CounterMetricFamily, "vbus_violations", "Breaches of a rule by hosts", ("rule",),
+            [((rule,), count) for rule, count in sorted(statistics["violations"].items())],
+        ),
+        (
+            GaugeMetricFamily, "vbus_sessions", "Open sessions", ("link",),
+            [(labels, link["sessions"]) for labels, link in links],
+        ),
+        (
+            CounterMetricFamily, "vbus_sessions_served", "Sessions opened since the start",
+            ("link",), [(labels, link["served"]) for labels, link in links],
+        ),
+        (
+            CounterMetricFamily, "vbus_link_bytes", "Bytes carried by a link",
+            ("link", "direction"),
+            [
+                ((*labels, direction), link[direction])
+                for labels, link in links
+                for direction in ("received", "sent")
+            ],
+        ),
     )  # fmt: skip
-    yield (
-        "vbus_bus_cycles_total", "counter", "Whole bus cycles hosts have made",
-        [
-            ({"chip": chip["name"], "direction": direction}, chip[f"{direction}s"])
-            for chip in told["chips"]
-            for direction in ("read", "write")
-        ],
+    single = (
+        (kind, name, text, (), [((), statistics[key] / scale)])
+        for kind, name, text, key, scale in (
+            (CounterMetricFamily, "vbus_chip_time_seconds", "Chip time since the start",
+             "time_ps", 1e12),
+            (GaugeMetricFamily, "vbus_chip_time_left_seconds", "Chip time until time ends",
+             "time_left_ps", 1e12),
+            (CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls",
+             "slipped_ps", 1e12),
+            (GaugeMetricFamily, "vbus_overload_ratio",
+             "How many times the machine would be enough for what moves; 0 while it keeps up",
+             "overload", 1),
+            (GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start",
+             "worst_lag_ps", 1e12),
+        )
     )  # fmt: skip
-    yield (
-        "vbus_violations_total", "counter", "Breaches of a rule by hosts",
-        [({"rule": rule}, count) for rule, count in sorted(told["violations"].items())],
-    )  # fmt: skip
-    yield (
-        "vbus_sessions", "gauge", "Open sessions",
-        [(labels, link["sessions"]) for labels, link in links],
-    )  # fmt: skip
-    yield (
-        "vbus_sessions_served_total", "counter", "Sessions opened since the start",
-        [(labels, link["served"]) for labels, link in links],
-    )  # fmt: skip
-    yield (
-        "vbus_link_bytes_total", "counter", "Bytes carried by a link",
-        [
-            ({**labels, "direction": direction}, link[direction])
-            for labels, link in links
-            for direction in ("received", "sent")
-        ],
-    )  # fmt: skip
-    for name, kind, text, key, scale in (
-        ("vbus_chip_time_seconds_total", "counter", "Chip time since the start", "time_ps", 1e12),
-        ("vbus_chip_time_left_seconds", "gauge", "Chip time until time ends", "time_left_ps",
-         1e12),
-        ("vbus_slipped_seconds_total", "counter", "Chip time left out after stalls", "slipped_ps",
-         1e12),
-        ("vbus_overload_ratio", "gauge",
-         "How many times the machine would be enough for what moves; 0 while it keeps up",
-         "overload", 1),
-        ("vbus_worst_lag_seconds", "gauge", "Largest lag since the start", "worst_lag_ps", 1e12),
-    ):  # fmt: skip
-        yield name, kind, text, [({}, told[key] / scale)]
+    for kind, name, text, labels, samples in (*rows, *single):
+        family = kind(name, text, labels=("board", *labels))
+        for values, number in samples:
+            family.add_metric((board, *values), number)
+        yield family
+
+
+def _info(board: str, statistics: dict[str, Any]) -> Metric:
+    from prometheus_client.core import InfoMetricFamily
+
+    info = InfoMetricFamily("vbus_board", "The board", labels=("board",))
+    info.add_metric((board,), {"policy": statistics["policy"], "rate": str(statistics["rate"])})
+    return info
 
 
 def _histogram(
-    name: str, board: str, told: dict[str, Any], unit: str, scale: float
-) -> Iterator[str]:
+    name: str, text: str, board: str, statistics: dict[str, Any], unit: str, scale: float
+) -> Metric:
+    from prometheus_client.core import HistogramMetricFamily
+
+    buckets = []
     count = 0
-    for bound, number in zip(told[f"bounds_{unit}"], told["buckets"], strict=False):
+    for bound, number in zip(statistics[f"bounds_{unit}"], statistics["buckets"], strict=False):
         count += number
-        yield f'{name}_bucket{{board="{board}",le="{bound / scale!r}"}} {float(count)!r}'
-    yield f'{name}_bucket{{board="{board}",le="+Inf"}} {float(told["count"])!r}'
-    yield f'{name}_count{{board="{board}"}} {float(told["count"])!r}'
-    yield f'{name}_sum{{board="{board}"}} {told[f"sum_{unit}"] / scale!r}'
+        buckets.append((repr(bound / scale), count))
+    buckets.append(("+Inf", statistics["count"]))
+    family = HistogramMetricFamily(name, text, labels=("board",))
+    family.add_metric((board,), buckets, statistics[f"sum_{unit}"] / scale)
+    return family

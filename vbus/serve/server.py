@@ -92,7 +92,7 @@ class Server:
             :class:`~vbus.serve.recording.Recording`.
 
     Raises:
-        PluginError: a transport or protocol is missing.
+        PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
     """
 
     def __init__(

@@ -278,6 +278,8 @@ def _compiled_by(options: list[str], headers: str) -> str:
 
 OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ("pyvcd", _module("vcd"), "waveforms, and captures in VCD", "pip install pyvcd"),
+    ("prometheus-client", _module("prometheus_client"), "numbers for Prometheus",
+     "pip install prometheus-client"),
     ("aiohttp", _module("aiohttp"), "the scope of running boards", "pip install aiohttp"),
     ("matplotlib", _module("matplotlib"), "pictures (vbus plot)", "pip install matplotlib"),
     ("foxglove-sdk", _module("foxglove"), "MCAP files, and live views in Foxglove",
