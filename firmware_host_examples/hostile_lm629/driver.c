@@ -3,7 +3,7 @@
  *     driver LINK
  *
  * It works on the desk, with the one chip that is there. Two habits in it are wrong for others;
- * both are found by hunt.py. With -DCAREFUL they are gone.
+ * both are found by test_driver.py. With -DCAREFUL they are gone.
  */
 #include "vbus.h"
 

@@ -28,8 +28,9 @@ def as_installed() -> dict[str, str]:
 
 
 def vbus(*arguments: str) -> list[str]:
-    """Return the command line of ``vbus`` with these arguments."""
-    return [sys.executable, "-m", "vbus", *arguments]
+    """Return the command line of ``vbus`` with these arguments, as users have it."""
+    path = os.environ.get("VBUS_INSTALLED", os.environ.get("PYTHONPATH", ""))
+    return ["/usr/bin/env", f"PYTHONPATH={path}", sys.executable, "-P", "-m", "vbus", *arguments]
 
 
 def compile_c(output: Path, *sources: str, shim: str = "") -> Path:

@@ -26,14 +26,14 @@ def build(folder: Path, bits: int, decoder: Path = EXEC) -> Path:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_form_gives_what_native_memory_gives(seed: int, bits: int, tmp_path: Path) -> None:
+def test_every_form_gives_what_native_memory_gives(bits: int, tmp_path: Path) -> None:
     fuzz = build(tmp_path, bits)
-    done = subprocess.run([str(fuzz), "60", str(seed)], capture_output=True, text=True, timeout=120)
-    assert done.stderr == ""
     refused = sum(form.refused for form in forms(bits))
-    assert done.stdout == f"{len(forms(bits))} forms, {refused} refused, 0 wrong\n"
     assert len(forms(bits)) - refused > 500
+    for seed in ("1", "2"):
+        done = subprocess.run([fuzz, "60", seed], capture_output=True, text=True, timeout=120)
+        assert done.stderr == ""
+        assert done.stdout == f"{len(forms(bits))} forms, {refused} refused, 0 wrong\n", seed
 
 
 @pytest.mark.parametrize(

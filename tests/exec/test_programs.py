@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.examples.boards import vbus
 from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.forms import processor
 from tests.left_out import require
@@ -72,8 +73,8 @@ def execute(
     """Run a command under ``vbus exec`` on a board file of its own."""
     (folder / "board.toml").write_text(board)
     return subprocess.run(
-        [sys.executable, "-m", "vbus", "exec", "--board", str(folder / "board.toml"),
-         *map(str, options), "--", *map(str, command)],
+        vbus("exec", "--board", str(folder / "board.toml"), *map(str, options), "--",
+             *map(str, command)),
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
 

@@ -2,12 +2,12 @@
 
 import os
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.examples.boards import vbus
 from tests.exec.conftest import compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, said
 
@@ -71,9 +71,9 @@ def test_runs_with_threads_are_the_same_under_load_and_on_one_core(
         pin = ["taskset", "-c", str(min(os.sched_getaffinity(0)))] if number < 2 else []
         runs.append(
             subprocess.Popen(
-                [*pin, sys.executable, "-m", "vbus", "exec", "--board",
-                 str(tmp_path / "board.toml"), "--transcript", str(tmp_path / f"{number}.txt"),
-                 "--", str(programs("threads", 64)), "read", "poll"],
+                [*pin, *vbus("exec", "--board", str(tmp_path / "board.toml"),
+                             "--transcript", str(tmp_path / f"{number}.txt"), "--",
+                             str(programs("threads", 64)), "read", "poll")],
                 stdout=subprocess.PIPE, text=True,
             )
         )  # fmt: skip

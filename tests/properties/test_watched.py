@@ -1,12 +1,13 @@
 """A bus that is watched is the bus it would have been: hosts get the same bytes, and break the same
-rules, whether or not a waveform has its lines, a monitor its cycles or a journal its calls, and
-whether or not they go on from snapshots.
+rules, whether or not a waveform has its lines, a monitor its cycles or a journal its calls, whether
+or not they go on from snapshots, and whether or not somebody looks at the board while they pause.
 
 ``VBUS_WATCHED=500`` runs so many hosts of each chip in each way instead of the usual few.
 """
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -40,8 +41,8 @@ def board(part: str) -> Board:
     )
 
 
-def operation(port: HostBus, random: Random, strobes: bool) -> object:
-    """Let a host do one thing of those that concern the bus."""
+def operation(port: HostBus, random: Random, strobes: bool, look: Callable[[], None]) -> object:
+    """Let a host do one thing that concerns the bus; ``look`` comes in the midst of a pause."""
     address = random.randrange(1 << port.info().chips[0].address_bits)
     data = random.randrange(256)
     kind = random.randrange(11 if strobes else 7)
@@ -50,7 +51,10 @@ def operation(port: HostBus, random: Random, strobes: bool) -> object:
     if kind < 4:
         return port.write(address, data)
     if kind == 4:
-        return port.delay(random.choice((0, 20 * NS, 200 * NS, MS)))
+        half = random.choice((0, 10 * NS, 100 * NS, MS // 2))
+        port.delay(half)
+        look()
+        return port.delay(half)
     if kind == 5:
         return port.wait(MS)
     if kind == 6:
@@ -123,6 +127,12 @@ def run(part: str, seed: int, watched: str) -> tuple[object, ...]:
         Journal(made, file, made.text)
     ports = [made.open_port(f"h{number}") for number in range(1 + seed % 3)]
     answers: list[object] = []
+
+    def look() -> None:
+        if "looked" in watched and other.random() < 0.7:
+            made.catch_up()
+            made.state_hash()
+
     for number in range(OPERATIONS):
         if number == seed % 7:
             watch(made, watched)
@@ -132,7 +142,7 @@ def run(part: str, seed: int, watched: str) -> tuple[object, ...]:
             watch(made, watched if other.random() < 0.5 else "")
         port = random.choice(ports)
         try:
-            answers.append(operation(port, random, strobes=port is ports[0] and seed % 2 == 1))
+            answers.append(operation(port, random, port is ports[0] and seed % 2 == 1, look))
         except PortError as error:
             answers.append(error.code)
         if random.random() < 0.02 and len(ports) > 1:
@@ -154,7 +164,8 @@ def run(part: str, seed: int, watched: str) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize(
-    "watched", ["wave", "bus", "monitor", "journal", "snapshots", "bus snapshots"]
+    "watched",
+    ["wave", "bus", "monitor", "journal", "snapshots", "bus snapshots", "looked", "bus looked"],
 )
 @pytest.mark.parametrize("part", PARTS)
 def test_hosts_of_cycles_and_of_strobes_get_the_same_bytes_watched(part: str, watched: str) -> None:

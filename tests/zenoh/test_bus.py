@@ -241,15 +241,19 @@ def test_a_second_board_of_the_same_name_is_refused_by_the_token(processes: Proc
 
 
 class Owner:
-    """Refers to its inbox and its callback, as a transport does; the callback refers back."""
+    """Refers to its inbox and its callbacks, as a transport does; they and the loop refer back."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.inbox = Inbox(loop)
-        self.inbox.open()
-        self.entry = self.inbox.entry(self.take)
+        self.inbox = Inbox()
+        self.inbox.open(loop)
+        loop.set_exception_handler(lambda loop, context: self.end())
+        self.entries = self.inbox.entry(self.take), self.inbox.entry(self.take, self.end)
 
     def take(self, item: object) -> None:
         """Take what comes."""
+
+    def end(self) -> None:
+        """Nothing more comes."""
 
 
 def test_who_has_closed_its_inbox_leaves_memory() -> None:
@@ -258,7 +262,7 @@ def test_who_has_closed_its_inbox_leaves_memory() -> None:
     owner = Owner(loop)
     left = weakref.ref(owner)
     owner.inbox.close()
-    del owner
-    gc.collect()
     loop.close()
+    del owner, loop
+    gc.collect()
     assert left() is None

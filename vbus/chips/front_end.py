@@ -60,12 +60,12 @@ class BusFrontEnd:
     def conclude(self) -> None:
         """Whole cycles have the bus from now on: end what still waits after the last edge."""
 
-    def live(self) -> bool:
-        """Whether a read is under way in which each change of the chip shows."""
-        return False
+    def reading(self) -> int:
+        """Return which kind of read is under way, of those that whole cycles disturb; 0: none."""
+        return 0
 
-    def resume(self) -> None:
-        """Go on with such a read: whole cycles have been since."""
+    def resume(self, reading: int) -> None:
+        """Go on with a read of that kind: whole cycles have been since."""
 
     def levels(self) -> i64:
         """Return the levels of the control lines, a bit each, that of the first highest."""

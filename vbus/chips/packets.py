@@ -54,6 +54,11 @@ class Cycle(NamedTuple):
         return f"{WRITE if self.write else READ} {self.address:X} {self.data:02X}"
 
 
+def cited(clause: str) -> str:
+    """Return how a line ends that follows from a clause; "" if it names none."""
+    return f"  [{clause}]" if clause else ""
+
+
 class Packet(NamedTuple):
     """Bus cycles that belong together.
 
@@ -76,6 +81,11 @@ class Packet(NamedTuple):
     def text(self) -> str:
         """Name and values in one line."""
         return f"{self.name} {self.values}" if self.values else self.name
+
+    @property
+    def cited(self) -> str:
+        """Name, values and clause in one line."""
+        return self.text + cited(self.clause)
 
     @property
     def begin(self) -> int:

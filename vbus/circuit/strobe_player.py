@@ -28,7 +28,7 @@ class LentBus:
     """
 
     STATE: ClassVar[Names] = (
-        "_data", "live: bool", "held: list[(i64, str, i64), ...]",
+        "_data", "reading", "held: list[(i64, str, i64), ...]",
         "past: list[(bool, i64, i64, i64), _nets]", "_edges: saved[_front]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_front", "_nets", "chip", "hosts", "lines")
@@ -44,8 +44,8 @@ class LentBus:
         self.past: list[tuple[bool, int, int, int]] = []
         """Of each net: whether pins disagreed, and its history."""
         self._data: int = Z
-        self.live: bool = False
-        """Whether a read was under way in which each change of the chip shows."""
+        self.reading: int = 0
+        """Which kind of read was under way, as the chip's front-end calls it; 0: none."""
         self._levels: dict[int, int] = {}
         self._edges: Saved = {}
 
@@ -53,7 +53,7 @@ class LentBus:
         """Note how the bus stands: whole cycles have it from now on."""
         if self._front is not None:
             self._front.conclude()
-            self.live = self._front.live()
+            self.reading = self._front.reading()
             self._edges = save(self._front)
         self._data = self.chip.data_pin.level
         self._levels = {id(pin): pin.level for host in self.hosts for pin in host.at(self.chip)}
@@ -233,8 +233,8 @@ class StrobePlayer:
             # A read under way shows what the chip has now, and each change at its instant.
             for bus in lent:
                 bus.chip.advance()
-                if bus.live and bus.chip.front is not None:
-                    bus.chip.front.resume()
+                if bus.reading and bus.chip.front is not None:
+                    bus.chip.front.resume(bus.reading)
                 bus.chip.rearm()
 
     def forget(self) -> None:

@@ -40,7 +40,6 @@ class ChildProcesses:
         self._report = report
         # Children that this process had before are none of the program's: they are left alone.
         self._others = set(children(os.getpid()))
-        self._parent = os.getpid()
         _ask(_SUBREAPER, 1)
 
     def close(self) -> None:
@@ -48,13 +47,6 @@ class ChildProcesses:
         # What ended before the first look, or was killed, would stay in the table of processes.
         self.reap()
         _ask(_SUBREAPER, 0)
-
-    def die_with_parent(self) -> None:
-        """Have the system kill this process, the program's, once its parent is no more."""
-        _ask(_DEATH_SIGNAL, signal.SIGKILL)
-        # The parent may have ended before the request: no signal would come then.
-        if os.getppid() != self._parent:
-            os.kill(os.getpid(), signal.SIGKILL)
 
     def there(self) -> list[int]:
         """Return those that run, the youngest last."""
@@ -131,15 +123,16 @@ class ChildProcesses:
             )
 
 
-def end_with_parent() -> Callable[[], None]:
-    """Return what a child of this process calls before its program: SIGTERM ends both as one.
+def end_with_parent(number: int = signal.SIGTERM) -> Callable[[], None]:
+    """Return what a child of this process calls before its program.
 
-    The system sends it that signal once this process is no more, however it has ended.
+    The system sends it signal ``number`` once this process is no more, however it has ended.
     """
     parent = os.getpid()
 
     def agree() -> None:
-        _ask(_DEATH_SIGNAL, signal.SIGTERM)
+        _ask(_DEATH_SIGNAL, number)
+        # The parent may have ended before the request: no signal would come then.
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGKILL)
 

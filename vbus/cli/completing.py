@@ -33,52 +33,54 @@ def _demos() -> Iterable[str]:
     return demos()
 
 
-class NameChoice(click.ParamType):  # type: ignore[type-arg]
-    """One of several names, which are looked up when asked for."""
+class Completed(click.ParamType):  # type: ignore[type-arg]
+    """What a parameter is completed to.
 
-    name = "name"
+    Args:
+        items: returns what begins as its argument does.
+    """
 
-    def __init__(self, known: Callable[[], Iterable[str]]) -> None:
-        self._known = known
+    name = "completed"
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the names that begin so."""
-        return [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
-
-
-class Files(click.ParamType):  # type: ignore[type-arg]
-    """A file, by what its name ends with; any file where there is none of them."""
-
-    name = "file"
-
-    def __init__(self, suffix: str) -> None:
-        self._suffix = suffix
+    def __init__(self, items: Callable[[str], list[CompletionItem]]) -> None:
+        self._items = items
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return the files that begin so."""
+        """Return what begins so."""
+        return self._items(incomplete)
+
+
+def _among(known: Callable[[], Iterable[str]]) -> Completed:
+    """Complete to one of several names, which are looked up when asked for."""
+    return Completed(lambda begun: [CompletionItem(n) for n in known() if n.startswith(begun)])
+
+
+def _file(suffix: str) -> Completed:
+    """Complete to a file, by what its name ends with; to any file where there is none of them."""
+
+    def items(incomplete: str) -> list[CompletionItem]:
         # The shell shows whole paths: what stands before the last slash is kept as it was typed.
         folder, slash, begun = incomplete.rpartition("/")
         here = Path(folder or ("/" if slash else "."))
-        names = sorted(path.name for path in here.glob(f"*{self._suffix}"))
+        names = sorted(path.name for path in here.glob(f"*{suffix}"))
         found = [f"{folder}{slash}{name}" for name in names if name.startswith(begun)]
-        items = [CompletionItem(path) for path in found]
-        return items or [CompletionItem(incomplete, type="file")]
+        return [CompletionItem(path) for path in found] or [CompletionItem(incomplete, type="file")]
+
+    return Completed(items)
 
 
-_BOARD: Final = NameChoice(_boards)
-_BOARD_FILE: Final = Files(".toml")
-_JOURNAL: Final = Files(".vbj")
+_BOARD: Final = _among(_boards)
+_BOARD_FILE: Final = _file(".toml")
+_JOURNAL: Final = _file(".vbj")
 _FILE: Final = click.Path()
 
-_TYPES: Final[dict[str, NameChoice | Files | click.Path]] = {
+_TYPES: Final[dict[str, Completed | click.Path]] = {
     "board": _BOARD, "names": _BOARD, "boards": _BOARD_FILE, "machine": _BOARD_FILE,
     "journal": _JOURNAL, "journals": _JOURNAL, "first": _JOURNAL, "second": _JOURNAL,
-    "sources": _JOURNAL, "what": _JOURNAL, "program": _FILE, "name": NameChoice(_demos),
-    "chip": NameChoice(_parts), "fault": NameChoice(_faults),
+    "sources": _JOURNAL, "what": _JOURNAL, "program": _FILE, "name": _among(_demos),
+    "chip": _among(_parts), "fault": _among(_faults),
     "conform board": _BOARD_FILE, "exec board": _BOARD_FILE, "router file": _BOARD_FILE,
     "run board": _BOARD_FILE,
 }  # fmt: skip

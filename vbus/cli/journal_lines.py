@@ -192,8 +192,7 @@ class _Lines(PacketReader):
         self._told(chip, packet)
 
     def _told(self, chip: str, packet: Packet) -> str:
-        clause = f"  [{packet.clause}]" if packet.clause else ""
-        text = f"{chip} {packet.text}{clause}"
+        text = f"{chip} {packet.cited}"
         self._wait(packet.end, text)
         return text
 

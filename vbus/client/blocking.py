@@ -19,13 +19,6 @@ from vbus.core.wall_clock import monotonic
 T = TypeVar("T")
 
 
-def until_ready(fd: int, write: bool, deadline: float) -> bool:
-    """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
-    poll = select.poll()
-    poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
-    return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
-
-
 class _Done:
     """Awaits nothing: entering and leaving by coroutines would be a tenth of a round trip."""
 
@@ -88,6 +81,11 @@ def run(steps: Coroutine[Any, Any, T]) -> T:
         value: T = done.value
         return value
     raise _unfinished(steps)
+
+
+def until_ready(fd: int, write: bool, deadline: float) -> bool:
+    """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
+    return run(BlockingWaits().until_ready(fd, write, deadline))
 
 
 def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:

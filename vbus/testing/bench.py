@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
 _NO_VARIANT: Final = Variant()
+_USUAL: Final = Judge()
 
 
 @dataclass(slots=True)
@@ -56,10 +57,11 @@ class FailureReport:
     properties: list[tuple[str, str]] = field(default_factory=list)
 
 
+@dataclass(eq=False)
 class Bench:
     """The boards of one test.
 
-    Args:
+    Attributes:
         name: the test's id, as pytest takes it.
         keywords: keywords of the test's markers.
         folders: those that board files, programs and sources are looked for in.
@@ -81,50 +83,39 @@ class Bench:
         VbusError: a keyword is unknown, or makes no sense.
     """
 
-    def __init__(
-        self,
-        name: str,
-        keywords: dict[str, Any],
-        folders: Iterable[Path],
-        folder: Callable[[], Path],
-        seed: int | None = None,
-        strict: bool = False,
-        waves: str = "never",
-        judge: Judge | None = None,
-        budget: Limits = BUDGET,
-        covered: bool = False,
-        tolerance: Tolerance = NEAR,
-        variant: Variant = _NO_VARIANT,
-        scope: bool = True,
-        chips: Sequence[str] = (),
-        witnessed: bool = False,
-    ) -> None:
-        self.name = name
-        self.variant = variant
-        self.budget: Limits = budget_of("vbus", keywords.get("budget", {}), budget)
-        self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), tolerance)
-        self.judge: Judge = (judge or Judge()).configured("vbus", keywords)
+    name: str
+    keywords: dict[str, Any]
+    folders: Iterable[Path]
+    folder: Callable[[], Path]
+    seed: int | None = None
+    strict: bool = False
+    waves: str = "never"
+    judge: Judge = _USUAL
+    budget: Limits = BUDGET
+    covered: bool = False
+    tolerance: Tolerance = NEAR
+    variant: Variant = _NO_VARIANT
+    scope: bool = True
+    chips: Sequence[str] = ()
+    witnessed: bool = False
+
+    def __post_init__(self) -> None:
+        keywords = self.keywords
+        self.budget = budget_of("vbus", keywords.get("budget", {}), self.budget)
+        self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), self.tolerance)
+        self.judge = self.judge.configured("vbus", keywords)
         of_test = ("budget", "golden", *CHOICES)
-        keywords = {key: value for key, value in keywords.items() if key not in of_test}
-        _check_keywords(keywords, ("accept", *of_test))
-        self.folders = list(folders)
-        self.folder = folder
+        self.keywords = {key: value for key, value in keywords.items() if key not in of_test}
+        _check_keywords(self.keywords, ("accept", *of_test))
+        self.folders = list(self.folders)
         self.named: list[Path] = []
         """Files that the test has named: programs, sources."""
         self.boards: list[TestedBoard] = []
-        self._keywords = keywords
-        self._seed = seed
-        self._strict = strict
-        self._waves = waves
         self._stack = ExitStack()
         self._failure: FailureReport | None = None
         self._main: TestedBoard | None = None
         self._machine: TestedMachine | None = None
         self._interrupt: Interrupt | None = None
-        self._covered = covered
-        self._scope = scope
-        self._chips = chips
-        self.witnessed = witnessed
 
     def limit(self, chip_time: int, cycles: int) -> None:
         """Let the test take no more chip time (ps) and bus cycles than this."""
@@ -150,7 +141,7 @@ class Bench:
             VbusError: the board, or a keyword, makes no sense.
         """
         _check_keywords(keywords)
-        return self._make(board, {**self._keywords, **keywords}, _NO_VARIANT)
+        return self._make(board, {**self.keywords, **keywords}, _NO_VARIANT)
 
     def _make(self, board: str | Path, given: dict[str, Any], variant: Variant) -> TestedBoard:
         file, source, strict, budget = self._read(board, given, variant)
@@ -161,14 +152,14 @@ class Bench:
             )
         built = build(file, source)
         built.run_for(variant.world.ahead)
-        made = TestedBoard(built, file, source, strict, budget, self._covered)
+        made = TestedBoard(built, file, source, strict, budget, self.covered)
         if self.witnessed and self._main is None:
             made.witness = Witness(built, variant.world == REFERENCE)
         arm(built, variant.world)
         return self._take(made)
 
     def _take(self, made: TestedBoard) -> TestedBoard:
-        if self._waves != "never":
+        if self.waves != "never":
             made.record_wave()
         self.boards.append(made)
         return made
@@ -183,8 +174,8 @@ class Bench:
         rate = given.get("rate")
         if rate is not None and not (isinstance(rate, int | float) and rate > 0):
             raise VbusError(f"rate={rate!r}: it is chip seconds per second, more than 0")
-        strict = bool(given.get("strict", self._strict))
-        seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
+        strict = bool(given.get("strict", self.strict))
+        seed = given.get("seed", self.seed) if variant.seed is None else variant.seed
         file, source = variant.in_world(*for_test(text, name, seed, rate, strict))
         budget = self.budget
         if rate is not None:  # chip time passes by itself
@@ -202,8 +193,8 @@ class Bench:
         from vbus.testing.machine import TestedMachine
 
         if self._machine is None:
-            read = self._read("", self._keywords, self.variant)
-            self._machine = TestedMachine(*read, self._covered)
+            read = self._read("", self.keywords, self.variant)
+            self._machine = TestedMachine(*read, self.covered)
             self._stack.callback(self._machine.close)
             for tested in self._machine.tested:
                 self._take(tested)
@@ -216,20 +207,20 @@ class Bench:
         ``otherwise`` is its part if the test's marker names no board.
         """
         if self._main is None:
-            board = self._keywords.get("board") or self.variant.part
+            board = self.keywords.get("board") or self.variant.part
             if not board and self.of_chips:
-                parts = [typical_part(plugins.family_of(start), start) for start in self._chips]
-                look = self._keywords.get
+                parts = [typical_part(plugins.family_of(start), start) for start in self.chips]
+                look = self.keywords.get
                 board = of_parts(parts, look("plant", ""), look("clock", ""))
             board = board or otherwise
-            self._main = self._make(board, self._keywords, self.variant)
+            self._main = self._make(board, self.keywords, self.variant)
         return self._main
 
     @property
     def of_chips(self) -> bool:
         """Whether the test's board has the chips of several fixtures, because nothing is said."""
-        named = self._keywords.get("board") or self.variant.part
-        return len(self._chips) > 1 and not named
+        named = self.keywords.get("board") or self.variant.part
+        return len(self.chips) > 1 and not named
 
     def chip(self, start: str) -> ChipBench:
         """Return the first chip of a family on the test's board, out of its reset.
@@ -342,7 +333,7 @@ class Bench:
         self._stack.close()
         for tested in self.boards:
             tested.served = None
-            if self._waves == "always" and self._failure is None:
+            if self.waves == "always" and self._failure is None:
                 self._keep(tested, "vcd", tested.wave().encode())
         if self._interrupt is not None:
             self._interrupt.check_threads()
@@ -415,8 +406,8 @@ class Bench:
             for tested in self.boards:
                 self._report(tested, self._failure)
             again = f"pytest {shlex.quote(self.name)}"
-            again += "" if self._seed is None else f" --vbus-seed={self._seed}"
-            again += " --vbus-strict" if self._strict else ""
+            again += "" if self.seed is None else f" --vbus-seed={self.seed}"
+            again += " --vbus-strict" if self.strict else ""
             self._failure.lines.append(f"again:   {again}")
             self._failure.properties.append(("vbus.again", again))
         return self._failure
@@ -448,7 +439,7 @@ class Bench:
             ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in tested.watch.violations)),
             ("vbus.faults", "\n".join(str(armed) for armed in faults)),
         ]
-        if self._scope:
+        if self.scope:
             self._keep_page(tested, report)
         wave = tested.wave()
         if wave:

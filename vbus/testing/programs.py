@@ -5,7 +5,6 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from vbus.board.board import Board
 from vbus.board.build import build
@@ -21,14 +20,14 @@ from vbus.testing.serving import ServedBoard
 
 @dataclass(slots=True)
 class ProgramOutcome:
-    """What a host did.
+    """What a host program did.
 
     Attributes:
         stuck: which bound it passed, as a sentence; "" if it came to an end by itself.
         details: what chips and threads were doing then, and what was commanded before.
-        code: exit code of a program, 0 or 1 of a function; 128 + N for one that died of signal N.
-        output: what it wrote to standard output, or what the function returned as text.
-        errors: what it wrote to standard error, or the exception the function raised.
+        code: its exit code; 128 + N if it died of signal N.
+        output: what it wrote to standard output.
+        errors: what it wrote to standard error.
         cycles: bus cycles it made.
         now: instant at which it ended (ps).
         violations: what it broke.
@@ -52,14 +51,6 @@ class ProgramOutcome:
         """Whether it ended by itself, with exit code 0."""
         return not self.stuck and self.code == 0
 
-    def take(self, watch: HostWatch) -> None:
-        """Take over what was watched."""
-        self.stuck = watch.stuck
-        self.details = watch.details
-        self.cycles = watch.cycles
-        self.violations = watch.violations
-        self.transcript = watch.lines
-
 
 _runtime = threading.Lock()
 
@@ -70,8 +61,6 @@ def run_program(
     command: Sequence[str],
     limits: Limits | None = None,
     environment: Mapping[str, str] | None = None,
-    folder: Path | None = None,
-    start: int = 0,
     board: Board | None = None,
     watch: HostWatch | None = None,
 ) -> ProgramOutcome:
@@ -87,8 +76,6 @@ def run_program(
         command: program and arguments; ``"python"`` is the interpreter that runs now.
         limits: its bounds.
         environment: variables that are added to those of this process.
-        folder: where it runs; the present directory if None.
-        start: instant at which it may make its first bus cycle (ps).
         board: the board of that file, if it is there already; it goes on from where it stands.
         watch: one that looks at that board, and ends the program as well.
 
@@ -107,12 +94,11 @@ def run_program(
         file, source, host, lambda link: [word.replace("{link}", link) for word in words]
     )
     with _runtime, private_runtime() as own, ExitStack() as board_ends:
-        board.run_for(start)
         mine = HostWatch(board, bounds)
         watches = [mine] if watch is None else [mine, watch]
         left = max(min(one.left for one in watches), 1)
         run, link = program.beside(board, own, left, UNBOUNDED)
-        run.watches, run.wall, run.taken, run.folder = watches, bounds.wall, True, folder
+        run.watches, run.wall, run.taken = watches, bounds.wall, True
         run.environment = {**run.environment, **(environment or {})}
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host or not section.card]
@@ -132,7 +118,7 @@ def run_program(
             missed = run.missed()
     if at_work.error is not None:
         raise at_work.error
-    outcome = ProgramOutcome(**ended._asdict(), missed=missed)
-    outcome.take(mine)
-    outcome.now = board.now
-    return outcome
+    return ProgramOutcome(
+        **ended._asdict(), missed=missed, stuck=mine.stuck, details=mine.details,
+        cycles=mine.cycles, violations=mine.violations, transcript=mine.lines, now=board.now,
+    )  # fmt: skip

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vbus.board.board import Board
@@ -22,10 +23,11 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 
+@dataclass(eq=False)
 class TestedBoard:
     """One board of a test with what observes it.
 
-    Args:
+    Attributes:
         board: the board.
         file: its board file as it runs here.
         source: the same as text.
@@ -35,26 +37,21 @@ class TestedBoard:
         bring: see :class:`~vbus.testing.clock.BoardClock`.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        file: BoardFile,
-        source: Source,
-        strict: bool,
-        budget: Limits,
-        covered: bool = False,
-        bring: Callable[[int], None] | None = None,
-    ) -> None:
-        self.board = board
-        self.file = file
-        self.source = source
-        self.strict = strict
-        self.budget = budget
+    board: Board
+    file: BoardFile
+    source: Source
+    strict: bool
+    budget: Limits
+    covered: bool = False
+    bring: Callable[[int], None] | None = None
+
+    def __post_init__(self) -> None:
+        board = self.board
         self._bytes = io.BytesIO()
-        self._journal = Journal(board, self._bytes, source.text, file.path)
-        self.watch = HostWatch(board, budget, times=True)
+        self._journal = Journal(board, self._bytes, self.source.text, self.file.path)
+        self.watch = HostWatch(board, self.budget, times=True)
         self.coverage: CoverageObserver | None = None
-        if covered:
+        if self.covered:
             from vbus.testing.plugins.suite_coverage import coverage_observer
 
             self.coverage = coverage_observer(board)
@@ -72,8 +69,8 @@ class TestedBoard:
         self.address: str = ""
         self._wave: Any = None
         self._wave_text: TextIO = io.StringIO()
-        excused = nullcontext if bring is not None else self.watch.excused
-        self.clock = BoardClock(board, self.call, excused, bring)
+        excused = nullcontext if self.bring is not None else self.watch.excused
+        self.clock = BoardClock(board, self.call, excused, self.bring)
         board.waits = self.clock.wait_until
 
     def call(self, what: Callable[[], _T]) -> _T:

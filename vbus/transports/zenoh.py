@@ -80,9 +80,9 @@ class ZenohTransport(Transport):
                 f'"zenoh:{self.path}": write "zenoh:" and nothing behind it; where on the network'
                 " the board is, and who may use it, are keys of [zenoh]"
             )
-        self._inbox = Inbox(self.loop)
+        self._inbox = Inbox()
         with self.opening(self.url) as opened:
-            self._inbox.open()
+            self._inbox.open(self.loop)
             opened.callback(self._inbox.close)
             opened.callback(self._kept.clear)
             endpoints = self._join()

@@ -9,6 +9,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from typing import Any, Final
 
@@ -27,25 +28,23 @@ Handle = Callable[[Any], None]
 
 
 class Inbox:
-    """The one place where Zenoh's threads enter the event loop.
+    """The one place where Zenoh's threads enter the event loop."""
 
-    Args:
-        loop: the event loop.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop: asyncio.AbstractEventLoop = loop
+    def __init__(self) -> None:
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._items: deque[tuple[Handle, Any]] = deque()
         self._lock: threading.Lock = threading.Lock()
         self._handles: dict[int, Handle] = {}
+        self._endings: dict[int, Callable[[], None]] = {}
         self._numbers: count[int] = count()
         self._fd: int = -1
         self.dropped: int = 0
 
-    def open(self) -> None:
-        """Handle from now on what comes."""
+    def open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Handle from now on what comes, in this event loop."""
         self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        add = getattr(self._loop, "add_direct_reader", self._loop.add_reader)
+        self._loop = loop
+        add = getattr(loop, "add_direct_reader", loop.add_reader)
         add(self._fd, self._drain)
 
     def entry(
@@ -57,32 +56,32 @@ class Inbox:
             handle: takes what comes.
             ended: is called in the event loop, too, when no more is to come; never left out.
         """
-        items, lock, handles = self._items, self._lock, self._handles
         number = next(self._numbers)
-        handles[number] = handle
-
-        def put(item: tuple[Handle, Any]) -> None:
-            with lock:
-                if self._fd >= 0:
-                    items.append(item)
-                    os.eventfd_write(self._fd, 1)
-
-        # Python's collector does not see what a callback of Zenoh refers to: only this number.
-        def enter(item: Any) -> None:
-            if len(items) >= MOST_WAITING:
-                self.dropped += 1
-            elif (taker := handles.get(number)) is not None:
-                put((taker, item))
-
+        self._handles[number] = handle
+        # Python's collector does not see what a callback of Zenoh refers to: this inbox, which lets
+        # go of everything when it is closed.
+        enter = partial(self._enter, number)
         if ended is None:
             return zenoh.handlers.Callback(enter, indirect=False)
-        over = ended  # the event of the end
+        self._endings[number] = ended
+        end = partial(self._put, (self._end, number))  # the event of the end
+        return zenoh.handlers.Callback(enter, end, indirect=False)
 
-        def end(_: Any) -> None:
-            handles.pop(number, None)
-            over()
+    def _enter(self, number: int, item: Any) -> None:
+        if len(self._items) >= MOST_WAITING:
+            self.dropped += 1
+        elif (taker := self._handles.get(number)) is not None:
+            self._put((taker, item))
 
-        return zenoh.handlers.Callback(enter, lambda: put((end, None)), indirect=False)
+    def _put(self, item: tuple[Handle, Any]) -> None:
+        with self._lock:
+            if self._fd >= 0:
+                self._items.append(item)
+                os.eventfd_write(self._fd, 1)
+
+    def _end(self, number: int) -> None:
+        del self._handles[number]
+        self._endings.pop(number)()
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -106,8 +105,10 @@ class Inbox:
         """Take nothing more; may be called again."""
         with self._lock:
             fd, self._fd = self._fd, -1
-        if fd >= 0:
-            self._loop.remove_reader(fd)
+        loop, self._loop = self._loop, None
+        if loop is not None and fd >= 0:
+            loop.remove_reader(fd)
             os.close(fd)
         self._items.clear()
         self._handles.clear()
+        self._endings.clear()

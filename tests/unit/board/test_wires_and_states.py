@@ -172,3 +172,31 @@ def test_a_read_held_by_hand_shows_changes_at_their_instants_after_whole_cycles(
     ends = [when for when, level in seen if when > from_now and not level & 1]
     assert ends[0] - from_now < 100 * US
     assert seen[-1] == (ends[0], busy & ~1)
+
+
+@pytest.mark.parametrize("strobes", [0b0100, 0b1100], ids=["/RD", "/RD and /WR"])
+@pytest.mark.parametrize("looks", [0, 3])
+def test_a_data_read_held_by_hand_shows_one_byte_after_whole_cycles(
+    strobes: int, looks: int
+) -> None:
+    """A data byte stands while /RD is low (LM-BUS-3); both strobes at once give FFh (LM-BUS-4)."""
+    board = load_board_text(TWO)
+    host = board.open_port("host", ["x"])
+    seen: list[tuple[int, int]] = []
+    data = board.chip("x").data_pin.net
+    data.observe(EdgeTaker(lambda when, _, level: seen.append((when, level))))
+    board.run_for(MS)
+    host.lines(0b0001 | strobes, 0b0000)  # /CS and strobes, of the data port
+    host.write(0, 0x0B)  # RDRP: a reply whose first byte is 00H
+    board.run_for(MS)
+    host.read(1)
+    host.lines(0b0001 | strobes, 0b0000)
+    from_now = board.now
+    for _ in range(looks):
+        board.run_for(MS)
+        board.catch_up()
+    board.run_for((3 - looks) * MS)
+    shown = 0xFF if strobes == 0b1100 else 0x00
+    assert data.value == shown
+    host.lines(strobes, strobes)
+    assert {level for when, level in seen if when > from_now} <= {shown}

@@ -54,9 +54,9 @@ def test_a_part_number_does_as_well_as_a_family() -> None:
 
 
 def test_words_are_explained_by_name() -> None:
-    assert explain("lm628", "--status", "84") == ["status 84H MOTOR_OFF TRAJECTORY_COMPLETE"]
+    assert explain("lm628", "status=84") == ["status 84H MOTOR_OFF TRAJECTORY_COMPLETE"]
     assert explain("mcp1200", "flag=07H") == ["flag 07H F2 F1 F0"]
-    assert explain("mc1241a", "--mode", "0400")[0].endswith("auto_update_off")
+    assert explain("mc1241a", "mode=0400")[0].endswith("auto_update_off")
 
 
 def test_lines_of_a_transcript_are_read() -> None:
@@ -170,13 +170,13 @@ def test_items_of_a_list_keep_their_indent() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["lm628"], "say what to explain: bytes, or --status HEX"),
+        (["lm628"], "say what to explain: bytes, or status=HEX"),
         (["lm628", "zz"], '"zz" is no byte; write two hexadecimal digits'),
-        (["lm628", "--status", "zz"], 'status: "zz" is no hexadecimal number, such as status=84'),
+        (["lm628", "status=zz"], 'status: "zz" is no hexadecimal number, such as status=84'),
         (["lm628.T41"], 'there is no rule "lm628.T41"; did you mean "lm628.T'),
-        (["lm628", "status", "84"], "for a status value write --status HEX"),
+        (["lm628", "status", "84"], "for a status value write status=HEX"),
         (["lm628", "mode=12"], "lm628 has no 'mode'; it has status, signals"),
-        (["lm628", "--status", "123"], "123H does not fit into the 8 bits of status"),
+        (["lm628", "status=123"], "123H does not fit into the 8 bits of status"),
         (["mcp1200", "05"], "write pairs of address and data byte"),
         (["nothing"], '"nothing" is neither a chip (lm628, mc1241a, mcp1200), nor a rule'),
         (["lm-bus-77"], 'there is no clause "lm-bus-77"; did you mean "LM-BUS-7"?'),

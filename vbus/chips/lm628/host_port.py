@@ -198,6 +198,15 @@ class PortState:
         """Whether the read under way is of the status byte."""
         return self._kind == _STATUS
 
+    @property
+    def reading(self) -> int:
+        """Kind of the read under way."""
+        return self._kind
+
+    def resume_read(self, kind: int) -> None:
+        """Go on with a read of a kind after others: the word it began with may have been read."""
+        self._kind = kind if kind in (_STATUS, _LOST) else _REPEAT
+
     def data_byte(self) -> int:
         """Return the byte the data read under way shows."""
         return _NO_BYTE if self._kind == _LOST else self._latched

@@ -273,8 +273,8 @@ class BusPins(BusFrontEnd):
             self._timer.at(now + self._ac.least["T12"])
         if self._lost:
             self._host.lose_read()
+        self.driving = False  # the byte stays as it was until D0-D7 are let go of
         chip.end_read()
-        self.driving = False
         self._live.cancel()
         self.show_at = NEVER
         self._data.release()
@@ -339,15 +339,16 @@ class BusPins(BusFrontEnd):
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
-    def live(self) -> bool:
-        """Whether a read of the status is under way (LM-BUS-3)."""
-        return self.driving and self._host.reading_status()
+    def reading(self) -> int:
+        """Return the kind of the read under way, counted from 1; 0: none."""
+        return self._host.reading + 1 if self.driving else 0
 
-    def resume(self) -> None:
-        """Show the status again in the read under way."""
-        self._host.begin_read(ds.COMMAND_PORT, False, self._kernel.now)
-        # The wires have what whole cycles have left there, until a pin moves.
+    def resume(self, reading: int) -> None:
+        """Show in the read under way what the port has now."""
+        self._host.resume_read(reading - 1)
+        # The wires have what whole cycles have left there; the pin drives what it drove.
         self._data.level = self._shown()
+        self._data.net.resolve()
         self._live.at(self._chip.due(OUTPUT))
 
     def show(self) -> None:

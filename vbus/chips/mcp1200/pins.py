@@ -335,11 +335,11 @@ class StrobePins(BusFrontEnd):
 
     # -- driving ------------------------------------------------------------------------------
 
-    def live(self) -> bool:
-        """Whether the output latch may be on the bus: it always shows what it has."""
-        return True
+    def reading(self) -> int:
+        """Return 1: the output latch always shows what it has."""
+        return 1
 
-    def resume(self) -> None:
+    def resume(self, reading: int) -> None:
         """Drive the bus as the lines that are given back want it."""
         self.refresh()
 

@@ -134,25 +134,19 @@ def _is(path: Path, text: str) -> bool:
     return path.exists() and path.read_text() == text
 
 
-def write(targets: list[Target]) -> list[str]:
-    """Make the files that are stale; return their paths."""
-    written = []
-    for path, make in targets:
-        text = make()
-        # A file that is as it should be keeps its time stamp: builds look at that.
-        if not _is(ROOT / path, text):
-            (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
-            (ROOT / path).write_text(text)
-            written.append(path)
-    return written
-
-
 def make(makers: Iterable[Callable[[], list[Target]]], check: bool) -> None:
     """Make what is stale, and name it; with ``check`` only name it, and end with exit code 1."""
-    found = []
+    found = False
     for targets in makers:  # what stands later may be made from what stands earlier
-        found += stale(targets()) if check else write(targets())
-    for path in found:
-        click.echo(f"{'out of date' if check else 'written'}: {path}")
+        for path, text_of in targets():
+            file, text = ROOT / path, text_of()
+            # A file that is as it should be keeps its time stamp: builds look at that.
+            if _is(file, text):
+                continue
+            found = True
+            if not check:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text)
+            click.echo(f"{'out of date' if check else 'written'}: {path}")
     if check and found:
         sys.exit(1)

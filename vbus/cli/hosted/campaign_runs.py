@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import isfunction
 from multiprocessing import get_context
 from pathlib import Path
@@ -92,15 +92,15 @@ def _begun(board: Board, world: World, notes: bool) -> Witness:
     return witness
 
 
+@dataclass(frozen=True, slots=True)
 class ProgramSubject:
     """A program on a board of its own."""
 
-    def __init__(self, program: HostedProgram) -> None:
-        self._program = program
+    program: HostedProgram
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
-        program = in_world(self._program, world)
+        program = in_world(self.program, world)
         file = msgspec.structs.replace(program.file, record=RecordSection(), waves=())
         program = replace(program, file=file)
         limit, cycles = limits_of(reference)
@@ -117,19 +117,19 @@ class ProgramSubject:
         )
 
 
+@dataclass(frozen=True, slots=True)
 class FunctionSubject:
     """A function of Python that is given a client's bus, on a board in the same process.
 
-    Args:
+    Attributes:
         file: the board.
         source: the same as text.
         call: the function.
     """
 
-    def __init__(self, file: BoardFile, source: Source, call: Callable[[Bus], object]) -> None:
-        self.file: BoardFile = file
-        self.source: Source = source
-        self._call = call
+    file: BoardFile
+    source: Source
+    call: Callable[[Bus], object]
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
@@ -141,7 +141,7 @@ class FunctionSubject:
         with redirect_stdout(output), redirect_stderr(errors):
             bus = connect_in_process(board)
             try:
-                result = self._call(bus)
+                result = self.call(bus)
                 if result is not None:
                     print(result)
             except HostStuck:

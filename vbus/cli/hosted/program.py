@@ -390,7 +390,6 @@ class ProgramRun:
             what cannot come, or computes for as long; 0: it is not.
         wall: seconds of wall time that it may take, and what it has sent last, too.
         taken: whether what it writes is taken; it reads nothing then.
-        folder: where it runs; None: the present directory.
         sentences: what was said of it, where that is taken.
     """
 
@@ -404,7 +403,6 @@ class ProgramRun:
     limit: int = 0
     wall: float = inf
     taken: bool = False
-    folder: Path | None = None
     sentences: list[str] = field(default_factory=list)
 
     def missed(self) -> list[str]:
@@ -461,6 +459,7 @@ class ProgramRun:
         asked: list[asyncio.TimerHandle] = []
         report = self.sentences.append if self.taken else child_processes.say
         offspring = child_processes.ChildProcesses(report)
+        dies_with_us = child_processes.end_with_parent(signal.SIGKILL)
 
         def pass_on(number: int) -> None:
             """Not by the process object, which would take the exit code from who waits for it."""
@@ -481,11 +480,10 @@ class ProgramRun:
                 process = await asyncio.create_subprocess_exec(
                     *self.command,
                     env={**os.environ, **self.environment},
-                    cwd=self.folder,
                     stdin=asyncio.subprocess.DEVNULL if files else None,
                     stdout=files[0] if files else None,
                     stderr=files[1] if files else None,
-                    preexec_fn=offspring.die_with_parent if _has_signals() else None,
+                    preexec_fn=dies_with_us if _has_signals() else None,
                 )
             except OSError as error:
                 raise not_started(self.command[0], error) from error

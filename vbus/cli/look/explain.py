@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from errno import ENOENT
 from os import strerror
 from pathlib import Path
@@ -18,59 +18,33 @@ _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
 _LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
 _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
-# Each call of echo flushes the stream, which costs more than making the line.
-_TOGETHER: Final = 1000
-"""Lines that are printed together where no person waits for the first."""
-_VALUES: Final = ("status", "signals", "mode")
 
 
 @click.command("explain")
 @click.argument("what")
 @click.argument("items", metavar="[BYTE]...", nargs=-1)
-@click.option("--status", metavar="HEX", help="Explain a status byte or word.")
-@click.option("--signals", metavar="HEX", help="Explain a signals word.")
-@click.option("--mode", metavar="HEX", help="Explain a mode word.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, an object for each line.")
 @no_progress
-def command(
-    what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
-    as_json: bool, no_progress: bool,
-) -> None:  # fmt: skip
+def command(what: str, items: tuple[str, ...], as_json: bool, no_progress: bool) -> None:
     """Explain bytes on a bus, a status value, a rule, or entries of a journal.
 
     WHAT is a chip family or part, and BYTEs are what its host writes (or reads, where the command
     says so), in hexadecimal: "vbus explain lm628 1F 00 2A". A BYTE may also be a bus cycle as
-    transcripts have it, "w 0 1F" or "r 0 84", or a word by name, "signals=8544".
+    transcripts have it, "w 0 1F" or "r 0 84", or a word by name, "status=84" or "signals=8544".
 
     WHAT may be a rule ("lm628.T14", or "T14" for that of every chip), a clause ("LM-BUS-7"), or a
     journal: "run.vbj" is all of it, "run.vbj:17" its entry 17, "run.vbj:17-40" several.
     """
-    words = [
-        f"{name}={value}"
-        for name, value in (("status", status), ("signals", signals), ("mode", mode))
-        if value is not None
-    ]
-    lines = _lines(what, [*words, *items], no_progress, as_json)
-    _print(map(json_line, lines) if as_json else lines)
-
-
-def _print(lines: Iterable[str]) -> None:
-    """Print lines: each at once on a terminal, many together elsewhere."""
-    waiting: list[str] = []
-    most = 1 if sys.stdout.isatty() else _TOGETHER
+    lines = _lines(what, items, no_progress, as_json)
+    # Not echo, which flushes each line, and that costs more than making it: a terminal is given
+    # every line at once anyway.
     try:
-        for line in lines:
-            waiting.append(line)
-            # A person sees the first line at once; a pipe takes many at a time.
-            if len(waiting) >= most:
-                click.echo("\n".join(waiting))
-                waiting.clear()
+        sys.stdout.writelines(f"{line}\n" for line in (map(json_line, lines) if as_json else lines))
     finally:
-        if waiting:
-            click.echo("\n".join(waiting))
+        sys.stdout.flush()
 
 
-def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[str]:
+def _lines(what: str, items: Sequence[str], quiet: bool, as_json: bool) -> Iterable[str]:
     """Return the lines that explain ``what``, or say what it could be."""
     from vbus.cli.look.explain_clauses import explained, unknown_clause
 
@@ -80,7 +54,7 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
         decoder = _decoder(what)
         if decoder is not None:
             if not items:
-                raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
+                raise click.UsageError(f"{what}: say what to explain: bytes, or status=HEX")
             return _chip(decoder, items)
     if items:
         raise click.UsageError(
@@ -162,7 +136,7 @@ def _decoder(name: str) -> Decoder | None:
     return made()
 
 
-def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
+def _chip(decoder: Decoder, items: Sequence[str]) -> Iterator[str]:
     text = " ".join(items)
     # A line of a transcript may stand among the words, with its count: "r 0 84 x14".
     cycles = [
@@ -188,7 +162,7 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
             name, _, value = item.partition("=")
             raise click.UsageError(f'{name}: "{value}" is no hexadecimal number, such as {name}=84')
         elif not cycles:
-            hint = f"; for a {item} value write --{item} HEX" if item in _VALUES else ""
+            hint = f"; for a {item} value write {item}=HEX" if item in decoder.WORDS else ""
             raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits{hint}')
     try:
         cycles = cycles or decoder.typed(data)
@@ -202,9 +176,8 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
 
 
 def _packet(packet: Packet) -> Iterator[str]:
-    clause = f"  [{packet.clause}]" if packet.clause else ""
     data = [cycle.data for cycle in packet.cycles]
     yield Line(
-        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.text}{clause}",
+        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.cited}",
         bytes=data, kind=packet.kind, text=packet.text, clause=packet.clause,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """``vbus monitor``: the buses of a running board in the manual's words, as it happens."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from typing import Any, Final
 
@@ -130,9 +130,8 @@ class View(PacketReader):
             self.polls += 1
             return
         self.packets += 1
-        clause = f"  [{packet.clause}]" if packet.clause else ""
         self._line(
-            packet.end, f"{chip} {packet.text}{clause}",
+            packet.end, f"{chip} {packet.cited}",
             chip=chip, kind=packet.kind, text=packet.text, clause=packet.clause,
             bytes=[cycle.data for cycle in packet.cycles],
         )  # fmt: skip
@@ -224,7 +223,6 @@ def _values(view: View, chip: str) -> Any:
     """Return what a chip tells: numbers in two columns, and its bits as lamps."""
     from rich.console import Group
     from rich.table import Table
-    from rich.text import Text
 
     numbers, words = view.values_of(chip)
     table = Table.grid(padding=(0, 1), expand=True)
@@ -235,12 +233,20 @@ def _values(view: View, chip: str) -> Any:
     cells = [cell for one in numbers for cell in (one.name, one.text, one.unit)]
     for place in range(0, len(cells), 6):
         table.add_row(*cells[place : place + 6])
-    lamps = Table.grid(padding=(0, 1))
+    return Group(table, lamps(words))
+
+
+def lamps(words: Sequence[Word]) -> Any:
+    """Return words with their bits as lamps, for rich."""
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = Table.grid(padding=(0, 1))
     for word in words:
         bits = Text()
         for name, lit in word.bits:
             lamp = f"{LIT if lit else UNLIT}{name.replace(' ', '_')}"  # never broken in two
             bits.append(lamp, style="bold" if lit else "dim")
             bits.append("  ")
-        lamps.add_row(Text(word.name, style="dim"), word.text, bits)
-    return Group(table, lamps)
+        shown.add_row(Text(word.name, style="dim"), word.text, bits)
+    return shown

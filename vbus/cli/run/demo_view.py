@@ -7,12 +7,13 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
-from vbus.chips.tables import Bit
 from vbus.circuit.stream import LatestLines, PacketReader
+from vbus.cli.look.monitor import lamps
+from vbus.cli.telemetry_text import words_and_numbers
 from vbus.client.demo import Demo
-from vbus.core.signals import Reading, Value
 
 # Odd, so that zero has a character of its own.
 BAR: Final = 31
@@ -58,26 +59,32 @@ def screen(
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
     chip = board.chip(demo.chip)
-    seen, rows = chip.telemetry(), chip.VALUES.by_key(chip.axis_count)
+    seen = chip.telemetry()
+    shown = {key: seen[key] for key in demo.shown}
+    family = plugins.family(chip.FAMILY)
+    numbers, words = words_and_numbers(family, None, shown)
     gauges = Table.grid(padding=(0, 2))
     gauges.add_column(no_wrap=True)
     gauges.add_column(justify="right", min_width=9)
     gauges.add_column()
-    flags = []
-    for key, full in demo.shown.items():
-        row, axis = rows[key]
-        if row.fields:
-            flags.append(_flags(int(seen[key]), row.fields))
-        else:
-            gauges.add_row(_title(row, axis), *_gauge(seen[key], full))
-    shown = traffic.lines()
+    for one in numbers:
+        value, full = seen[one.name], demo.shown[one.name]
+        drawn = bar(value, full) if full and not isinstance(value, str) else ""
+        row = family.values.named(one.name)
+        _, space, axis = one.name.partition(" ")
+        title = f"{row.name if row else one.name}{space}{axis}"
+        gauges.add_row(f"{title} ({one.unit})" if one.unit else title, one.text, drawn)
     return Group(
         Panel(
-            Group(gauges, *flags),
+            Group(gauges, lamps(words)),
             title=f"{demo.title}, chip time {board.now * 1e-12:.2f} s",
             title_align="left",
         ),
-        Panel(_last(shown), title=f"bus, {traffic.cycles} cycles over {link}", title_align="left"),
+        Panel(
+            _last(traffic.lines()),
+            title=f"bus, {traffic.cycles} cycles over {link}",
+            title_align="left",
+        ),
         Panel(_last(steps), title="host, a process of its own", title_align="left"),
     )
 
@@ -86,28 +93,4 @@ def _last(lines: list[str]) -> Text:
     shown = lines[-LINES:]
     text = Text("\n".join(shown + [""] * (LINES - len(shown))))
     text.no_wrap = True
-    return text
-
-
-def _title(row: Value, axis: int) -> str:
-    """Return what a value is called, with its unit."""
-    number = f" {axis + 1}" if "{}" in row.key else ""
-    unit = row.plain_unit or ("of full scale" if row.step else "")
-    return f"{row.name}{number}" + (f" ({unit})" if unit else "")
-
-
-def _gauge(value: Reading, full: float) -> tuple[str, RenderableType]:
-    if isinstance(value, str):
-        return value, ""
-    text = f"{value}" if isinstance(value, int) else f"{value:.3f}"
-    return text, bar(value, full) if full else ""
-
-
-def _flags(word: int, bits: tuple[Bit, ...]) -> Text:
-    text = Text()
-    for bit in bits:
-        # Spaces that do not break: a name stays whole at the end of a line.
-        name = f" {bit.name} ".replace(" ", "\N{NO-BREAK SPACE}")
-        text.append(name, "bold reverse" if word & bit.mask else "dim")
-        text.append(" ")
     return text

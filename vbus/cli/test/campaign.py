@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import ExitStack, closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -245,10 +245,11 @@ def _replay_function(name: str, function: "FunctionSubject") -> int:
     return run.code
 
 
+@dataclass(frozen=True)
 class CampaignRun:
     """A campaign as the command line has it.
 
-    Args:
+    Attributes:
         subject: what is run.
         file: its board.
         source: the same as text.
@@ -262,29 +263,21 @@ class CampaignRun:
         digest: of board and program.
     """
 
-    def __init__(
-        self,
-        subject: "Subject",
-        file: "BoardFile",
-        source: "Source",
-        only: tuple[str, ...],
-        phases: int,
-        seed: int,
-        jobs: int,
-        longest: int | None,
-        most: int | None,
-        words: list[str],
-        digest: str,
-    ) -> None:
-        self._subject = subject
-        self._file, self._source = file, source
-        self._only, self._phases, self._seed = only, phases, seed
-        self._jobs, self._longest, self._most = jobs, longest, most
-        self._words, self._digest = words, digest
+    subject: "Subject"
+    file: "BoardFile"
+    source: "Source"
+    only: tuple[str, ...]
+    phases: int
+    seed: int
+    jobs: int
+    longest: int | None
+    most: int | None
+    words: list[str]
+    digest: str
 
     def line(self, one: "PlannedWorld") -> str:
         """Return the line that runs a world again."""
-        return shlex.join(["vbus", "campaign", "--world", str(one.world), *self._words])
+        return shlex.join(["vbus", "campaign", "--world", str(one.world), *self.words])
 
     def run(self, files: Mapping[str, str | None], baseline: str | None, every: bool) -> int:
         """Run it, and write what came of it into files that are its own from before the first run.
@@ -318,21 +311,21 @@ class CampaignRun:
         from vbus.core.kernel import SECOND
         from vbus.core.wall_clock import monotonic
 
-        if self._file.board.time == "realtime":
+        if self.file.board.time == "realtime":
             raise ConfigError(
-                f"{self._file.path}: in real time no two runs are alike; the board must be lockstep"
+                f"{self.file.path}: in real time no two runs are alike; the board must be lockstep"
                 " or slaved"
             )
         json = files.get("json")
         known = report.read_baseline(baseline) if baseline else None
         begun = monotonic()
-        until = begun + self._longest / SECOND if self._longest else float("inf")
-        reference = self._reference(self._subject.run(REFERENCE, None))
-        board = build(self._file, self._source)
-        planned = plan(reference, self._file, board, self._seed, self._only, self._phases or PHASES)
+        until = begun + self.longest / SECOND if self.longest else float("inf")
+        reference = self._reference(self.subject.run(REFERENCE, None))
+        board = build(self.file, self.source)
+        planned = plan(reference, self.file, board, self.seed, self.only, self.phases or PHASES)
         saved = report.read_saved(json.path) if json else report.Saved()
-        wanted = planned.worlds[: self._most]
-        before = saved.of(self._digest)
+        wanted = planned.worlds[: self.most]
+        before = saved.of(self.digest)
         left = [one for one in wanted if one.name not in before]
         stored = len(saved.results)
 
@@ -342,7 +335,7 @@ class CampaignRun:
         stopped = False
         try:
             # Ctrl-C ends the workers, too: what has come until then is told and stored.
-            run_all(self._subject, reference, left, self._jobs, until, take)
+            run_all(self.subject, reference, left, self.jobs, until, take)
         except KeyboardInterrupt:
             stopped = True
         spent = monotonic() - begun
@@ -351,11 +344,11 @@ class CampaignRun:
         campaign = Campaign(planned, found)
         new = campaign.new(known or ())
         into = {kind: file.write for kind, file in files.items()}
-        report.write(campaign, saved, new, shlex.join(self._words), self.line, into)
+        report.write(campaign, saved, new, shlex.join(self.words), self.line, into)
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
         made = len(saved.results) - stored
-        pace = f"{made / max(spent, 1e-9):.1f} runs/s, {self._jobs} processes"
+        pace = f"{made / max(spent, 1e-9):.1f} runs/s, {self.jobs} processes"
         complain(f"{made} runs in {spent:.1f} s: {pace}")
         if stopped:
             again = f"; the same command goes on from {json.path}" if json else ""
@@ -374,7 +367,7 @@ class CampaignRun:
             why = reference.stuck or f"it ends with exit code {reference.code}"
             raise VbusError(f"the reference run, with nothing broken, fails: {why}")
         # With the bounds of a run in a world: bounds that end it would end every world.
-        unlike = difference(reference, self._subject.run(REFERENCE, reference))
+        unlike = difference(reference, self.subject.run(REFERENCE, reference))
         if unlike:
             raise VbusError(
                 f"two runs with nothing broken differ: {unlike}; a campaign compares runs, so the"

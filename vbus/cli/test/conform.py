@@ -276,6 +276,7 @@ def _indented(mark: str, text: str) -> Iterator[str]:
 
 
 def _lines(path: Path, verdict: Any, found: Any, violations: bool) -> Iterator[str]:
+    from vbus.chips.packets import cited
     from vbus.protocols.quantities import format_instant
 
     skipped = (
@@ -291,10 +292,9 @@ def _lines(path: Path, verdict: Any, found: Any, violations: bool) -> Iterator[s
             f" up to {format_instant(verdict.end)}{ignored}"
         )
     else:
-        clause = f"  [{mismatch.clause}]" if mismatch.clause else ""
         yield (
             f"first difference at {format_instant(mismatch.when)}, after {verdict.cycles} bus"
-            f" cycles that match: {mismatch.where}{clause}{ignored}"
+            f" cycles that match: {mismatch.where}{cited(mismatch.clause)}{ignored}"
         )
         yield f"  silicon: {mismatch.silicon}"
         yield f"  model:   {mismatch.model}"

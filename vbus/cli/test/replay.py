@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from vbus.board.board import Board
+from vbus.chips.packets import cited
 from vbus.cli.journal_lines import instant
 from vbus.cli.output import no_progress, show
 from vbus.cli.sources import opened
@@ -75,10 +76,9 @@ def _lines(outcome: Outcome, damage: str, version: str) -> list[str]:
         if not outcome.ended:
             lines.append(f"note: the journal was not closed{f' ({damage})' if damage else ''}")
         return lines
-    clause = f"  [{found.clause}]" if found.clause else ""
     place = f"entry {found.entry} at {instant(found.when)}"
     lines = [
-        f"{place}: {found.what} differs: {found.where}{clause}",
+        f"{place}: {found.what} differs: {found.where}{cited(found.clause)}",
         f"  recorded: {found.recorded}",
         f"  now:      {found.now}",
     ]

@@ -125,8 +125,8 @@ class NodeLink:
             return open_session(listen, connect, mode, security, seconds, remote, lease)
 
         self._receiver = receiver
-        self._inbox = Inbox(loop)
-        self._inbox.open()
+        self._inbox = Inbox()
+        self._inbox.open(loop)
         self._opened.callback(self._inbox.close)
         seconds = ATTEMPT_SECONDS
         while self._session is None:

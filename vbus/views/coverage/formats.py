@@ -6,6 +6,7 @@ from pathlib import PurePath
 from typing import Final
 from xml.etree import ElementTree
 
+from vbus.chips.packets import cited
 from vbus.core.errors import VbusError
 from vbus.core.values.settings import suggestion
 from vbus.version import __version__
@@ -14,9 +15,8 @@ from vbus.views.coverage.tables import COUNTED, Item, items
 
 
 def _place(item: Item) -> str:
-    clause = f"  [{item.clause}]" if item.clause else ""
     title = f"  {item.title}" if item.title else ""
-    return f"{item.name}{title}{clause}"
+    return f"{item.name}{title}{cited(item.clause)}"
 
 
 def as_text(coverage: Coverage, every: bool = False, each: bool = True) -> str:

@@ -121,8 +121,7 @@ class Report(PacketReader):
     def packet(self, chip: str, packet: Packet) -> None:
         """Take down what a cycle has said, which comes next."""
         self.no_effect.add(packet)
-        clause = f"  [{packet.clause}]" if packet.clause else ""
-        self._ended.append(f"{chip} {packet.text}{clause}")
+        self._ended.append(f"{chip} {packet.cited}")
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final
 
+from vbus.chips.packets import cited
 from vbus.core.kernel import MS, NEVER
 from vbus.protocols.quantities import format_instant
 from vbus.views.runs.motion import STEP, AxisCourse, Move
@@ -150,7 +151,7 @@ def _packets(part: str, number: int, a: Said | None, b: Said | None) -> Differen
 
 
 def _told(said: Said) -> str:
-    return f"{said.text}  [{said.clause}]" if said.clause else said.text
+    return said.text + cited(said.clause)
 
 
 def motor_differences(

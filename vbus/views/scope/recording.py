@@ -158,8 +158,7 @@ class Recorder(PacketReader):
 
     def packet(self, chip: str, packet: Packet) -> None:
         """Take down a packet."""
-        clause = f"  [{packet.clause}]" if packet.clause else ""
-        said = packet.text + clause, " ".join(map(_cycle, packet.cycles))
+        said = packet.cited, " ".join(map(_cycle, packet.cycles))
         label = self._labels.get(said)
         if label is None:
             label = self._labels[said] = len(self._labels)
