@@ -156,6 +156,14 @@ class HostRegisters:
         self._held.clear()
         self._written.clear()
 
+    def after_load(self) -> None:
+        """What the host did before a snapshot is not known: nothing is said of it."""
+        self._latched = True
+        self._jerked = False
+        self._held.clear()
+        for row in _PARTS:
+            self._written.update(row.addresses)
+
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return which bytes were written in vain, and which were left out."""
         found = []
