@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
@@ -16,6 +16,9 @@ from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
 from vbus.testing.tested_board import TestedBoard
+
+if TYPE_CHECKING:
+    from vbus.cpu.processors import CpuSettings
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
 
@@ -78,7 +81,11 @@ class Execute:
         elif avr:
             command = [*_avr_command(tested, avr), str(self._bench.find_file(program))]
         elif cpu:
-            command = _cpu_command(tested, cpu, str(self._bench.find_file(program)))
+            from vbus.cli.run.firmware import cpu_command
+
+            settings = _cpu_settings(tested, cpu)
+            image = str(self._bench.find_file(program))
+            command = cpu_command(settings, image, tested.file)("{link}")
         elif path.suffix == ".py":
             command = ["python", str(self._bench.find_file(program))]
         else:
@@ -174,12 +181,12 @@ def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
     return [simulator(), "--link", "{link}", *options]
 
 
-def _cpu_command(tested: TestedBoard, cpu: str, image: str) -> list[str]:
-    from vbus.cli.run.firmware import cpu_command, settings_of
+def _cpu_settings(tested: TestedBoard, cpu: str) -> "CpuSettings":
+    from vbus.cli.run.firmware import settings_of
 
     try:
         settings = settings_of(cpu)
     except ValueError as error:
         raise VbusError(f"cpu={cpu!r}: {error}") from None
     _needs_slaved(tested, settings.processor)
-    return cpu_command(settings, image, tested.file)("{link}")
+    return settings
