@@ -114,14 +114,16 @@ int lm629_read_real_position(int32_t *position)
 
 int lm629_check_move(int32_t target, int32_t *real)
 {
-    int error = read_long(RDRP, real);
+    int32_t desired;
 
-    if (error != LM629_OK)
-        return error;
+    if (read_long(RDRP, real) || read_long(RDDP, &desired))
+        return LM629_E_BUSY;
     if (lm629_bus_read_status() & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
         return LM629_E_STATUS;
-    return *real < target - LM629_NEAR || *real > target + LM629_NEAR ? LM629_E_ELSEWHERE
-                                                                      : LM629_OK;
+    /* RDDP is exact: a bit of the target that came otherwise may be less than the motor's play. */
+    if (desired != target || *real < target - LM629_NEAR || *real > target + LM629_NEAR)
+        return LM629_E_ELSEWHERE;
+    return LM629_OK;
 }
 
 int lm629_read_desired_position(int32_t *position)

@@ -54,7 +54,7 @@ int lm629_load_filter(const struct lm629_filter *filter); /* LFIL and UDF */
 int lm629_start(const struct lm629_move *move);           /* LTRJ and STT */
 int lm629_clear_flags(uint8_t flags);                     /* RSTI */
 int lm629_read_real_position(int32_t *position);          /* RDRP */
-int lm629_check_move(int32_t target, int32_t *position);   /* RDRP, status: at rest after a move */
+int lm629_check_move(int32_t target, int32_t *position);   /* RDRP, RDDP, status: at rest */
 int lm629_read_desired_position(int32_t *position);       /* RDDP */
 int lm629_read_signals(uint16_t *signals);                /* RDSIGS */
 

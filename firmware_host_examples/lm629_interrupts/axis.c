@@ -46,6 +46,6 @@ void tell(int number, uint8_t status)
     printf("to %ld: status %02Xh, %s\n", (long)targets[number], status,
            labs((long)position - targets[number]) <= NEAR ? "there" : "elsewhere");
     if (labs((long)position - targets[number]) > NEAR
-        || lm629_status(&card) & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
+        || (status | lm629_status(&card)) & (LM629_POSITION_ERROR | LM629_COMMAND_ERROR))
         exit(1);
 }

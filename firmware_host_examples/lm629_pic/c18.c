@@ -14,6 +14,7 @@
 #define RD LATBbits.LATB2
 #define WR LATBbits.LATB3
 #define RST LATBbits.LATB4
+#define NEAR 6 /* counts */
 
 static void text(const rom far char *message)
 {
@@ -114,6 +115,7 @@ static long position(void)
 static void move(long target)
 {
     unsigned int polls = 0;
+    long at;
 
     command(0x1D); /* RSTI */
     word(0);
@@ -126,13 +128,18 @@ static void move(long target)
     while (!(status() & 4) && ++polls < 20000)
         Delay1KTCYx(5); /* 1 ms */
     Delay10KTCYx(25);   /* 50 ms */
+    at = position();
     text("position ");
-    number(position());
+    number(at);
     text("\r\n");
+    if (at < target - NEAR || at > target + NEAR || status() & 0x22)
+        text("failed\r\n"); /* elsewhere, a position error or a command error */
 }
 
 void main(void)
 {
+    unsigned char after_reset;
+
     ADCON1 = 0x0F;
     LATB = 0x1F;
     TRISBbits.TRISB0 = 0;
@@ -144,8 +151,8 @@ void main(void)
     OpenUSART(USART_TX_INT_OFF & USART_RX_INT_OFF & USART_ASYNCH_MODE & USART_EIGHT_BIT
                   & USART_CONT_RX & USART_BRGH_HIGH,
               129);
-    text("status ");
-    text(status() == 0x84 ? "84\r\n" : "?\r\n");
+    after_reset = status();
+    text(after_reset == 0x84 || after_reset == 0xC4 ? "reset\r\n" : "failed\r\n");
     command(0x1E); /* LFIL */
     word(0x0008);
     word(200);

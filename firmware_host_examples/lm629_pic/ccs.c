@@ -12,6 +12,7 @@
 #include "ccs_bus.c"
 
 #define SAMPLES 20000
+#define NEAR 6                    // counts
 
 /* Writes a word, its high byte first, and waits. */
 void WriteWord(int16 value)
@@ -43,6 +44,7 @@ signed int32 ReadPosition()
 
 void Move(signed int32 target)
 {
+   signed int32 at;
    long n;
    short done;                    // a bit
 
@@ -60,14 +62,20 @@ void Move(signed int32 target)
       done = (Lm_Status() & 4) >> 2;
    }
    delay_ms(50);
-   printf("position %Ld\r\n", ReadPosition());
+   at = ReadPosition();
+   printf("position %Ld\r\n", at);
+   if (at < target - NEAR || at > target + NEAR || Lm_Status() & 0x22)
+      printf("failed\r\n");      // elsewhere, a position error or a command error
 }
 
 void main()
 {
+   int8 status;
+
    setup_adc_ports(NO_ANALOGS);
    Lm_Init();
-   printf("status %X\r\n", Lm_Status());
+   status = Lm_Status();
+   printf(status == 0x84 || status == 0xC4 ? "reset\r\n" : "failed\r\n");
    Lm_Command(0x1E);              // LFIL
    WriteWord(0x0008);
    WriteWord(200);

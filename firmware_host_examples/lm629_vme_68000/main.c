@@ -32,6 +32,8 @@ struct trajectory {
 #define TRANSMIT 3
 #define BUSY 0x01
 #define COMPLETE 0x04
+#define ERRORS 0x22 /* of position or command */
+#define NEAR 6      /* counts */
 
 enum { LFIL = 0x1E, UDF = 0x04, LTRJ = 0x1F, STT = 0x01, RDRP = 0x0A, MSKI = 0x1C, RSTI = 0x1D };
 
@@ -126,6 +128,7 @@ void service(void)
 static void move(number target)
 {
     struct trajectory way;
+    number position;
 
     way.select = 0x002A;
     way.acceleration = 2150;
@@ -136,9 +139,12 @@ static void move(number target)
     do
         sleep();
     while (!(came & COMPLETE));
+    position = read_position();
     say("position ");
-    say_number(read_position());
+    say_number(position);
     put('\n');
+    if (position < target - NEAR || position > target + NEAR || came & ERRORS)
+        say("failed\n");
 }
 
 number main(void)

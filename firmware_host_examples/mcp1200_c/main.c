@@ -124,6 +124,8 @@ int main(int count, char **arguments)
     mcp1200_breakpoints(15000, 2500);
     move_to(&out);
     printf("  %u pulses on TRIG: at 15000 and every 2500 counts\n", pulses);
+    if (pulses != 1 + (26000 - 15000) / 2500)
+        exit(1);
     mcp1200_breakpoints_off();
 
     move_to(&back);

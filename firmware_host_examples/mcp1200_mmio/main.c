@@ -84,7 +84,7 @@ static void move_to(int32_t target)
 {
     struct mcp1200_move move = { 0, 40, 0x0080, 0 }; /* 38 turns/s, reached in 42 ms */
     unsigned samples;
-    long actual;
+    long actual, command;
 
     move.final = target;
     check(mcp1200_begin(&move), "profile");
@@ -92,9 +92,9 @@ static void move_to(int32_t target)
         mcp1200_pause_us(520);
     mcp1200_pause_us(200000);
     actual = (long)mcp1200_position();
-    printf("move to %ld: %u samples, command %ld", (long)target, samples,
-           (long)mcp1200_command_position());
-    if (labs(actual - (long)target) > TOLERANCE) {
+    command = (long)mcp1200_command_position();
+    printf("move to %ld: %u samples, command %ld", (long)target, samples, command);
+    if (command != target || labs(actual - (long)target) > TOLERANCE) {
         printf(", at %ld: not there\n", actual);
         exit(1);
     }

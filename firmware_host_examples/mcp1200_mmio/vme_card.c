@@ -74,12 +74,16 @@ int main(void)
     }
     mcp1200_pause_us(200000);
     position = mcp1200_position();
-    printf("%s, %s\n", waited > 100 ? "moved" : "no profile",
-           labs((long)position - move.final) < 4 ? "position reached" : "not there");
+    if (waited <= 100 || labs((long)position - move.final) >= 4) {
+        printf("at %ld after %u looks: not there\n", (long)position, waited);
+        return 1;
+    }
+    printf("moved, position reached\n");
     card[CONTROL] = 0;
     mcp1200_pause_us(1000);
     card[CONTROL] = RUN | ENABLE;
     check(mcp1200_check_reset(&status), "second reset");
-    printf("position %ld after the reset\n", (long)mcp1200_position());
-    return 0;
+    position = mcp1200_position();
+    printf("position %ld after the reset\n", (long)position);
+    return position != 0;
 }

@@ -15,6 +15,7 @@
 #define RD 0x04
 #define WR 0x08
 #define RST 0x10
+#define NEAR 6         /* counts: a motor hangs back under its friction */
 #define CHIP 5         /* which output of the decoder */
 #define NO_CHIP 0x08   /* /G2A high */
 #define OUTPUTS 0x33333333
@@ -253,6 +254,7 @@ static int move_lm629(int32_t target)
 static int move_mcp1200(int32_t target)
 {
     struct mcp1200_move move = { 0, 40, 0x0080, 0 };
+    int32_t real, command;
 
     move.final = target;
     if (failed(mcp1200_begin(&move), "profile"))
@@ -260,12 +262,14 @@ static int move_mcp1200(int32_t target)
     while (mcp1200_flags() & MCP1200_F_PROFILE)
         pause_ms(1);
     pause_ms(60);
+    real = mcp1200_position();
+    command = mcp1200_command_position();
     say("MCP-1200 at ");
-    say_number(mcp1200_position());
+    say_number(real);
     say(", command ");
-    say_number(mcp1200_command_position());
+    say_number(command);
     put('\n');
-    return 0;
+    return failed(command != target || real < target - NEAR || real > target + NEAR, "move");
 }
 
 int main(void)

@@ -39,7 +39,7 @@ def test_a_driver_moves_two_axes_behind_a_decoder(
     assert not [line for line in lines if line.startswith("!")]
     for chip in "xy":
         codes = [line.split()[3] for line in lines if line.startswith(f"{chip} w 0")]
-        assert codes == ["1D", "1E", "04", "1F", "01", "0A"]
+        assert codes == ["1D", "1E", "04", "1F", "01", "0A", "08"]
 
 
 BEHIND = (

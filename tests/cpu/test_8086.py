@@ -177,7 +177,9 @@ wait3:  loop wait3
         mov al, [came]
         """
         + END
-        + """isr:    inc byte [came]
+        + """isr:    sti             ; of IRQ 5; the timer, IRQ 0, is more urgent
+        hlt
+        add byte [came], 7
         push ax
         mov al, 20h
         out 20h, al
@@ -188,7 +190,26 @@ came:   db 0"""
     image = program(tmp_path, body)
     assert run(tmp_path, capfd, image, board) == (0, "", "")
     image = program(tmp_path, body.replace("or al, 20h", "and al, 0DFh"))
-    assert run(tmp_path, capfd, image, board)[0] == 1
+    assert run(tmp_path, capfd, image, board)[0] == 7
+    # The first request finds no vector, and ends; a command that is none makes another.
+    vector, begin = body.split("        in al, 21h", 1)
+    wait = "        mov cx, 200\n        loop $\n"
+    unknown = f"""{wait}        mov dx, 340h
+        mov al, 1Ch
+        out dx, al
+{wait}        inc dx
+        mov al, 0
+        out dx, al
+        mov al, 2
+        out dx, al
+{wait}        dec dx
+        mov al, 7Fh
+        out dx, al
+"""
+    begin = "        in al, 21h" + begin.replace("or al, 20h", "and al, 0DFh").replace(
+        "        mov cx, 200\nwait2:", f"{vector}{unknown}        mov cx, 200\nwait2:"
+    )
+    assert run(tmp_path, capfd, program(tmp_path, begin), board)[:2] == (7, "")
 
 
 def test_the_timer_takes_another_divisor_and_is_read_without_a_command(
@@ -226,6 +247,7 @@ FAILURES = {
     "division": ("xor cx, cx\n div cx\n", 1, "a division by zero, at 0100:0102"),
     "stack": ("deep: call deep\n", 1, "stack overflow: SP is"),
     "loop": ("cli\n mov al, 6\n jmp $", 6, ""),
+    "return": ("mov ax, 5\n ret\n", 0, ""),
     "halt": ("cli\n hlt\n" + END, 1, "waits for an interrupt that cannot come"),
 }  # fmt: skip
 
@@ -253,8 +275,9 @@ def test_an_endless_loop_is_ended_by_the_limit_and_its_place_said(tmp_path: Path
 )
 def test_a_program_of_another_kind_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "x.com").write_bytes(data)
-    with pytest.raises(ProgramError, match=message):
+    with pytest.raises(ProgramError, match=message) as refused:
         run_cpu("8086", str(tmp_path / "x.com"), str(BOARD))
+    assert not refused.value.missing
     with pytest.raises(ProgramError, match="is no DOS program"):
         run_cpu("8086", sys.executable, str(BOARD))
 

@@ -168,12 +168,13 @@ def test_an_f4_has_moder_and_no_brr(bench: Bench) -> None:
 #define A 0x40020000
 #define B 0x40020400
 int main(void) { int n; R(0x40023830) = 3;
-    R(A + 0x18) = 0x1F; R(A) = 0x155;
+    R(A + 0x18) = 0x1F; R(A) = 0x155; R(B) = 2 << 20;  /* PB10, a peripheral's, is not driven */
     for (n = 0; n < 120000; n++) __asm__ volatile("nop");
     R(A + 0x18) = 3 << 16; R(A + 0x18) = 4 << 16;
-    n = R(B + 0x10) >> 8; R(A + 0x14) |= 5; R(0x40011004) = n; R(A + 0x28) = 1; return 0; }"""
-    code, _, err = bench.run(body, spec="cortex-m4")
-    assert (code, bench.bus()) == (0, ["x r 0 84"])
+    n = R(B + 0x10) >> 8; R(A + 0x14) |= 5; number(n); R(0x40011004) = 'x'; R(A + 0x28) = 1;
+    return 0; }"""
+    code, out, err = bench.run(body, spec="cortex-m4")
+    assert (code, out, bench.bus()) == (0, "132\nx\n", ["x r 0 84"])
     assert "GPIOA+28h (40020028h) is not modelled: it is written, to no effect" in err
 
 
@@ -196,7 +197,7 @@ void two(void) { put("two "); R(0xE000EF00) = 3; R(0xE000EF00) = 1; put("still t
 void three(void) { put("three "); }
 int main(void) {
     R8(0xE000E401) = 0x80; R8(0xE000E402) = 0x40; R8(0xE000E403) = 0x10;
-    R(0xE000E100) = 0xE;
+    R(0xE000E100) = 0xE; R(0xE000ED24) = ~0u;   /* SHCSR, behind the last priority */
     __asm__ volatile("cpsid i");
     R(0xE000E200) = 6; put("masked\\n");
     __asm__ volatile("cpsie i\\n\\tnop");
@@ -238,6 +239,9 @@ int main(void) {
     return 0; }"""
     vectors = "[11] = (void *)svc, [14] = (void *)pendsv"
     assert bench.run(body, vectors) == (0, "svc before pendsv\nused\n", "")
+    urgent = "int main(void) {\n    R8(0xE000ED1F) = 0x80; R8(0xE000ED22) = 0x40;"
+    body = body.replace("int main(void) {", urgent)
+    assert bench.run(body, vectors) == (0, "svc pendsv\nbefore used\n", "")
 
 
 def test_a_pin_interrupts_and_a_timer_counts_and_interrupts(bench: Bench) -> None:
@@ -365,7 +369,9 @@ def test_dma_copies_from_the_card_and_interrupts(bench: Bench) -> None:
         + """[cards.fsmc]
 base = 0x60000000
 memory = true
-ports = [{ offset = 0, chip = "x", address = 0 }]
+ports = [
+    { offset = 0, chip = "x", address = 0 }, { offset = 0x1000, chip = "x", address = 1 },
+]
 
 [pinmaps.none]
 
@@ -381,8 +387,17 @@ pinmap = "none"
         int main(void) { R(0x4002000C) = 4; R(0x40020010) = 0x60000000;
             R(0x40020014) = (uint32_t)taken; R(0xE000E100) = 1 << 11;
             R(0x40020008) = 0x4000 | 0x80 | 2 | 1;
-            return flags == 7 && R(0x4002000C) == 0 && taken[0] == taken[3] ? taken[3] : 1; }"""
-    assert bench.run(body, "[16 + 11] = (void *)done") == (0x84, "", "")
+            if (flags != 7 || R(0x4002000C) != 0 || taken[0] != taken[3]) return 1;
+            taken[0] = 0x0C;  /* RDSIGS, to the first address of the card */
+            R(0x40020008) = 0; R(0x4002000C) = 1; R(0x40020010) = (uint32_t)taken;
+            R(0x40020014) = 0x60000000; R(0x40020008) = 0x4000 | 1;
+            while (R8(0x60000000) & 1) ;
+            number(R8(0x60001000)); number(R8(0x60001000));
+            R(0x40020008) = 0; R(0x4002000C) = 1; R(0x40020014) = 0x10000000;
+            R(0x40020004) = 15; flags = 0;
+            R(0x40020008) = 0x4000 | 8 | 1;
+            number(flags); return taken[3]; }"""
+    assert bench.run(body, "[16 + 11] = (void *)done") == (0x84, "129\n132\n9\n", "")
 
 
 def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
@@ -390,7 +405,7 @@ def test_subpriorities_order_and_do_not_interrupt(bench: Bench) -> None:
     body = """static volatile int order;
         void low(void) { R(0xE000E200) = 2; order = order * 10 + 1; }
         void high(void) { order = order * 10 + 2; }
-        int main(void) { R(0xE000ED0C) = 0x05FA0000 | 5 << 8; R8(0xE000E400) = 0x70;
+        int main(void) { R(0xE000ED0C) = 0x05FA0001 | 5 << 8; R8(0xE000E400) = 0x70;
             R8(0xE000E401) = 0x40; R(0xE000E100) = 3; R(0xE000E200) = 1;
             return order + 100 * (R(0xE000ED0C) == 0xFA050500); }"""
     vectors = "[16] = (void *)low, [17] = (void *)high"
@@ -401,8 +416,9 @@ def test_bits_of_peripherals_are_words_of_their_own(bench: Bench) -> None:
     body = """int main(void) { R(0x42000000 + 0x21000 * 32 + 24 * 4) = 1;
         number(R(0x42000000 + 0x21000 * 32 + 25 * 4)); number(R(0x40021000) >> 24);
         R(0x4000002C) = 0xFF; R(0x42000000 + 0x2C * 32 + 3 * 4) = 0; number(R(0x4000002C));
+        CLOCKS |= 8; R(GPIOB + 16) = 0x300; R8(GPIOB + 19) = 1; number(R(GPIOB + 12));
         return 0; }"""
-    assert bench.run(body) == (0, "1\n3\n247\n", "")
+    assert bench.run(body) == (0, "1\n3\n247\n512\n", "")
 
 
 def test_semihosting_writes_and_ends(bench: Bench) -> None:
@@ -410,8 +426,11 @@ def test_semihosting_writes_and_ends(bench: Bench) -> None:
         register uint32_t r0 __asm__("r0") = what; register const void *r1 __asm__("r1") = where;
         __asm__ volatile("bkpt 0xAB" : "+r"(r0) : "r"(r1) : "memory"); return r0; }
     int main(void) { static const uint32_t end[2] = { 0x20026, 7 };
-        call(4, "by debugger\\n"); call(0x20, end); return 0; }"""
-    assert bench.run(body) == (7, "by debugger\n", "")
+        const uint32_t part[3] = { 1, (uint32_t)"written", 4 };
+        call(4, "by debugger\\n"); call(5, part); call(0x20, end); return 0; }"""
+    assert bench.run(body) == (7, "by debugger\nwrit\n", "")
+    # Any other reason than that the application has ended is a failure.
+    assert bench.run(body.replace("0x20026", "0x20023"))[0] == 1
 
 
 def test_a_key_ends_the_run(bench: Bench) -> None:

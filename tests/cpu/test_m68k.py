@@ -129,11 +129,40 @@ def test_a_failure_is_said_with_its_place(
     assert (code, sentence in err) == (expected, True), err
 
 
-def test_a_wrong_vector_table_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("table", ["0014000100000400", "0014000000000401"])
+def test_a_wrong_vector_table_is_said(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], table: str
+) -> None:
     elf = image(tmp_path, "nop")
-    elf.write_bytes(elf.read_bytes().replace(bytes.fromhex("00140000"), bytes.fromhex("00140001")))
+    right = bytes.fromhex("0014000000000400")
+    elf.write_bytes(elf.read_bytes().replace(right, bytes.fromhex(table)))
     code, err, _ = run(tmp_path, capfd, elf)
-    assert (code, "no vector table at 00000000h: stack pointer 00140001h" in err) == (2, True)
+    told = (
+        f"no vector table at 00000000h: stack pointer {table[:8]}h, first instruction {table[8:]}h"
+    )
+    assert (code, told in err) == (2, True)
+
+
+def test_level_7_cannot_be_masked_and_comes_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    # HI is high after the reset, and stays so.
+    body = """moveq #0, %d0
+        lea handler(%pc), %a0
+        move.w  #20000, %d1
+1:      dbra    %d1, 1b
+        bra     2f
+handler: addq   #2, %d0
+        rte
+2:"""
+    elf = image(tmp_path, body)
+    data = elf.read_bytes()
+    at = data.index(bytes.fromhex("0014000000000400"))
+    handler = data[at:].index(bytes.fromhex("5440"))  # addq #2, d0
+    vector = at + 31 * 4
+    elf.write_bytes(data[:vector] + handler.to_bytes(4, "big") + data[vector + 4 :])
+    text = BOARD.replace("IRQ4", "IRQ7").replace('power_on = "done"\n', "")
+    assert run(tmp_path, capfd, elf, text)[:2] == (2, "")
 
 
 def test_an_image_of_another_processor_is_refused(tmp_path: Path) -> None:

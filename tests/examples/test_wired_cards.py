@@ -60,7 +60,7 @@ def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -
     for chip in "xy":
         writes = [line for line in lines if line.startswith(f"{chip} w 0")]
         codes = [line.split()[3] for line in writes]
-        assert codes == ["1D", "1E", "04", "1F", "01", "0A"]  # RSTI, LFIL, UDF, LTRJ, STT, RDRP
+        assert codes == ["1D", "1E", "04", "1F", "01", "0A", "08"]
 
 
 WIDE = """

@@ -76,6 +76,7 @@ class Account(Struct):
         seen: its bus cycles, of a reference run.
         edges: of outputs that hosts look at, of a reference run: output, instant (ps), level.
         turns: whether threads of the host take turns, in an order that a world may change.
+        links: whether the host's link is in this process: no wait of it is the wall clock's.
     """
 
     code: int = 0
@@ -91,6 +92,7 @@ class Account(Struct):
     seen: list[SeenCycle] = []
     edges: list[tuple[str, int, int]] = []
     turns: bool = False
+    links: bool = False
 
 
 class _Groups(PacketReader):
@@ -171,6 +173,7 @@ class Witness(Observer):
         outputs = [
             f"{chip.name}.{output}"
             for chip in (board.chips if reference else ())
+            if not chip.CONNECTOR
             for output in family_of(chip.part).outputs
         ]
         self._watched = [(board.find_pin(one).net, _Edges(one, self._edges)) for one in outputs]
@@ -202,7 +205,7 @@ class Witness(Observer):
 
         Args:
             of_host: what is known of the host: ``code``, ``stuck``, ``slow``, ``output``,
-                ``errors``, ``turns``.
+                ``errors``, ``turns``, ``links``.
         """
         # What follows is no doing of the host: its cycles and its end are noted before.
         board, cycles, now = self._board, self._cycles, self._board.now

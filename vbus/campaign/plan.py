@@ -33,7 +33,7 @@ from vbus.campaign.world import (
     longest_cycle,
 )
 from vbus.core.kernel import US
-from vbus.faults.row import CHIP, LINK, WIRE, Fault
+from vbus.faults.row import CHIP, LINK, MESSAGES, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
 from vbus.protocols.quantities import format_instant
@@ -50,6 +50,11 @@ _STEPS: Final = 32
 _ORDERS: Final = 8
 """How many orders of a program's threads are tried; how many threads it has is not known."""
 _SEEDS: Final = 10**6
+_NO_CLOCK: Final = (
+    "after a lost answer a program waits by the wall clock, or for ever, and no two such runs are"
+    " alike; try one by --world fault:host0@{}:answer_lost, or give --host a function, whose link"
+    " needs no clock"
+)
 
 
 class PlannedWorld(Struct, frozen=True):
@@ -250,11 +255,13 @@ def _faults(made: WorldPlan, reference: Account, board: Board) -> Iterator[Plann
     for row in faults().values():
         targets = list(_targets(row, board))
         if row.target == LINK:
-            # Time stands after a lost answer: hosts give up by the wall clock, or never.
-            made.refused[row.name] = "links have wall time, in which no two runs are alike"
+            # A stream of bytes: in the process of the board there is no network.
+            here = reference.links and row.family != MESSAGES
+            made.refused |= {} if here else {row.name: _NO_CLOCK.format(middle)}
+            targets = ["host0"] if here else []
         elif not targets:
             made.refused[row.name] = "nothing on this board can have it"
-        for target in targets if row.target != LINK else ():
+        for target in targets:
             yield PlannedWorld(World(FAULT, f"{target}@{middle}", row.name), f"{row.name} {target}")
 
 

@@ -101,13 +101,15 @@ def _other_motion(was: Axis, now: Axis) -> str:
         return "runs on at the end" if now.runs else "stands at the end, and should run"
     if not was.runs and abs(was.last - now.last) > _NEAR:
         return f"is at {now.last} in the end, not at {was.last}"
-    for number, (a, b) in enumerate(zip_longest(was.moves, now.moves), 1):
+    # How a motor creeps to its target, in one step or in two, depends on the place in the sample.
+    old, new = ([move for move in one.moves if move[3] - move[2] > _NEAR] for one in (was, now))
+    for number, (a, b) in enumerate(zip_longest(old, new), 1):
         if a is None or b is None:
-            few = abs(len(was.moves) - len(now.moves))
+            few = abs(len(old) - len(new))
             return f"makes {few} move{'s' * (few > 1)} {'less' if b is None else 'more'}"
         near = max(_NEAR, int(_SHARE * (a[3] - a[2])))
         # Where an axis that runs on stands depends on when it was looked at.
-        ends = _NEAR if not (was.runs and number == len(was.moves)) else None
+        ends = _NEAR if not (was.runs and number == len(old)) else None
         if ends is not None and abs(a[1] - b[1]) > ends:
             return f"ends move {number} at {b[1]}, not at {a[1]}"
         if ends is not None and (abs(a[2] - b[2]) > near or abs(a[3] - b[3]) > near):

@@ -14,7 +14,7 @@ from vbus.core.errors import ConfigError
 from vbus.core.options import Value
 from vbus.core.values.settings import among
 from vbus.faults.faults import Faults
-from vbus.faults.row import LINK
+from vbus.faults.row import COUNTED, LINK
 from vbus.faults.table import faults
 from vbus.plugins import chip_class, family_of
 from vbus.protocols.quantities import format_instant, parse_duration
@@ -130,7 +130,10 @@ class World(Struct, frozen=True, order=True):
         if self.dimension == FLOATING:
             return Arming("bus_pulled", place, None, None, {"level": int(self.how)})
         if self.dimension == FAULT:
-            return Arming(self.how, place, int(instant), None, {})
+            row = faults().get(self.how)
+            # A link without answers for good says nothing of a host that asks again.
+            one = row is not None and row.target == LINK and row.acts == COUNTED
+            return Arming(self.how, place, int(instant), "once" if one else None, {})
         return None
 
     def sentence(self) -> str:
@@ -325,7 +328,7 @@ def longest_cycle(board: Board) -> int:
         (
             chip.clock.ps(int(clocks)) - chip.clock.ps(0)
             for chip in board.chips
-            if (clocks := family_of(chip.part).object("cycle"))
+            if not chip.CONNECTOR and (clocks := family_of(chip.part).object("cycle"))
         ),
         default=0,
     )

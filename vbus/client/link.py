@@ -36,6 +36,8 @@ class BoardLink:
     have been read."""
     at_once: bool = False
     """Whether the answer to what was sent is here at once: waiting for it is a fifth of a call."""
+    silent: bool = False
+    """Whether no answer comes any more to what was sent: to wait for it would be in vain."""
     patience: float = 0.0
     """Seconds the link may be out of order and mend itself: replies may take so much longer."""
 

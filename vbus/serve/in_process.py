@@ -9,8 +9,14 @@ from vbus.client.bus import Bus
 from vbus.client.link import BoardLink
 from vbus.core.errors import TransportError
 from vbus.core.kernel import NEVER
+from vbus.core.options import Value
+from vbus.faults.row import misfit
+from vbus.faults.table import faults
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.host_limits import HostWatch
+
+_ASKED: Final = 100
+"""Requests in turn without an answer, after which a host is said to hang: no chip time passes."""
 
 
 class HostTurn:
@@ -39,6 +45,9 @@ class InProcessLink(BoardLink):
     far as the host asked, and every chip and plant of the board is there. A host gets no leases,
     because the board would be behind a host that answers polls by itself.
 
+    A host that waits for an answer which a fault has taken (:class:`InProcessFaults`) has waited
+    in vain at once.
+
     Args:
         board: the board.
         label: the host's name in traces.
@@ -60,10 +69,22 @@ class InProcessLink(BoardLink):
         self._port = board.open_port(label, chips or None)
         self._port.promises = False
         self._protocol = ByteProtocol(self._port)
+        self.acting: Final[dict[int, str]] = {}
+        """Faults that act on it, by number."""
+        self._once: set[int] = set()
+        """Those that are over with one answer."""
+        self._late: bytes = b""
+        """Answers that come later."""
+        self._asked: int = 0
+        """Requests since nothing has passed any more."""
 
     def write(self, data: memoryview) -> int:
         """Carry out what the bytes ask for."""
         port, protocol = self._port, self._protocol
+        if self.silent or self.acting:
+            self.replied()  # a host that asks again has passed its bounds without an answer
+            if self._dead():
+                return len(data)
         try:
             protocol.receive(bytes(data))
             while port.held:
@@ -82,7 +103,45 @@ class InProcessLink(BoardLink):
     def read(self) -> bytes:
         """Return the replies that are here."""
         self._protocol.report_events()
-        return self._protocol.take()
+        replies = self._protocol.take()
+        if not self.acting:
+            late, self._late = self._late, b""
+            return late + replies
+        for number, name in tuple(self.acting.items()) if replies else ():
+            if name == "link_closed":
+                continue
+            if name == "answers_late":
+                self._late += replies
+            # Of half an answer a byte at least, or it would be a lost one; then silence.
+            replies = replies[: max(1, len(replies) // 2)] if name == "half_answer" else b""
+            self.acting[number] = name if name != "half_answer" else "answer_lost"
+            self.silent = True
+            if number in self._once:
+                del self.acting[number]
+        return replies
+
+    def _dead(self) -> bool:
+        """Tell whether a fault keeps all from the board.
+
+        Raises:
+            TransportError: the link is closed.
+            HostStuck: the host goes on all the same, and no chip time can pass.
+        """
+        names = self.acting.values()
+        self._asked += 1
+        if "link_closed" in names:
+            raise TransportError(f"{self.where}: closed by the other end")
+        for watch in self._watches if self._asked > _ASKED else ():
+            watch.pass_bound("it asks again and again, and the link is broken")
+            watch.check()
+        return "link_dead" in names
+
+    def broken(self, number: int, name: str, once: bool) -> None:
+        """Have a fault from now on: with ``once`` it is over with one answer."""
+        self.acting[number], self._asked = name, 0
+        if once:
+            self._once.add(number)
+        self.silent = self.silent or name == "link_dead"
 
     def replied(self) -> None:
         """End a host that has passed a bound of a :class:`HostWatch`.
@@ -101,6 +160,43 @@ class InProcessLink(BoardLink):
             self._port.close()
             self._turn.end(self._port)
         super().close()
+
+
+class InProcessFaults:
+    """Does faults of links to one in this process: see :class:`~vbus.faults.armed.LinkActs`.
+
+    Args:
+        link: the link, ``host0``.
+    """
+
+    def __init__(self, link: InProcessLink) -> None:
+        self._link: Final = link
+
+    def check(self, name: str, target: str) -> None:
+        """Refuse a fault that the link can never have.
+
+        Raises:
+            ValueError: it is of messages, or there is no such link.
+        """
+        said = misfit(faults()[name], target, self._link.where, messages=False)
+        if said or target != "host0":
+            raise ValueError(said or f"{target}: a function has one link, host0")
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
+        """Let a fault act."""
+        self.check(name, target)
+        self._link.broken(number, name, once)
+        return "1 session"
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""
+        self._link.acting.pop(number, None)
+
+    def end_all(self) -> None:
+        """Let none act any more."""
+        self._link.acting.clear()
 
 
 def connect_in_process(

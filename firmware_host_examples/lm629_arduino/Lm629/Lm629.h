@@ -27,6 +27,7 @@ private:
 class Lm629 {
 public:
   static const uint8_t BUSY = 0x01;
+  static const uint8_t COMMAND_ERROR = 0x02;
   static const uint8_t TRAJECTORY_COMPLETE = 0x04;
   static const uint8_t POSITION_ERROR = 0x20;
 

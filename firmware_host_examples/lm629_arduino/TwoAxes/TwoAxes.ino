@@ -6,6 +6,7 @@
 #include <Lm629.h>
 
 const uint8_t X_HI = 2, Y_HI = 3;
+const int32_t NEAR = 6;  // counts
 
 Lm629Bus bus(4, A0, A1, A2, A3);
 Lm629 x(bus, A4), y(bus, A5);
@@ -22,6 +23,11 @@ void fail(const __FlashStringHelper *what) {
   }
 }
 
+bool there(Lm629 &axis, int32_t counts, int32_t target) {
+  const uint8_t errors = Lm629::COMMAND_ERROR | Lm629::POSITION_ERROR;
+  return labs(counts - target) <= NEAR && !(axis.status() & errors);
+}
+
 void moveTo(int32_t xTarget, int32_t yTarget) {
   int32_t xCounts, yCounts;
   unsigned long began;
@@ -36,6 +42,7 @@ void moveTo(int32_t xTarget, int32_t yTarget) {
   }
   delay(50);  // until the motors are at rest
   if (!x.position(xCounts) || !y.position(yCounts)) fail(F("RDRP"));
+  if (!there(x, xCounts, xTarget) || !there(y, yCounts, yTarget)) fail(F("move"));
   Serial.print(F("x "));
   Serial.print(xCounts);
   Serial.print(F(", y "));

@@ -35,6 +35,8 @@ static uint8_t status()
 
 void setup()
 {
+    uint8_t after;
+
     Serial.begin(115200);
     for (uint8_t pin = A0; pin <= A3; pin++) {
         digitalWrite(pin, HIGH);
@@ -50,9 +52,8 @@ void setup()
     delay(2);
     Serial.print("HI ");
     Serial.print(inputs() & HI ? "high" : "low");
-    Serial.print(", status ");
-    Serial.print(status(), HEX);
-    Serial.println("h");
+    after = status();
+    Serial.println(after == 0x84 || after == 0xC4 ? ", reset" : ", failed");
     Serial.println("done");
 }
 

@@ -256,6 +256,9 @@ MISTAKES = [
     ("", "x = = 3\n", "b.toml:8: no TOML: Invalid value (column 5)"),
     ("", "a = [1,\n", "b.toml:9: no TOML: Invalid value"),
     ("", "a = " + "[" * 5000 + "\n", "b.toml: nested too deeply"),
+    ("", "a = " + "1" * 5000 + "\n", "b.toml: no TOML: Exceeds the limit (4300 digits) for integer"
+     " string conversion: value has 5000 digits; use sys.set_int_max_str_digits() to increase the"
+     " limit"),
     (SMALL, "", "b.toml: the board is empty: it needs at least one [chips.NAME]"),
     (
         "", "[chip.y]\n",
@@ -299,6 +302,8 @@ MISTAKES = [
     ),
     ("[plants.m]", "gain = inf\n[plants.m]",
      "b.toml:5: chips.x.gain: found inf; write a number without unit, at least 0.5"),
+    ("[plants.m]", "gain = 'max'\n[plants.m]",
+     'b.toml:5: chips.x.gain: found "max"; write a number without unit, at least 0.5'),
     (
         "[chips.x]", "[board]\nrate = 'fast'\n[chips.x]",
         'b.toml:2: board.rate: found "fast"; write a number without unit, or "max",'

@@ -72,6 +72,10 @@ def test_line_ends_of_other_systems_count_once() -> None:
     assert TomlLines("a = 1\r\nb = 2\r\n[c]\r\nd = 3\r\n").line(("c", "d")) == 4
 
 
+def test_a_text_may_end_with_the_header_of_a_list() -> None:
+    assert TomlLines("a = 1\n[[b]]").line(("b", 0)) == 2
+
+
 def paths_of(value: Any, path: Path = ()) -> list[Path]:
     found = [path]
     if isinstance(value, dict):

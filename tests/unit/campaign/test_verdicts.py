@@ -62,6 +62,12 @@ def other(**changes: object) -> Account:
             SILENT,
             "x.1 makes 1 move more",
         ),
+        # It creeps to its target in a step of its own.
+        (
+            other(axes={"x.1": Axis([*MOVE.moves, (200, 203, 200, 203)], 203, 5, False)}),
+            NO_EFFECT,
+            "",
+        ),
         (
             other(axes={"x.1": Axis(MOVE.moves, 200, 50, False)}),
             SILENT,

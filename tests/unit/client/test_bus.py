@@ -1,14 +1,20 @@
 """The blocking client over real links, against the byte protocol on a fake port."""
 
+import json
 import os
+import socket
 import threading
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.unit.client.served import Served
 from tests.waiting import until
-from vbus.client import Bus, Event, Ready, Sample, connect
+from vbus.client import Bus, Event, Ready, Sample, connect, demo
+from vbus.client.blocking import BlockingWaits
+from vbus.client.link import starting
 from vbus.core.errors import ProtocolError, TransportError
 from vbus.core.kernel import US
 
@@ -294,3 +300,33 @@ def test_a_link_that_cannot_be_opened_says_why(tmp_path: Path, where: str, reaso
 def test_what_is_no_link_is_refused_with_what_is_allowed(where: str) -> None:
     with pytest.raises(ValueError, match=r"is no link; allowed (are|is) "):
         connect(where)
+
+
+def test_a_wait_for_room_is_not_the_next_wait_for_bytes() -> None:
+    near, far = socket.socketpair()
+    with near, far:
+        waits = BlockingWaits()
+        for write in (True, False, True):
+            ready = waits.until_ready(near.fileno(), write, 0.0).send
+            with pytest.raises(StopIteration) as ended:
+                ready(None)
+            assert ended.value.value is write
+
+
+def test_only_a_link_that_somebody_has_begun_to_make_is_starting(tmp_path: Path) -> None:
+    (tmp_path / "there").write_text("")
+    for where in (f"{tmp_path}/x", f"pty:{tmp_path}/there", "tcp:127.0.0.1:1"):
+        assert not starting(where)
+
+
+def test_a_demonstration_says_what_it_found_and_why_it_failed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bus = SimpleNamespace(now=count(0, 2 * US).__next__)
+    demo.Step(bus, "look").found("status", 1, 3)  # type: ignore[arg-type]
+    assert demo.main("lm628", f"unix:{tmp_path}/x") == 1
+    step, found, failed = map(json.loads, capfd.readouterr().out.splitlines())
+    assert step == {"step": "look"}
+    assert found == {"done": "look", "what": "status", "expected": 1, "found": 3, "tolerance": 0,
+                     "digits": 0, "seconds": 2e-6}  # fmt: skip
+    assert failed["failed"].startswith(f"unix:{tmp_path}/x cannot be opened")

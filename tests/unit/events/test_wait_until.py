@@ -265,3 +265,4 @@ def test_chips_that_no_condition_names_have_come_as_far_as_the_board() -> None:
     twin.run_until(met)
     twin.chips[0].advance()
     assert sample(board, "real") == sample(twin, "real")
+    assert board.caught == met

@@ -216,7 +216,7 @@ def test_a_finding_of_before_stays_one_and_is_told_once(hand: Hand) -> None:
     hand.order("pause")
     hand.back(when)
     assert list(hand.board.violations) == found
-    assert hand.board.counters["lm628.busy-write"] == 1
+    assert hand.board.counters["lm628.busy-write"] == hand.board.counters["violations"] == 1
     entries = hand.ended()
     assert [entry.args[2] for entry in entries if entry.op == "violation"] == ["lm628.busy-write"]
 

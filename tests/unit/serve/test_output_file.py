@@ -46,6 +46,7 @@ def test_a_file_that_another_process_writes_is_refused_until_that_dies(
     link.symlink_to("r.txt")
     with held(path, theirs) as process:
         there = sorted(tmp_path.iterdir())
+        descriptors = len(os.listdir("/proc/self/fd"))
         for name in (path, link):
             with pytest.raises(VbusError) as refused:
                 OutputFile(name, whole=ours == "result")
@@ -53,6 +54,7 @@ def test_a_file_that_another_process_writes_is_refused_until_that_dies(
             assert told.startswith(f"{name}: process {process.pid} ({command}")
             assert told.endswith(") writes this file; stop it, or give another file")
         assert sorted(tmp_path.iterdir()) == there
+        assert len(os.listdir("/proc/self/fd")) == descriptors
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
         with closing(OutputFile(path, whole=ours == "result")) as file:

@@ -173,12 +173,15 @@ def test_looking_often_or_seldom_is_no_lag_while_the_machine_keeps_up() -> None:
 def test_a_held_host_is_woken_by_the_wall_clock_though_another_one_has_run_ahead() -> None:
     board, pacer, wall = paced()
     woken: list[int] = []
+    moved: list[int] = []
+    pacer.on_moved = lambda: moved.append(wall.ns)
     pacer.wake_at(5 * MS, lambda: woken.append(wall.ns))
     board.run_until(4 * MS)
 
     for _ in range(4):
         wall.ns += 1_000_000
         pacer._woken()
+        assert moved[-1] == wall.ns
 
     # Time may run to 5 ms as soon as the wall clock is at 3 ms.
     assert woken == [5_003_000_000]
@@ -567,6 +570,38 @@ def test_time_runs_on_through_a_round_of_chips_that_lasts_longer_than_a_stall() 
         assert pacer.wall() - board.now <= 2 * PIECE_NS * 1000
 
 
+def test_after_a_jump_the_round_of_chips_begins_anew() -> None:
+    board, pacer, wall = many(3, 0, "realtime")
+    for number, chip in enumerate(board.chips):
+        assert isinstance(chip, Labour)
+        chip.cost_ns = 10_000_000 << number
+    rounds = []
+    for jump in (False, False, True):
+        if jump:
+            pacer.jumped()
+        wall.ns += max(1, (pacer._asleep - pacer.wall()) // 1000)
+        begun = wall.ns
+        pacer._woken()
+        rounds.append((wall.ns - begun) // 10_000_000)
+    assert rounds == [1, 2, 1], "which chip was brought up to date"
+
+
+def test_who_is_not_woken_by_a_jump_because_the_board_was_paused_is_woken_later() -> None:
+    _, pacer, _ = paced()
+    woken: list[str] = []
+
+    def pause() -> None:
+        woken.append("first")
+        pacer.halt()
+
+    pacer.wake_at(8 * MS, pause)
+    pacer.wake_at(9 * MS, lambda: woken.append("second"))
+    pacer.jumped()
+    assert woken == ["first"]
+    pacer.confine(NEVER)
+    assert woken == ["first", "second"]
+
+
 @pytest.mark.parametrize("stall", ["catch_up", "slip"])
 def test_more_than_the_machine_can_follow_is_told_once_with_how_much(stall: str) -> None:
     class Dear(Labour):
@@ -878,6 +913,9 @@ def test_the_timer_is_set_to_the_wall_time_until_the_next_wake_up_rounded_up(
     board, pacer, _ = paced(rate)
     with closing(asyncio.new_event_loop()) as loop:
         pacer.start(loop)
+        timer = pacer._timer
+        pacer.set_rate(rate)
+        assert pacer._timer is timer
         pacer.wake_at(board.now + AHEAD + 500 * US, lambda: None)
         pacer.stop()
     assert waits[-1] == wait

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from itertools import count
 
 import pytest
 
@@ -12,6 +13,7 @@ from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import MS, SECOND
+from vbus.serve import host_limits
 from vbus.serve.host_limits import GRACE, LOOK, Polls
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import for_test, of_part
@@ -208,7 +210,13 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
     )
 
 
-def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does() -> None:
+def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Clocks that count what they are asked: where processor time is limited, the kernel's own moves
+    # by ticks.
+    monkeypatch.setattr(host_limits, "monotonic", count(100.0, 1.0).__next__)
+    monkeypatch.setattr(host_limits, "process_time", count(50.0, 0.25).__next__)
     polls = Polls(2)
     old, new, wrote = (
         Packet(STATUS, "RDSTAT", text, "", (Cycle(0, text == "w", 0, 0),))
@@ -216,11 +224,11 @@ def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does() -
     )
     for _ in range(3):
         polls.take(old, "old")
-    assert polls.seconds() == 0.0
-    first = polls.seconds()
-    assert first > 0.0
+    assert [polls.seconds() for _ in range(3)] == [0.0, 0.5, 1.0]  # twice the processor's time
     assert not polls.take(new, "new")
-    assert polls.seconds() >= first
+    assert [polls.seconds() for _ in range(2)] == [1.0, 1.5]
+    monkeypatch.setattr(host_limits, "process_time", count(90.0, 40.0).__next__)
+    assert polls.seconds() == 3.0  # never more than the wall clock's
     polls.take(wrote, "w")
     assert polls.seconds() == 0.0
 

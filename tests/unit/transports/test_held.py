@@ -1,11 +1,14 @@
 """What killed processes have left is looked for once, with the first name taken in a directory."""
 
+import os
+import struct
 from pathlib import Path
 
 import pytest
 
 from vbus.core.runtime import lock_of
 from vbus.transports import runtime
+from vbus.transports.linux import Inotify
 from vbus.transports.runtime import NameLock, sweep
 
 
@@ -32,3 +35,17 @@ def test_a_directory_is_swept_with_the_first_name_and_again_after_the_last(
     sweep(tmp_path)
     held[0].give_back()
     assert looked == [tmp_path] * 2
+
+
+def test_what_the_system_has_not_noted_is_told_and_what_nobody_asked_for_is_not() -> None:
+    watch = Inotify()
+    read, write = os.pipe()
+    os.dup2(read, watch.fd)
+    overflow, ignored, opened = (-1, 0x4000), (1, 0x8000), (2, 0x20)
+    os.write(
+        write, b"".join(struct.pack("iIII", *row, 0, 0) for row in (overflow, ignored, opened))
+    )
+    assert watch.read() == [(-1, 0), (2, 0x20)]
+    watch.close()
+    os.close(read)
+    os.close(write)

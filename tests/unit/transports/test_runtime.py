@@ -41,6 +41,15 @@ def test_else_it_lies_in_the_directory_of_the_users_session(
     assert runtime_directory() == places / "vbus"
 
 
+@pytest.mark.parametrize("mine", ["/run/vbus", "/run"])
+def test_else_it_is_that_of_the_system_where_it_can_be_written(
+    places: Path, monkeypatch: pytest.MonkeyPatch, mine: str
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: str(path) == mine)
+    monkeypatch.setattr("vbus.core.runtime._strict", lambda path: path)  # makes no folder in /run
+    assert runtime_directory() == Path("/run/vbus")
+
+
 def test_else_it_is_a_private_one_below_the_temporary_directory(
     places: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,6 +151,19 @@ def test_a_place_that_others_may_write_to_leads_nowhere(
     link.symlink_to(place)
     assert endpoints_at(link) == ()
     unregister(place)
+
+
+def test_a_place_that_cannot_be_written_leaves_nothing_behind(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(places))
+    place = router_place()
+    place.mkdir()
+    open_before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(OSError, match="directory"):
+        register(place, ["tcp/127.0.0.1:1"])
+    assert list(place.parent.iterdir()) == [place]
+    assert len(os.listdir("/proc/self/fd")) == open_before
 
 
 def test_a_link_laid_by_somebody_else_is_not_followed(places: Path) -> None:

@@ -196,6 +196,8 @@ def test_a_missing_block_is_noticed() -> None:
 
 
 def test_a_file_of_another_kind_or_version_is_refused() -> None:
+    with pytest.raises(JournalError, match="no journal of version 1: it is empty;"):
+        JournalReader(io.BytesIO())
     with pytest.raises(JournalError, match="no journal of version 1"):
         JournalReader(io.BytesIO(b"$date today $end"))
     with pytest.raises(JournalError, match="the header of another version"):
@@ -478,6 +480,7 @@ def test_a_call_between_cycles_stands_between_them() -> None:
         ("C001", [], "entry 0: an entry comes once more that has not been"),
         ("C000 C002", [0, 0x84, 0, 1], "entry 1: an entry comes once more that has not been"),
         ("C000", [0, 0x84, 0], "entry 0: "),
+        ("C000", [0, 0x84, -1, 1], "from -1 to 0 ps; time ends at"),
     ],
 )
 def test_a_block_whose_words_make_no_sense_is_refused(

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import suppress
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -30,7 +31,7 @@ from vbus.protocols import codes
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
-from vbus.record.difference import Divergence
+from vbus.record.difference import Divergence, Findings
 from vbus.record.format import OPERATIONS, Entry, JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Outcome, Replay
@@ -200,6 +201,27 @@ def test_a_first_byte_that_differs_is_shown_in_its_whole_packet(moved: bytes) ->
     first = next(e for e in entries if e.args == (1,) and e.op == "read")
     found = difference(played(moved, changed={first.number: {"reply": 0x7F}}))
     assert found.recorded.startswith("7FH in RDRP +2130")
+
+
+def test_a_packet_that_the_journal_cuts_short_is_shown_as_far_as_it_goes(moved: bytes) -> None:
+    entries = read(moved)[1]
+    first = next(e for e in entries if e.args == (1,) and e.op == "read")
+    kept = [e for e in entries if e.number < first.number]
+    header = read(moved)[0]
+    found = difference(
+        Replay(board_of(header), [*kept, replace(first, reply=0x7F)], header.families).run()
+    )
+    cut = "{0} in RDRP cut after 0 of 2 words, byte {0} dropped"
+    assert (found.recorded, found.now) == (cut.format("7FH"), cut.format("00H"))
+
+
+def test_what_an_order_made_is_matched_and_not_the_order() -> None:
+    findings = Findings(SimpleNamespace(entry=3))  # type: ignore[arg-type]
+    findings.outside("order", ["h", 5, ["x"], 0, 0, 0, ""])
+    assert findings.rest() is None
+    findings.outside("made", [7, "h", "x", False, 0, 0x84])
+    found = findings.rest()
+    assert (found.entry, found.when, found.now) == (3, 7, "r 0 84 at 7 ps") if found else found
 
 
 def test_a_status_byte_that_differs_is_shown_by_its_flags(moved: bytes) -> None:

@@ -1,15 +1,17 @@
 """Runs of a campaign: a program in one world after another, in several processes."""
 
+import asyncio
 import io
 import os
 import runpy
+import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
-from inspect import isfunction
+from inspect import iscoroutinefunction, isfunction
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -26,14 +28,15 @@ from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import REFERENCE, World, begin, of_world
 from vbus.cli.hosted.program import HostedProgram, run_beside
+from vbus.client import aio
 from vbus.client.bus import Bus
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
 from vbus.core.runtime import private_runtime
 from vbus.core.values.settings import among
 from vbus.core.wall_clock import monotonic
-from vbus.serve.host_limits import IN_VAIN, HostStuck, HostWatch, Limits
-from vbus.serve.in_process import connect_in_process
+from vbus.serve.host_limits import IN_VAIN, POLLING, HostStuck, HostWatch, Limits
+from vbus.serve.in_process import InProcessFaults, InProcessLink
 
 # A fault that makes a driver repeat a move takes twice as long; a hang takes for ever.
 _LONGER: Final = 4
@@ -92,11 +95,41 @@ def _begun(board: Board, world: World, notes: bool) -> Witness:
     return witness
 
 
+@contextmanager
+def _ended_without_bus(watch: HostWatch) -> Iterator[None]:
+    """End a function that computes for so long without an access to the bus.
+
+    Seconds are the processor's: a busy machine ends none sooner.
+    """
+    before = (-1, -1)
+
+    def look(*_: object) -> None:
+        nonlocal before
+        if watch.progress == before:
+            watch.pass_bound(f"it has computed for {POLLING:g} s without an access to the bus")
+            watch.check()
+        before = watch.progress
+
+    earlier = signal.signal(signal.SIGVTALRM, look)
+    signal.setitimer(signal.ITIMER_VIRTUAL, POLLING, POLLING)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, earlier)
+
+
 @dataclass(frozen=True, slots=True)
 class ProgramSubject:
-    """A program on a board of its own."""
+    """A program on a board of its own.
+
+    Args:
+        program: the program.
+        failed: what it prints when it has failed, if its exit code does not say so.
+    """
 
     program: HostedProgram
+    failed: str = ""
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
@@ -111,10 +144,29 @@ class ProgramSubject:
 
         with private_runtime():
             ran = run_beside(program, limit=limit, cycles=cycles, prepare=prepare, taken=True)
-        stuck = ran.hangs[0] if ran.hangs else ""
+        ended, stuck = ran.ended, ran.hangs[0] if ran.hangs else ""
+        # Firmware that has said so may wait for its reset from there on.
+        if self.failed and self.failed in ended.output:
+            ended, stuck = ended._replace(code=ended.code or 1), ""
         return seen[0].account(
-            **ran.ended._asdict(), stuck=stuck, slow=ran.slow, turns=takes_turns(program)
-        )
+            **ended._asdict(), stuck=stuck, slow=ran.slow and bool(stuck),
+            turns=takes_turns(program),
+        )  # fmt: skip
+
+
+def _called(call: Callable[[Any], Any], link: InProcessLink) -> object:
+    """Call a function with a bus on a link: one with ``async def`` has the bus to be awaited."""
+    if not iscoroutinefunction(call):
+        bus = Bus(link)
+        bus.hello()
+        return call(bus)
+
+    async def run() -> object:
+        bus = aio.Bus(link)
+        await bus.hello()
+        return await call(bus)
+
+    return asyncio.run(run())
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +185,19 @@ class FunctionSubject:
 
     def run(self, world: World, reference: Account | None) -> Account:
         """Run it in a world."""
-        board = build(*of_world(self.file, self.source, world))
+        # A fault of the link is no part of the board.
+        of_board = REFERENCE if world.of_host and not world.order else world
+        board = build(*of_world(self.file, self.source, of_board))
         limit, cycles = limits_of(reference)
         witness = _begun(board, world, reference is None)
         watch = HostWatch(board, Limits(cycles, board.now + limit, IN_VAIN))
         code, output, errors = 0, io.StringIO(), io.StringIO()
         with redirect_stdout(output), redirect_stderr(errors):
-            bus = connect_in_process(board)
+            link = InProcessLink(board)
+            board.serve_links(InProcessFaults(link))
             try:
-                result = self.call(bus)
+                with _ended_without_bus(watch):
+                    result = _called(self.call, link)
                 if result is not None:
                     print(result)
             except HostStuck:
@@ -153,11 +209,11 @@ class FunctionSubject:
                 code = 1
                 errors.write(f"{type(error).__name__}: {error}")
             finally:
-                bus.close()
+                link.close()
         watch.close()
         return witness.account(
             code=code, stuck=watch.stuck, slow=watch.slow, output=output.getvalue(),
-            errors=errors.getvalue(),
+            errors=errors.getvalue(), links=True,
         )  # fmt: skip
 
 

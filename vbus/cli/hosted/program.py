@@ -105,6 +105,7 @@ class HostedProgram:
         host: what the program reaches: chips, card, pin map.
         command: gives program and arguments, for the address of the link.
         order: seed of the order in which its threads have their turns; 0: as they were created.
+        simulated: whether it is firmware in a simulator, which computes while chip time passes.
     """
 
     file: BoardFile
@@ -112,6 +113,7 @@ class HostedProgram:
     host: HostSection
     command: Callable[[str], list[str]]
     order: int = 0
+    simulated: bool = False
 
     def beside(
         self, board: Board, folder: Path, limit: int, looked_at: int
@@ -150,7 +152,8 @@ class HostedProgram:
         run.reached = list(host.chips) or [chip.name for chip in board.chips]
         run.interrupt = card.interrupt if card is not None else ""
         # In real time a wait may end by itself.
-        run.limit = looked_at if pin_map is None and self.file.board.time != "realtime" else 0
+        looks = pin_map is None or not self.simulated
+        run.limit = looked_at if looks and self.file.board.time != "realtime" else 0
         return run, spec
 
 

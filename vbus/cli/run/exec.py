@@ -196,7 +196,7 @@ def program_of(
             command = firmware.avr_command(options, program[0])
         else:
             command = firmware.cpu_command(settings, program[0], file)
-        return HostedProgram(file, source, host, command)
+        return HostedProgram(file, source, host, command, simulated=True)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise OptionError(f"{board}: there is no [pinmaps.{pinmap}]")
     return HostedProgram(file, source, host_of(file, pinmap), lambda _: list(program))

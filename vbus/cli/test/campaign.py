@@ -50,6 +50,7 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware, as in vbus exec.")
 @click.option("--cpu", metavar="SPEC", help="PROGRAM is a firmware image, as in vbus exec.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
+@click.option("--failed", metavar="TEXT", help="PROGRAM fails if it prints this; firmware.")
 @click.option("--only", metavar="DIMENSION,...", help="Try these dimensions alone.")
 @click.option("--phases", type=click.IntRange(2, 4096), help="How many places in a sample (16).")
 @click.option("--for", "longest", metavar="TIME", callback=_minutes, help="Stop after so long, 5m.")
@@ -66,7 +67,7 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.argument("program", nargs=-1, type=click.UNPROCESSED)
 def command(
     board: str | None, host: str | None, avr: str | None, cpu: str | None,
-    pinmap: str | None, only: str | None,
+    pinmap: str | None, failed: str | None, only: str | None,
     phases: int | None, longest: int | None, worlds: int | None, seed: int, jobs: int | None,
     json: str | None, junit: str | None, page: str | None, baseline: str | None,
     world: str | None, journal: str | None, every: bool, program: tuple[str, ...],
@@ -109,7 +110,7 @@ def command(
         campaign = CampaignRun(
             subject, file, source, chosen, phases or 0, seed,
             jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, program),
-            _digest(source.text, (*program, host.rpartition(":")[0]) if host else program),
+            _digest(source.text, (*program, failed or "", (host or "").rpartition(":")[0])),
         )  # fmt: skip
         return campaign.run(files, baseline, every)
 
@@ -121,6 +122,7 @@ def command(
             ("--avr", avr),
             ("--cpu", cpu),
             ("--pinmap", pinmap),
+            ("--failed", failed),
             ("--journal", journal),
         ):
             if value is not None:
@@ -136,7 +138,7 @@ def command(
     hosted = program_of(board, program, pinmap, avr, cpu)
     if world is not None:
         return _replay(world, hosted, journal)
-    return tried(ProgramSubject(hosted), hosted.file, hosted.source)
+    return tried(ProgramSubject(hosted, failed or ""), hosted.file, hosted.source)
 
 
 def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
@@ -146,7 +148,7 @@ def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -
     if program[:1] != ("pytest",):
         raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
     given = click.get_current_context().params
-    for name in ("host", "avr", "cpu", "pinmap", "journal"):
+    for name in ("host", "avr", "cpu", "pinmap", "failed", "journal"):
         if given[name] is not None:
             raise click.UsageError(f"--{name} does not go with pytest; its tests say it")
     if longest is not None and worlds is not None:
@@ -171,7 +173,7 @@ def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
     if host:
         return [*words, "--host", host]
     given = click.get_current_context().params
-    for name in ("avr", "cpu", "pinmap"):
+    for name in ("avr", "cpu", "pinmap", "failed"):
         words += [f"--{name}", given[name]] if given[name] else []
     return [*words, "--", *program]
 

@@ -380,7 +380,7 @@ class Bus(ChipCycles):
                     # room.
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)
-                    if (
+                    if self.link.silent or (
                         not await self._waits.until_ready(self.link.fd, writing, until)
                         and until == deadline
                     ):

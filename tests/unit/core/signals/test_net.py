@@ -204,10 +204,22 @@ def test_what_moves_together_with_an_edge_is_known_by_its_level_before() -> None
     assert taken == [0x11, 0x11, 0x22]
 
 
+def test_a_chip_is_told_when_a_part_begins_to_drive_its_wire_and_when_that_lets_go() -> None:
+    net = Net(Kernel(), "/INT", rest=HIGH)
+    told: list[bool] = []
+    net.solder("chip").on_heard = lambda: told.append(net.contested)
+    part = net.solder("part")
+    for level in (LOW, HIGH, Z):
+        part.drive(level)
+    assert (told[0], told[-1]) == (True, False)
+
+
 def test_an_end_of_a_wire_tells_the_others_what_changes_and_nothing_else() -> None:
     outbox: list[tuple[int, int, int, bool]] = []
     end = WireEnd(Kernel(), "/SYNC", 3, outbox)
     strong, weak = end.solder("a"), end.solder("b", open_drain=True)
+    end.resolve()
+    assert outbox == []
     strong.drive(LOW)
     end.resolve()
     weak.drive(LOW)

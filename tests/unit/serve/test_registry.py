@@ -1,0 +1,58 @@
+"""Boards by their names: who owns one, and whether it answers."""
+
+import json
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.runtime import lock_state
+from vbus.serve.registry import answers, ask, name_path, own_board, socket_path
+from vbus.transports.runtime import NameLock
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path))
+
+
+def test_a_name_is_owned_until_the_outermost_owner_leaves_it() -> None:
+    path = name_path("bench")
+    with own_board("bench"):
+        with own_board("bench"):
+            assert lock_state(path)[0]
+        assert lock_state(path)[0]
+    other = NameLock(path)
+    other.take("bench")
+    with pytest.raises(NameInUseError, match=r'^a board called "bench" runs already \('):
+        own_board("bench").__enter__()
+    other.give_back()
+
+
+def test_a_board_answers_with_what_it_tells_of_itself() -> None:
+    path = socket_path("bench")
+    assert not answers("bench")
+    path.write_text("")
+    with pytest.raises(TransportError, match=r"does not answer \(it is no socket, or one that oth"):
+        ask(path)
+    path.unlink()
+    status = json.dumps({"done": {"board": "bench"}}).encode()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        path.chmod(0o600)
+        listener.listen()
+
+        def serve() -> None:
+            for _ in range(2):
+                link, _ = listener.accept()
+                with link:
+                    assert json.loads(link.makefile().readline()) == {"do": "status"}
+                    link.sendall(len(status).to_bytes(4, "little") + status)
+
+        board = threading.Thread(target=serve)
+        board.start()
+        assert ask(path) == {"board": "bench"}
+        assert answers("bench")
+        board.join()
