@@ -19,9 +19,12 @@ _REVERSALS: Final = 6
 # As in views/runs/motion.py: an encoder at rest shows up to one count to either side.
 _NOISE: Final = 2
 """Counts that are no turn."""
+# A run of hours that is played again must not take minutes.
+_LOOKS: Final = 50_000
+"""Looks until they become rarer: after 50 s of chip time."""
 # 10 ms: a profile that passes through 0 with a motor command of 0 takes a sample or two.
 _IDLE: Final = 10
-"""Looks in a row at a profile that runs and a motor command of 0."""
+"""Looks in a row at an axis that stands while its profile runs and its motor command is 0."""
 
 
 @dataclass(slots=True)
@@ -68,6 +71,7 @@ class _AxisPath:
         self, position: float, desired: float | None, drive: float | None, undriven: str
     ) -> None:
         """Take the axis as it is now."""
+        stands = position == self.last
         self.last = position
         self.least = min(self.least, position)
         self.most = max(self.most, position)
@@ -86,7 +90,8 @@ class _AxisPath:
         if runs and undriven and self.undriven:
             self.in_vain = undriven
         self.undriven = undriven
-        self.idle = self.idle + 1 if runs and drive == 0 else 0
+        # An ideal motor follows with a command of 0.
+        self.idle = self.idle + 1 if runs and stands and drive == 0 else 0
         self.idled |= self.idle >= _IDLE
         self.desired = desired
 
@@ -120,7 +125,7 @@ MOST_PLAYED: Final = 100_000
 
 
 class AxisOutcomes(Observer):
-    """Looks at the axes of a board once in a millisecond, at bus cycles.
+    """Looks at the axes of a board once in a millisecond: as an observer at bus cycles, or always.
 
     Args:
         board: the board.
@@ -130,6 +135,16 @@ class AxisOutcomes(Observer):
         self._board = board
         self._courses: dict[str, _AxisPath] = {}
         self._next = 0
+        self._timer = board.kernel.onlooker(self._pass)
+
+    def watch(self) -> None:
+        """Look also while no host does anything: one may sleep, or wait for an interrupt."""
+        self._timer.at(self._board.now + MS)
+
+    def _pass(self) -> None:
+        self.look()
+        now = self._board.now
+        self._timer.at(now + max(MS, now // _LOOKS))
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -196,7 +211,7 @@ def axes_played(reader: JournalReader, name: str) -> tuple[list[str], Board]:
     """
     board = board_of(reader.header, name)
     outcomes = AxisOutcomes(board)
-    board.observe(outcomes)
+    outcomes.watch()
     Replay(board, reader, reader.header.families).run()
     outcomes.look()
     return outcomes.lines(), board

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from vbus.core.errors import VbusError
 from vbus.core.kernel import SECOND
@@ -16,6 +16,9 @@ from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
 from vbus.testing.tested_board import TestedBoard
+
+if TYPE_CHECKING:
+    from vbus.cpu.processors import CpuSettings
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
 
@@ -38,6 +41,7 @@ class Execute:
         shim: str = "",
         flags: str = "",
         avr: str = "",
+        cpu: str = "",
         timeout: float = 60.0,
         longest: int | None = None,
         environment: Mapping[str, str] | None = None,
@@ -48,13 +52,14 @@ class Execute:
         is the address of the board.
 
         Args:
-            program: a C or C++ file (compiled first), a Python file, AVR firmware (with ``avr``)
-                or any other program.
+            program: a C or C++ file (compiled first), a Python file, firmware (with ``avr`` or
+                ``cpu``) or any other program.
             arguments: what it is given.
             sources: further files to compile.
             shim: headers for sources of other machines; see ``vbus cflags``.
             flags: further options of the compiler.
             avr: what ``vbus exec --avr`` takes, such as ``"mmcu=atmega328p,f=16000000"``.
+            cpu: what ``vbus exec --cpu`` takes, such as ``"cortex-m3"``.
             timeout: seconds of wall time after which it is ended.
             longest: chip time (ps) after which it counts as hanging; None: a minute.
             environment: variables to add.
@@ -75,6 +80,12 @@ class Execute:
             command = [str(self.compile(program, *sources, shim=shim, flags=flags))]
         elif avr:
             command = [*_avr_command(tested, avr), str(self._bench.find_file(program))]
+        elif cpu:
+            from vbus.cli.run.firmware import cpu_command
+
+            settings = _cpu_settings(tested, cpu)
+            image = str(self._bench.find_file(program))
+            command = cpu_command(settings, image, tested.file)("{link}")
         elif path.suffix == ".py":
             command = ["python", str(self._bench.find_file(program))]
         else:
@@ -112,7 +123,11 @@ class Execute:
         compiler = os.environ.get("CXX" if plus else "CC") or ("g++" if plus else "cc")
         if shutil.which(shlex.split(compiler)[0]) is None:
             raise VbusError(f"{compiler}: there is no such compiler; install gcc, or set CC or CXX")
-        options = [*shlex.split(flags), *cflags(shim), *map(str, files)]
+        words = shlex.split(flags)
+        # The linker takes from a library what the files before it ask for.
+        libraries = [word for word in words if word.startswith("-l")]
+        others = [word for word in words if not word.startswith("-l")]
+        options = [*others, *cflags(shim), *map(str, files), *libraries]
 
         def run(*words: str) -> str:
             command = [*shlex.split(compiler), *words, *options]
@@ -147,16 +162,31 @@ def cflags(shim: str = "") -> list[str]:
     return (SHIMS[shim] if shim else PLAIN).flags()
 
 
+def _needs_slaved(tested: TestedBoard, processor: str) -> None:
+    if tested.board.policy != "slaved":
+        raise VbusError(
+            f"{tested.file.path}: chip time must follow the {processor}, and this board is"
+            f' {tested.board.policy}; write time = "slaved" in [board]'
+        )
+
+
 def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
     from vbus.cli.run.firmware import parse, simulator
 
-    if tested.board.policy != "slaved":
-        raise VbusError(
-            f"{tested.file.path}: chip time must follow the AVR, and this board is"
-            f' {tested.board.policy}; write time = "slaved" in [board]'
-        )
+    _needs_slaved(tested, "AVR")
     try:
         options = parse(avr)
     except ValueError as error:
         raise VbusError(f"avr={avr!r}: {error}") from None
     return [simulator(), "--link", "{link}", *options]
+
+
+def _cpu_settings(tested: TestedBoard, cpu: str) -> "CpuSettings":
+    from vbus.cli.run.firmware import settings_of
+
+    try:
+        settings = settings_of(cpu)
+    except ValueError as error:
+        raise VbusError(f"cpu={cpu!r}: {error}") from None
+    _needs_slaved(tested, settings.processor)
+    return settings

@@ -359,3 +359,68 @@ def test_a_host_that_reads_the_desired_position_alone_is_noted(bench):
     bench.run(3 * MS)
     bench.command("RDRP")
     assert left(bench) == [], "a host that reads where the axis is alone is right"
+
+
+# -- control words, breakpoints -------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-TRJ-1")
+@pytest.mark.parametrize(
+    "control", [0x0010, 0x0004, 0x0001, 0x2000, 0x4000, 0x8000, 0x0080, 0x0040]
+)
+def test_a_bit_of_a_control_word_that_does_nothing_is_noted(bench, control):
+    bench.command("LTRJ", control)
+    assert found(bench) == [("idle-bits", "note")]
+    assert f"bits {control:04X}H do nothing" in bench.violations[0].detail
+
+
+@pytest.mark.spec("LM-TRJ-1", "LM-PID-1")
+def test_bits_that_do_something_are_what_the_rule_asks_for(bench):
+    bench.command("LTRJ", 0x183F, 0, 1, 0, 1, 0, 1)
+    bench.command("LFIL", 0xFF0F, 1, 2, 3, 4)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-PID-1")
+def test_an_unused_bit_of_the_filter_control_word_is_noted(bench):
+    bench.command("LFIL", 0x0080)
+    assert found(bench) == [("idle-bits", "note")]
+
+
+@pytest.mark.spec("LM-PID-1")
+def test_a_derivative_interval_that_the_next_lfil_takes_back_is_noted(bench):
+    bench.command("LFIL", 0x020F, 1, 2, 3, 4)
+    bench.command("LFIL", 0x0208, 10)
+    bench.command("LFIL", 0x0308, 10)
+    assert found(bench) == []
+    bench.command("LFIL", 0x0008, 10)
+    assert found(bench) == [("interval-lost", "note")]
+    assert bench.violations[0].detail.endswith("an interval of 1 sample; before it was 4")
+
+
+@pytest.mark.spec("LM-CMD-22", "LM-AMB-5")
+def test_a_relative_breakpoint_before_the_sample_that_takes_stt_is_found(bench):
+    bench.filter(kp=10)
+    bench.command("LTRJ", 0x2A, 1, 0, 1, 0, 0, 1000)
+    bench.next_sample()
+    bench.command("STT")
+    bench.command("SBPR", 0xFFFF, 0xFF9C)
+    assert found(bench) == [("early-breakpoint", "warning")]
+    assert bench.violations[0].detail.startswith("SBPR -100 counts from 0")
+
+
+@pytest.mark.spec("LM-CMD-22", "LM-AMB-5")
+def test_a_relative_breakpoint_after_that_sample_is_right_and_so_is_an_absolute_one(bench):
+    bench.filter(kp=10)
+    bench.move(0, accel=ONE, velocity=ONE, position=1000)
+    bench.command("SBPA", 0, 900)
+    bench.run(2 * SAMPLE)
+    bench.command("SBPR", 0xFFFF, 0xFF9C)
+    assert found(bench) == []
+
+
+@pytest.mark.spec("LM-POS-3")
+def test_an_index_that_has_not_come_is_noted_at_the_end(bench):
+    bench.command("SIP")
+    bench.run(MS)
+    assert left(bench) == [("left-armed", "SIP waits for an index pulse, and none has come")]

@@ -47,7 +47,7 @@ def test_lfil_loads_the_coefficients_its_bits_name_in_the_order_kp_ki_kd_il(benc
         word += bool(bits & bit)
         loaded.append(word if bits & bit else 0)
     assert bench.probe.filter_loaded == loaded
-    assert bench.rules() == []
+    assert bench.rules() == ["idle-bits"]
 
 
 @pytest.mark.spec("LM-PID-1")

@@ -132,7 +132,7 @@ def test_buffered_registers_read_back_at_once_and_act_at_an_update(
         assert getattr(axis.active, attribute) == value
         chip.send("UPDATE")
         chip.next_cycle()
-    assert chip.rules("idle-update", "no-rate") == []
+    assert chip.rules("idle-update", "no-rate", "other-profile") == []
 
 
 @spec("PMD-CMD-70", "PMD-CMD-82")

@@ -228,3 +228,86 @@ def test_an_update_of_a_run_that_ends_before_the_cycle_has_taken_what_was_loaded
     assert "left-loaded" not in dict(left(moved))
     moved.send("SET_VEL", 6)
     assert "left-loaded" in dict(left(moved))
+
+
+# -- breakpoints and profiles ---------------------------------------------------------------------
+
+
+@spec("PMD-CMD-35", "PMD-UPD-2")
+def test_a_compare_value_given_after_its_breakpoint_is_found(bench: Bench) -> None:
+    bench.send("SET_BRK_PNT", 100)
+    bench.send("SET_POS_BRK")
+    bench.send("SET_BRK_PNT", 200)
+    assert found(bench) == [("late-value", "warning")]
+    assert "axis 1" in bench.violations[0].detail
+
+
+@spec("PMD-CMD-35", "PMD-UPD-2")
+def test_a_compare_value_given_first_or_beside_a_breakpoint_without_one_is_right(
+    bench: Bench,
+) -> None:
+    bench.send("SET_BRK_PNT", 0)
+    bench.send("SET_POS_BRK")
+    bench.next_cycle(2)
+    bench.send("SET_EXT_BRK")
+    bench.send("SET_BRK_PNT", 200)
+    assert found(bench) == []
+
+
+@spec("PMD-CMD-14")
+@pytest.mark.parametrize(
+    ("velocity", "rules"), [(0x8000, [("start-velocity", "warning")]), (0x10000, []), (0, [])]
+)
+def test_a_starting_velocity_above_the_velocity_is_found(
+    bench: Bench, velocity: int, rules: list[tuple[str, str]]
+) -> None:
+    bench.send("SET_MTR_CMD", 1000)
+    bench.send("SET_BUF_MTR_CMD", 1000)
+    bench.send("SET_START_VEL", 0x10000)
+    bench.send("SET_VEL", velocity)
+    bench.send("SET_ACC", 0x1000)
+    bench.send("UPDATE")
+    assert found(bench) == rules
+
+
+@spec("PMD-CMD-10", "PMD-CMD-11")
+@pytest.mark.parametrize(
+    ("mode", "load", "noted"),
+    [
+        ("SET_PRFL_S_CRV", "SET_ACC", "S-curve profile does not use acceleration"),
+        ("SET_PRFL_TRAP", "SET_MAX_ACC", "trapezoidal profile does not use max acceleration"),
+        ("SET_PRFL_VEL", "SET_JERK", "velocity profile does not use jerk"),
+        ("SET_PRFL_VEL", "SET_POS", ""),
+        ("SET_PRFL_S_CRV", "SET_MAX_ACC", ""),
+        ("SET_PRFL_TRAP", "SET_ACC", ""),
+    ],
+)
+def test_what_the_profile_mode_does_not_use_is_noted(
+    bench: Bench, mode: str, load: str, noted: str
+) -> None:
+    bench.send(mode)
+    bench.send(load, 0x100)
+    bench.send("UPDATE")
+    bench.next_cycle(2)
+    details = [v.detail for v in bench.violations if v.rule == "mc1241a.other-profile"]
+    assert details == ([f"axis 1: the {noted}"] if noted else [])
+
+
+@spec("PMD-TRJ-9")
+@pytest.mark.parametrize(
+    ("stop", "velocity", "rules"),
+    [
+        ("STOP", 0x40000, [("abrupt-stop", "note")]),
+        ("SMOOTH_STOP", 0x40000, []),
+        ("STOP", 0x8000, []),
+    ],
+)
+def test_a_stop_at_speed_is_noted(
+    bench: Bench, stop: str, velocity: int, rules: list[tuple[str, str]]
+) -> None:
+    bench.send("SET_BUF_MTR_CMD", 1000)
+    bench.move(pos=100000, vel=velocity, acc=0x10000)
+    bench.next_cycle(10)
+    bench.send(stop)
+    bench.send("UPDATE")
+    assert found(bench) == rules

@@ -385,3 +385,154 @@ def test_errors_that_stand_at_the_end_are_noted():
     bench.samples(1)
     bench.write(0x07, 0)
     assert left(bench) == []
+
+
+# -- values of several bytes ----------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-REG-25", "MCP-REG-38")
+@pytest.mark.parametrize(
+    ("register", "missing"), [(0x26, "ACCELERATION R27"), (0x49, "MAX_ERROR R4A")]
+)
+def test_a_value_that_is_never_written_as_a_whole_is_noted(bench, register, missing):
+    bench.extended()
+    bench.write(register, 0x10)
+    name, byte = missing.split()
+    assert left(bench) == [("part-value", f"of {name} {byte} have not been written since a reset")]
+    bench.write(register + 1, 0)
+    assert left(bench) == []
+
+
+@pytest.mark.spec("MCP-REG-13", "MCP-REG-17")
+@pytest.mark.parametrize(("msb", "last"), [(0x0C, "R0E"), (0x15, "R17")])
+def test_bytes_that_the_last_one_has_not_loaded_are_noted(bench, msb, last):
+    bench.write(msb + 2, 1)
+    bench.write(msb + 1, 2)
+    bench.write(msb, 3)
+    names = f"R{msb:02X} and R{msb + 1:02X}"
+    assert left(bench) == [("left-held", f"{names} wait for a byte written to {last}")]
+    bench.write(msb + 2, 1)
+    assert left(bench) == []
+
+
+@pytest.mark.spec("MCP-REG-16")
+def test_an_actual_position_read_highest_byte_first_is_noted_once(bench):
+    for _ in range(2):
+        for address in (0x12, 0x13, 0x14):
+            bench.read(address)
+    assert found(bench) == [("stale-read", "note")]
+
+
+@pytest.mark.spec("MCP-REG-16")
+def test_an_actual_position_read_lowest_byte_first_is_right(bench):
+    for address in (0x14, 0x13, 0x12, 0x14, 0x12, 0x13):
+        bench.read(address)
+    assert found(bench) == []
+
+
+# -- modes and interpolation ----------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-MOD-8")
+def test_a_mode_flag_set_beside_another_is_found(ready):
+    ready.samples()
+    ready.write(0x00, 0x0D)
+    ready.write(0x00, F0)
+    assert found(ready) == [("two-modes", "warning")]
+    assert ready.violations[0].detail == "F0 is set beside F5"
+
+
+@pytest.mark.spec("MCP-MOD-8")
+def test_a_mode_flag_set_after_the_other_was_cleared_is_right(ready):
+    ready.samples()
+    ready.write(0x00, 0x0D)
+    ready.write(0x00, 0x05)
+    ready.write(0x00, F0)
+    ready.write(0x00, F0)
+    assert found(ready) == []
+
+
+@pytest.mark.spec("MCP-VEL-3")
+@pytest.mark.parametrize(("ends", "rules"), [(False, [("cleared-at-speed", "note")]), (True, [])])
+def test_a_velocity_mode_left_at_speed_is_noted(bench, ends, rules):
+    bench.put("ACCELERATION", 0x400)
+    bench.control()
+    bench.samples()
+    bench.put("VELOCITY_COMMAND", 4)
+    bench.write(0x00, 0x0D)
+    bench.samples(4)
+    if ends:
+        bench.put("VELOCITY_COMMAND", 0)
+        bench.samples(4)
+    bench.write(0x00, 0x05)
+    assert found(bench) == rules
+
+
+@pytest.mark.spec("MCP-REG-9", "MCP-REG-10")
+@pytest.mark.parametrize("register", [0x08, 0x09, 0x4C, 0x4D])
+def test_a_motor_command_written_in_control_is_found(bench, register):
+    bench.extended()
+    bench.write(register, 0x90)
+    assert found(bench) == []
+    bench.control()
+    bench.samples()
+    bench.write(register, 0x90)
+    assert found(bench) == [("output-in-control", "warning")]
+
+
+@pytest.mark.spec("MCP-REG-2")
+@pytest.mark.parametrize(("feature", "noted"), [(0, True), (0x10, False)])
+def test_a_jerk_beside_a_trapezoid_is_noted_once(ready, feature, noted):
+    ready.extended()
+    ready.put("JERK", 0x4000)
+    ready.write(0x01, feature)
+    ready.samples()
+    for _ in range(2):
+        ready.write(0x00, F0)
+        ready.samples(200)
+        ready.put("FINAL_POSITION", 0)
+    assert found(ready) == ([("jerk-unused", "note")] if noted else [])
+
+
+@pytest.mark.spec("MCP-INT-2")
+@pytest.mark.parametrize("wait", [False, True])
+def test_a_point_written_before_the_one_before_was_taken_is_found(bench, wait):
+    bench.control()
+    bench.samples()
+    bench.put("FINAL_POSITION", 10)
+    bench.write(0x00, 0x0B)
+    for point in (20, 30):
+        while wait and bench.read(0x03) & 0x80:
+            bench.samples()
+        bench.put("FINAL_POSITION", point)
+    assert found(bench) == ([] if wait else [("point-lost", "warning")] * 2)
+
+
+@pytest.mark.spec("MCP-INT-2")
+@pytest.mark.parametrize(
+    ("flag", "name", "rules"),
+    [
+        (0x0C, "FINAL_POSITION", ["other-point"]),
+        (0x0B, "VELOCITY", ["other-point"]),
+        (0x0C, "VELOCITY", []),
+    ],
+)
+def test_a_point_for_the_other_interpolation_is_found(bench, flag, name, rules):
+    bench.control()
+    bench.samples()
+    bench.write(0x00, flag)
+    bench.put(name, 10)
+    assert [rule for rule, _ in found(bench)] == rules
+
+
+@pytest.mark.spec("MCP-MOD-9")
+def test_a_mode_flag_that_stands_in_idle_mode_is_noted_at_the_end(ready):
+    ready.samples()
+    ready.write(0x00, 0x0B)
+    ready.samples(2)
+    assert left(ready) == []
+    ready.write(0x05, 0x01)
+    ready.samples(2)
+    assert left(ready) == [("flag-left", "in idle mode at the end: F3")]
+    ready.write(0x00, 0x03)
+    assert left(ready) == []

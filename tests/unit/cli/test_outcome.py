@@ -7,6 +7,7 @@ from vbus.core.kernel import MS, US
 
 HEAD = '[board]\nname = "b"\ntime = "lockstep"\npower_on = "done"\n[chips.x]\n'
 LM629 = HEAD + 'part = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
+IDEAL = '[plants.m]\nmodel = "ideal"\n'
 MC1241A = HEAD + 'part = "MC1241A"\nclock = "25 MHz"\nplants = ["none"]\n'
 
 
@@ -89,3 +90,16 @@ def test_an_mcp1200_with_a_gain_of_0_says_that_its_profile_ran_without_a_motor_c
         said += outcome.lines()
     assert said[0].endswith("its profile ran while the motor command was 0")
     assert "profile" not in said[1]
+
+
+def test_an_axis_is_looked_at_while_its_host_sleeps() -> None:
+    board = load_board_text(LM629.replace('plant = "none"', 'plant = "m"') + IDEAL)
+    outcome = AxisOutcomes(board)
+    outcome.watch()
+    port = board.open_port("h")
+    for command in ((0x1E, 0x0008, 300), (0x04,), (0x1F, 0x002A, 0, 400, 4, 0, 0, 3000), (0x01,)):
+        lm629(port, *command)
+    port.delay(2000 * MS)
+    port.read(0)
+    outcome.look()
+    assert outcome.lines()[0].endswith(", at up to 4 (commanded 4) cnt/sample")

@@ -96,7 +96,7 @@ def test_a_failing_test_says_what_became_of_the_axis(suite: pytest.Pytester) -> 
     suite.runpytest("-q").stdout.fnmatch_lines(
         [
             "violations: none",
-            "axis x: ended at 2000 counts, was 7 counts off at most, moved from 0 between 0 and"
+            "axis x: ended at 2000 counts, was 8 counts off at most, moved from 0 between 0 and"
             " 2000, at up to 4 (commanded 3.*) cnt/sample",
             "violations: 1",
             "*x broke lm628.filter-waits at *: STT: *UDF has not followed LFIL*",

@@ -161,6 +161,25 @@ def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
             import pytest
             with pytest.raises(Exception, match="chip time must follow the AVR"):
                 vbus_exec("firmware.elf", avr="mmcu=atmega328p")
+            with pytest.raises(Exception, match="chip time must follow the cortex-m3"):
+                vbus_exec("firmware.elf", cpu="cortex-m3")
+            with pytest.raises(Exception, match='^cpu=.z80.: unknown processor "z80"'):
+                vbus_exec("firmware.elf", cpu="z80")
         """,
     )
     suite.runpytest("-q", "test_it.py").assert_outcomes(passed=6)
+
+
+def test_a_library_stands_behind_what_needs_it(suite: pytest.Pytester) -> None:
+    suite.makefile(".c", root="""
+        #include <math.h>
+        #include <stdlib.h>
+        int main(int count, char **words) { return (int)sqrt(atof(words[count - 1])); }
+    """)  # fmt: skip
+    suite.makepyfile(
+        """
+        def test_root(vbus_exec):
+            assert vbus_exec("root.c", "49", flags="-O0 -lm -Wall").code == 7
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=1)

@@ -169,10 +169,6 @@ class ServoAxis:
         # LM-RST-5: the flag asserts itself until a breakpoint has been loaded.
         self.stuck = False
 
-    def set_relative_breakpoint(self, offset: int) -> None:
-        """SBPR: counted from the active target (LM-AMB-5)."""
-        self.set_breakpoint(self.profile.target + offset)
-
     def _look_at_breakpoint(self) -> None:
         self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
 

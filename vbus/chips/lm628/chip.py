@@ -492,6 +492,8 @@ class LM628(FrontEndHost):
             found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
         if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
             found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+        if axis.sip:
+            found.append((ds.LEFT_ARMED, "SIP waits for an index pulse, and none has come"))
         if axis.reads & (1 << ds.RDDP) and not axis.reads & (1 << ds.RDRP):
             text = "RDDP was read, which the motor does not change, and RDRP never"
             found.append((ds.DESIRED_ALONE, text))

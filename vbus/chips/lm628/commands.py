@@ -21,6 +21,9 @@ BUFFERED: Final = frozenset(
 )
 """Commands that, up to the next sample, change no more than buffers, replies, mask and flags."""
 
+_UNUSED: Final = 0xE0C0
+"""Bits of LTRJ's control word that Table 6 calls not used."""
+
 
 def flag_names(flags: int) -> str:
     """Return the names of status bits."""
@@ -143,10 +146,24 @@ class AxisCommands:
         # LM-CMD-15, LM-CMD-16: signals bit 9 is 1 after LPES, 0 after LPEI.
         self._axis.stop_on_error = bool(stop)
 
+    def set_relative_breakpoint(self, offset: int) -> None:
+        """SBPR: counted from the active target (LM-AMB-5)."""
+        axis = self._axis
+        if axis.start and not axis.profile.velocity_mode:
+            text = f"SBPR {offset:+d} counts from {axis.profile.target}"
+            self._report(ds.EARLY_BREAKPOINT, f"{text}: the next sample takes the STT before it")
+        axis.set_breakpoint(axis.profile.target + offset)
+
     def load_filter(self, step: int, word: int) -> None:
         """Load filter parameters (LM-PID-1)."""
         pid = self._axis.pid
         if step == 1:
+            if word & 0xF0:
+                self._report(ds.IDLE_BITS, f"LFIL {word:04X}H: bits 7 to 4 are not used")
+            interval = pid.loaded[0]
+            if word >> 8 == 0 != interval:
+                text = f"LFIL {word:04X}H loads an interval of 1 sample; before it was"
+                self._report(ds.INTERVAL_LOST, f"{text} {interval + 1}")
             # LM-PID-1: bits 7 to 4 mean nothing; a word follows for each of bits 3 to 0.
             self._control = word & 0x0F
             self._host.words_due = (word & 0x0F).bit_count()
@@ -166,6 +183,10 @@ class AxisCommands:
         profile = self._axis.profile
         if step == 1:
             self._control = word
+            idle = word & _UNUSED | sum(word & load >> 1 for load in ds.LOADS if not word & load)
+            if idle:
+                text = f"LTRJ {word:04X}H: bits {idle:04X}H do nothing"
+                self._report(ds.IDLE_BITS, text)
             # LM-TRJ-1: bits 15 to 13, 7 and 6 of the control word mean nothing.
             profile.control = word & (ds.FORWARD | ds.VELOCITY_MODE | ds.STOPS)
             self._host.words_due = 2 * sum(word & load != 0 for load in ds.LOADS)

@@ -347,6 +347,24 @@ LEFT_LOADED: Final = Rule(
     "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
 )  # fmt: skip
+IDLE_BITS: Final = Rule(
+    "lm628.idle-bits", "LM-TRJ-1",
+    "A control word has no bit that does nothing: one not used, a relative one without its load.",
+    "note",
+)  # fmt: skip
+INTERVAL_LOST: Final = Rule(
+    "lm628.interval-lost", "LM-PID-1",
+    "Each LFIL loads the derivative interval: a host saves it, and writes it again.", "note",
+)  # fmt: skip
+EARLY_BREAKPOINT: Final = Rule(
+    "lm628.early-breakpoint", "LM-CMD-22",
+    "SBPR counts from the target in force: that of an STT is so from the next sample on.",
+    "warning",
+)  # fmt: skip
+LEFT_ARMED: Final = Rule(
+    "lm628.left-armed", "LM-POS-3", "When a run ends, the index has come that SIP waits for.",
+    "note",
+)  # fmt: skip
 DESIRED_ALONE: Final = Rule(
     "lm628.desired-alone", "LM-CMD-9",
     "A host that reads where an axis should be (RDDP) reads where it is (RDRP), too.", "note",

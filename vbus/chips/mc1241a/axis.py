@@ -28,6 +28,14 @@ DIRECT_REPORTED: Final = 2
 FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
 
+_UNUSED: Final = {
+    ds.TRAPEZOIDAL: ("max_acceleration", "jerk"),
+    ds.VELOCITY: ("max_acceleration", "jerk"),
+    ds.S_CURVE: ("acceleration",),
+    ds.GEAR: (),
+}
+"""Rates that a profile mode does not use, beside those it does (PMD-CMD-10 to PMD-CMD-12)."""
+
 Report = Callable[[Rule, str], None]
 """Takes a rule the host has broken on an axis, and what happened."""
 
@@ -313,6 +321,21 @@ class StepperAxis:
         if self._update_pending or self.position_given or self.motor_command_given:
             return False
         return self.motor_on and self.profile.settled(self.active) and not self.loaded()
+
+    def unused(self) -> str:
+        """Return rates that are loaded and new, and do nothing in the profile mode in force."""
+        buffer, active = self.buffer, self._taken if self._update_pending else self.active
+        names = [
+            name
+            for name in _UNUSED[self.profile.mode]
+            if getattr(buffer, name) != getattr(active, name)
+        ]
+        return ", ".join(names).replace("_", " ")
+
+    def starts_fast(self) -> bool:
+        """Whether an update now gives a velocity below the starting velocity (PMD-CMD-14)."""
+        ramps = self.profile.mode in (ds.TRAPEZOIDAL, ds.VELOCITY)
+        return ramps and 0 < self.buffer.velocity < self.start_velocity
 
     def request_update(self) -> None:
         """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""

@@ -10,6 +10,9 @@ from vbus.chips.tables import Command
 from vbus.core.bits import sign_extend, wrap
 from vbus.core.state import Names
 
+_SLOW: Final = 1 << 16
+"""Velocity from which a stop is abrupt: 1 ustep/cycle, 1/64 of a full step in 0.5 ms."""
+
 
 class Commands:
     """Carries out commands once all their data are there.
@@ -117,7 +120,27 @@ class Commands:
             if which >> axis.number & 1:
                 self._update(axis)
 
+    def set_breakpoint_value(self, value: int) -> None:
+        """Set breakpoint comparison value (PMD-CMD-35)."""
+        axis = self._axis
+        if ds.BRK_OFF < axis.breakpoint_mode < ds.BRK_MTN_CMPLT:
+            text = f"axis {self.current + 1}: SET_BRK_PNT while a breakpoint is compared with"
+            self._chip.find(ds.LATE_VALUE, f"{text} {axis.breakpoint_value}")
+        axis.breakpoint_value = value
+
     def _update(self, axis: StepperAxis) -> None:
+        unused = axis.unused()
+        if unused:
+            mode = ds.PROFILES[axis.profile.mode]
+            text = f"axis {axis.number + 1}: the {mode} profile does not use {unused}"
+            self._chip.find(ds.OTHER_PROFILE, text)
+        elif axis.starts_fast():
+            text = f"axis {axis.number + 1}: it begins faster than its profile is to be"
+            self._chip.find(ds.START_VELOCITY, text)
+        speed = abs(axis.profile.target_velocity)
+        if axis.buffer.stop and speed > max(axis.start_velocity, _SLOW):
+            text = f"axis {axis.number + 1}: UPDATE of STOP at {speed / 65536:.6g} ustep/cycle"
+            self._chip.find(ds.ABRUPT_STOP, text)
         if axis.up_to_date():
             text = f"axis {axis.number + 1}: nothing was loaded since the last update"
             self._chip.find(ds.IDLE_UPDATE, text)

@@ -216,7 +216,7 @@ COMMANDS: Final = CommandTable(
     Command("SET_BRK_OFF", 0x6D, scope="c", clause="PMD-CMD-34", parameter="breakpoint_mode",
             value=BRK_OFF, title="Set breakpoint mode off"),
     Command("SET_BRK_PNT", 0x16, write=2, scope="c", clause="PMD-CMD-35",
-            parameter="breakpoint_value", signed=True, title="Set breakpoint comparison value"),
+            hook="set_breakpoint_value", signed=True, title="Set breakpoint comparison value"),
     Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="update",
             title="Immediate parameter update"),
     Command("MULTI_UPDATE", 0x5B, write=1, scope="g", clause="PMD-CMD-37", hook="update_several",
@@ -596,6 +596,24 @@ NO_RATE: Final = Rule(
     "A move has its velocity and acceleration when an update starts it, or it does not begin.",
     "note",
 )  # fmt: skip
+LATE_VALUE: Final = Rule(
+    "mc1241a.late-value", "PMD-CMD-35",
+    "SET_BRK_PNT comes before the breakpoint that compares with it: it may be met by the old one.",
+    "warning",
+)  # fmt: skip
+START_VELOCITY: Final = Rule(
+    "mc1241a.start-velocity", "PMD-CMD-14",
+    "The starting velocity is smaller than the velocity of the profile.", "warning",
+)  # fmt: skip
+ABRUPT_STOP: Final = Rule(
+    "mc1241a.abrupt-stop", "PMD-TRJ-9",
+    "SMOOTH_STOP ends a motion: STOP at speed is for emergencies, and a stepper loses steps.",
+    "note",
+)  # fmt: skip
+OTHER_PROFILE: Final = Rule(
+    "mc1241a.other-profile", "PMD-CMD-10",
+    "SET_ACC is for trapezoids and velocities, SET_MAX_ACC and SET_JERK are for S-curves.", "note",
+)  # fmt: skip
 LEFT_LOADED: Final = Rule(
     "mc1241a.left-loaded", "PMD-UPD-1", "When a run ends, an update has taken what was loaded.",
     "note",
@@ -665,8 +683,8 @@ VALUES: Final = ValueTable(
           "events that pull ~HostIntrpt", digits=2, fields=_EVENTS),
     Value("breakpoint mode", "axes[{}].breakpoint_mode", _STATUS, "PMD-CMD-27",
           "what is compared", words=_BREAKPOINTS),
-    Value("breakpoint value", group=_STATUS, command="SET_BRK_PNT",
-          title="what it is compared with"),
+    Value("breakpoint value", "axes[{}].breakpoint_value", _STATUS, "PMD-CMD-35",
+          "what it is compared with"),
     Value("target position", group=_POSITION, command="GET_TRGT_POS",
           key="target {}", lane="desired"),
     Value("target velocity", group=_POSITION, command="GET_TRGT_VEL"),

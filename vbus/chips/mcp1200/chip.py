@@ -325,14 +325,16 @@ class MCP1200(HostInterface):
         return round(self.axis.drive.level(), 4)
 
     def left_over(self) -> list[tuple[Rule, str]]:
-        """Return that errors of the status register stand."""
+        """Return that errors of the status register stand, and what was written in vain."""
         self.advance()
+        found = self.axis.host.left_over()
         # An error flag is 0 when it has happened.
         standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
-        if not standing:
-            return []
-        names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
-        return [(ds.ERRORS_STAND, f"in R07 these are 0 at the end, and mean errors: {names}")]
+        if standing:
+            names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+            text = f"in R07 these are 0 at the end, and mean errors: {names}"
+            found.append((ds.ERRORS_STAND, text))
+        return found
 
     def before_save(self) -> None:
         """However seldom anybody has looked at Pulse, its frame is the one under way now."""

@@ -496,6 +496,48 @@ NO_RATE: Final = Rule(
     "mcp1200.no-rate", "MCP-TRP-5",
     "A profile has an acceleration and a velocity when it starts, or it waits for them.", "note",
 )  # fmt: skip
+PART_VALUE: Final = Rule(
+    "mcp1200.part-value", "MCP-REG-25",
+    "A value of several bytes is written as a whole, or the others stay as after a reset.", "note",
+)  # fmt: skip
+STALE_READ: Final = Rule(
+    "mcp1200.stale-read", "MCP-REG-16",
+    "R14 is read before R13 and R12, which read what was latched then.", "note",
+)  # fmt: skip
+LEFT_HELD: Final = Rule(
+    "mcp1200.left-held", "MCP-REG-13",
+    "When a run ends, R0E or R17 has loaded the bytes that are held for it.", "note",
+)  # fmt: skip
+CLEARED_AT_SPEED: Final = Rule(
+    "mcp1200.cleared-at-speed", "MCP-VEL-3",
+    "F5 is cleared once F2 reads 0: at speed the profile stops in one sample.", "note",
+)  # fmt: skip
+OUTPUT_IN_CONTROL: Final = Rule(
+    "mcp1200.output-in-control", "MCP-REG-9",
+    "R08, R09 and their fractions are written in idle mode: a closed loop writes them itself.",
+    "warning",
+)  # fmt: skip
+TWO_MODES: Final = Rule(
+    "mcp1200.two-modes", "MCP-MOD-8",
+    "Of F0, F3, F4 and F5 one is set at a time: the one before is cleared first.", "warning",
+)  # fmt: skip
+FLAG_LEFT: Final = Rule(
+    "mcp1200.flag-left", "MCP-MOD-9",
+    "When a run ends in idle mode, no mode flag is set: its mode begins when control does.", "note",
+)  # fmt: skip
+JERK_UNUSED: Final = Rule(
+    "mcp1200.jerk-unused", "MCP-REG-2",
+    "A jerk counts with bit 4 of R01 set: without it the profile is a trapezoid.", "note",
+)  # fmt: skip
+POINT_LOST: Final = Rule(
+    "mcp1200.point-lost", "MCP-INT-2",
+    "A point of an interpolation is written once bit 7 of R03 is 0, or it takes another's place.",
+    "warning",
+)  # fmt: skip
+OTHER_POINT: Final = Rule(
+    "mcp1200.other-point", "MCP-INT-2",
+    "F3 interpolates positions of R2B to R29, F4 velocities of R23 to R25.", "warning",
+)  # fmt: skip
 ERRORS_STAND: Final = Rule(
     "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
 )

@@ -10,6 +10,7 @@ from vbus.chips.mcp1200.control_loop import CONTROL, STANDING, ControlLoop, Samp
 from vbus.chips.mcp1200.encoder import EncoderChannels, Find, InputLevels, PositionCounter
 from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.core.bits import sign_extend
+from vbus.core.signals import Rule
 from vbus.core.state import Names
 
 # MCP-CAP-1, MCP-AMB-15: by the table, bits 4 and 1 enable, and bits 3 and 0 are latches that a 0
@@ -21,6 +22,13 @@ _CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
 _COMMAND_MSB, _COMMAND_CSB = ds.REGISTERS["COMMAND_POSITION"].addresses[:2]
 _FINAL_POSITION: Final = ds.REGISTERS["FINAL_POSITION"].addresses
 _SATURATION: Final = ds.REGISTERS["SATURATION"].low
+_PRESET: Final = ds.REGISTERS["PRESET_POSITION"].addresses
+_JERK: Final = ds.REGISTERS["JERK"].addresses
+_PARTS: Final = tuple(
+    ds.REGISTERS[name]
+    for name in ("VELOCITY", "ACCELERATION", "BREAKPOINT", "MAX_ERROR", "JERK", "INTEGRAL_LIMIT")
+)
+"""Registers whose bytes after a reset the manual leaves open, or that are not 0 then."""
 _ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses[1:]
 
 
@@ -91,7 +99,14 @@ class HostRegisters:
     WIRING: ClassVar[Names] = (
         "_ask", "_channels", "_counter", "_find", "_inputs", "_loop", "_registers", "_timer",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_position_bytes", "_late_bytes")
+    DERIVED: ClassVar[Names] = (
+        "_position_bytes",
+        "_late_bytes",
+        "_latched",
+        "_held",
+        "_written",
+        "_jerked",
+    )
 
     def __init__(
         self,
@@ -120,6 +135,14 @@ class HostRegisters:
         the next no part of the saved state."""
         self._late_bytes: int = 0
         """Those that were not written when it was set, although others were."""
+        self._latched: bool = False
+        """R14 has been read, or R13 and R12 are known to be stale; no part of the saved state."""
+        self._held: set[int] = set()
+        """Bytes that wait for the last one, R0E or R17; no part of the saved state."""
+        self._written: set[int] = set()
+        """Addresses of storage that have been written since a reset; the same."""
+        self._jerked: bool = False
+        """A jerk has been written, and no profile started since; the same."""
 
     def map(self, address: int) -> int:
         """Register a bus address selects: 6 bits of it, or 7 (MCP-BUS-9)."""
@@ -129,6 +152,38 @@ class HostRegisters:
         """Forget held bytes: a hard reset."""
         self._held_msb = 0
         self._held_csb = 0
+        self._latched = False
+        self._held.clear()
+        self._written.clear()
+
+    def after_load(self) -> None:
+        """What the host did before a snapshot is not known: nothing is said of it."""
+        self._latched = True
+        self._jerked = False
+        self._held.clear()
+        for row in _PARTS:
+            self._written.update(row.addresses)
+
+    def left_over(self) -> list[tuple[Rule, str]]:
+        """Return which bytes were written in vain, and which were left out."""
+        found = []
+        if self._held:
+            names = " and ".join(f"R{address:02X}" for address in sorted(self._held))
+            last = "R0E" if _COMMAND_MSB in self._held or _COMMAND_CSB in self._held else "R17"
+            found.append((ds.LEFT_HELD, f"{names} wait for a byte written to {last}"))
+        for row in _PARTS:
+            missing = [byte for byte in row.addresses if byte not in self._written]
+            if 0 < len(missing) < len(row.addresses):
+                names = " and ".join(f"R{address:02X}" for address in missing)
+                text = f"of {row.name} {names} have not been written since a reset"
+                found.append((ds.PART_VALUE, text))
+        flags = self._registers.flag & ds.MODE_FLAGS
+        # After an error it is the chip that has gone to idle mode.
+        stands = ds.ERROR_FLAGS & ~int(self._registers.status)
+        if flags and self._loop.state == STANDING and not stands:
+            names = " and ".join(bit.name for bit in ds.FLAG_BITS if flags & bit.mask)
+            found.append((ds.FLAG_LEFT, f"in idle mode at the end: {names}"))
+        return found
 
     def read(self, address: int, cycle: int) -> int:
         """Return the byte at ``address``; nothing changes."""
@@ -143,6 +198,11 @@ class HostRegisters:
         if address == _ACTUAL_LSB:
             # MCP-REG-16: latched together, so that the three are of one instant.
             self._registers.actual_position = self._counter.position(cycle)
+            self._latched = True
+        elif _ACTUAL_CSB - 1 <= address <= _ACTUAL_CSB and not self._latched:
+            self._latched = True
+            text = f"R{address:02X} is read, and R14 has not been"
+            self._find(ds.STALE_READ, cycle, address, text)
         elif address not in _WRITES:
             self._note(address, -1)
 
@@ -191,6 +251,10 @@ class HostRegisters:
     def store(self, address: int, data: int, cycle: int) -> None:
         """A byte of storage; with the last one some registers take effect."""
         self._registers.put(address, data)
+        self._written.add(address)
+        self._jerked |= address in _JERK
+        if address in _PRESET:
+            self._hold(address, _PRESET)
         if address in _FINAL_POSITION:
             self._note_position(address, cycle)
         loaded = _LOADED.get(address)
@@ -243,6 +307,9 @@ class HostRegisters:
             if flag == ds.F0 and not registers.flag & ds.F1 and controls:
                 registers.flag |= ds.F2
         else:
+            if flag & ds.F5 and registers.flag & ds.F5 and registers.flag & ds.F2:
+                text = "F5 is cleared while F2 is 1: the axis is to stop in one sample"
+                self._find(ds.CLEARED_AT_SPEED, cycle, flag, text)
             registers.flag &= ~flag
             loop.drop(flag)
 
@@ -251,8 +318,17 @@ class HostRegisters:
         registers, loop = self._registers, self._loop
         if loop.state == STANDING and loop.request == ds.CONTROL_CODE:
             self._find(ds.TOO_EARLY, cycle, flag, "R00 is written before R05 = 03 is obeyed")
+        others = registers.flag & ds.MODE_FLAGS & ~flag
+        if others:
+            names = " and ".join(bit.name for bit in ds.FLAG_BITS if others & bit.mask)
+            name = next(bit.name for bit in ds.FLAG_BITS if flag & bit.mask)
+            self._find(ds.TWO_MODES, cycle, flag, f"{name} is set beside {names}")
         if flag != ds.F0:
             return
+        if not registers.feature & ds.S_CURVE and self._jerked:
+            text = "R55 and R54 have been written, and the profile is a trapezoid"
+            self._find(ds.JERK_UNUSED, cycle, 0, text)
+        self._jerked = False
         self._judge_position(cycle)
         fine = registers.feature & ds.HIGH_RESOLUTION
         low = registers.profile_velocity
@@ -306,12 +382,19 @@ class HostRegisters:
 
     def guard_outputs(self, cycle: int) -> None:
         """A motor command of the host's (MCP-MOD-4)."""
+        self._judge_output(cycle)
         self.guard()
+
+    def _judge_output(self, cycle: int) -> None:
+        if self._loop.state == CONTROL:
+            text = "a motor command is written in control mode, and lasts to the next sample"
+            self._find(ds.OUTPUT_IN_CONTROL, cycle, 0, text)
 
     def write_output_low(self, address: int, data: int, cycle: int) -> None:
         """Its low four bits."""
         # MCP-REG-40, MCP-REG-41: bits 3 to 0 read 0.
         self._registers.put(address, data & 0xF0)
+        self._judge_output(cycle)
         self.guard()
 
     def load_command_increment(self, cycle: int) -> None:
@@ -321,6 +404,7 @@ class HostRegisters:
     def write_command_position(self, address: int, data: int, cycle: int) -> None:
         """The last byte loads all three (MCP-REG-13)."""
         # MCP-REG-13: held until the last byte takes all three at once.
+        self._hold(address, ds.REGISTERS["COMMAND_POSITION"].addresses)
         if address == _COMMAND_MSB:
             self._held_msb = data
         elif address == _COMMAND_CSB:
@@ -329,6 +413,13 @@ class HostRegisters:
             value = self._held_msb << 16 | self._held_csb << 8 | data
             self._registers.command_position = sign_extend(value, 24)
             self._loop.command_written = True
+
+    def _hold(self, address: int, addresses: tuple[int, ...]) -> None:
+        """A byte of a register has come that waits for its last one."""
+        if address == addresses[-1]:
+            self._held.difference_update(addresses)
+        else:
+            self._held.add(address)
 
     def write_actual_position(self, address: int, data: int, cycle: int) -> None:
         """Any byte written to R13 clears the counter (MCP-REG-16)."""
@@ -357,14 +448,27 @@ class HostRegisters:
         """A point for the interpolation is there (MCP-INT-2)."""
         # MCP-INT-2: the three bytes as they are at this write, whatever is written before the
         # segment.
+        self._judge_point(ds.F3, ds.F4, cycle)
         self._loop.point = self._registers.final_position
         self._load(ds.F4)
 
     def load_velocity(self, cycle: int) -> None:
         """A velocity for the interpolation is there (MCP-INT-2)."""
         # MCP-INT-2: as with positions, R25 last.
+        self._judge_point(ds.F4, ds.F3, cycle)
         self._loop.velocity_point = self._registers.velocity
         self._load(ds.F3)
+
+    def _judge_point(self, own: i64, other: i64, cycle: int) -> None:
+        """Say so if a point takes another's place, or the interpolation is of another kind."""
+        modes = self._registers.flag & (ds.F3 | ds.F4)
+        name = "position" if own == ds.F3 else "velocity"
+        if modes == own and self._registers.capture_control & ds.INTERPOLATOR_BUSY:
+            text = f"a {name} is written while bit 7 of R03 is 1: the one before is lost"
+            self._find(ds.POINT_LOST, cycle, 0, text)
+        elif modes == other and self._loop.state == CONTROL:
+            text = f"a {name} is written while F{3 if other == ds.F3 else 4} is set"
+            self._find(ds.OTHER_POINT, cycle, 0, text)
 
     def _load(self, other: i64) -> None:
         """The interpolator is busy, unless the other interpolation runs (NOTES 12)."""

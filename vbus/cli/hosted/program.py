@@ -253,8 +253,10 @@ def run_beside(
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     outcome.look()
-    if _files(file, None):
+    if _files(file, None) and board.policy == "realtime":
         board.observe(outcome)
+    elif _files(file, None):
+        outcome.watch()
     with ExitStack() as stack:
         folder = stack.enter_context(private_runtime(unless_named=True))
         stack.enter_context(own_board(board.name))

@@ -214,7 +214,7 @@ def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
 
     def prepare(board: Board) -> None:
         outcomes.append(AxisOutcomes(board))
-        board.observe(outcomes[0])
+        outcomes[0].watch()
         try:
             begin(board, world)
         except ValueError as error:
