@@ -10,7 +10,7 @@ from vbus.client.link import BoardLink
 from vbus.core.errors import TransportError
 from vbus.core.kernel import NEVER
 from vbus.core.options import Value
-from vbus.faults.row import misfit
+from vbus.faults.row import LinkActs, misfit
 from vbus.faults.table import faults
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.host_limits import HostWatch
@@ -162,8 +162,8 @@ class InProcessLink(BoardLink):
         super().close()
 
 
-class InProcessFaults:
-    """Does faults of links to one in this process: see :class:`~vbus.faults.armed.LinkActs`.
+class InProcessFaults(LinkActs):
+    """Does faults of links to one in this process.
 
     Args:
         link: the link, ``host0``.
