@@ -11,7 +11,7 @@ from vbus.chips.mcp1200.encoder import EncoderChannels, Find, InputLevels, Posit
 from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.core.bits import sign_extend
 from vbus.core.signals import Rule
-from vbus.core.state import Names
+from vbus.core.state import Names, Saved
 
 # MCP-CAP-1, MCP-AMB-15: by the table, bits 4 and 1 enable, and bits 3 and 0 are latches that a 0
 # clears.
@@ -95,18 +95,14 @@ class HostRegisters:
         ask: takes what is written to R05, and when.
     """
 
-    STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
+    STATE: ClassVar[Names] = (
+        "_held_msb", "_held_csb", "_noted: set[i64]", "_position_bytes", "_late_bytes",
+        "_latched: bool", "_held: set[i64]", "_written: set[i64]", "_jerked: bool",
+    )  # fmt: skip
+    STATE_VERSION: ClassVar[int] = 2
     WIRING: ClassVar[Names] = (
         "_ask", "_channels", "_counter", "_find", "_inputs", "_loop", "_registers", "_timer",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = (
-        "_position_bytes",
-        "_late_bytes",
-        "_latched",
-        "_held",
-        "_written",
-        "_jerked",
-    )
 
     def __init__(
         self,
@@ -131,18 +127,17 @@ class HostRegisters:
         self._held_csb: int = 0
         self._noted: set[int] = set()
         self._position_bytes: int = 0
-        """Bytes of a final position written since F0 was set last, a bit each, whole at 7; like
-        the next no part of the saved state."""
+        """Bytes of a final position written since F0 was set last, a bit each, whole at 7."""
         self._late_bytes: int = 0
         """Those that were not written when it was set, although others were."""
         self._latched: bool = False
-        """R14 has been read, or R13 and R12 are known to be stale; no part of the saved state."""
+        """R14 has been read, or R13 and R12 are known to be stale."""
         self._held: set[int] = set()
-        """Bytes that wait for the last one, R0E or R17; no part of the saved state."""
+        """Bytes that wait for the last one, R0E or R17."""
         self._written: set[int] = set()
-        """Addresses of storage that have been written since a reset; the same."""
+        """Addresses of storage that have been written since a reset."""
         self._jerked: bool = False
-        """A jerk has been written, and no profile started since; the same."""
+        """A jerk has been written, and no profile started since."""
 
     def map(self, address: int) -> int:
         """Register a bus address selects: 6 bits of it, or 7 (MCP-BUS-9)."""
@@ -156,13 +151,13 @@ class HostRegisters:
         self._held.clear()
         self._written.clear()
 
-    def after_load(self) -> None:
-        """What the host did before a snapshot is not known: nothing is said of it."""
-        self._latched = True
-        self._jerked = False
-        self._held.clear()
-        for row in _PARTS:
-            self._written.update(row.addresses)
+    def migrate(self, version: int, saved: Saved) -> Saved:
+        """Version 1 had nothing of what a host leaves half done: nothing is said of it."""
+        parts = sorted({address for row in _PARTS for address in row.addresses})
+        return {
+            **saved, "_position_bytes": 0, "_late_bytes": 0, "_latched": True, "_held": [],
+            "_written": parts, "_jerked": False,
+        }  # fmt: skip
 
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return which bytes were written in vain, and which were left out."""
