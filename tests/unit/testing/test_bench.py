@@ -1,14 +1,16 @@
 """The boards of one test."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from vbus.core.errors import ConfigError
-from vbus.testing.bench import Bench
-from vbus.testing.limits import HostStuck, Limits
+from vbus.testing.bench import _NO_VARIANT, Bench
+from vbus.testing.boards import of_part
+from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits
 from vbus.testing.plugins.acceptance import Acceptance
 from vbus.views.findings.suppress import Suppression
 
@@ -64,3 +66,21 @@ def test_what_a_function_accepts_is_told_from_what_its_class_does(
 ) -> None:
     accepted = Acceptance(scope, Suppression("lm628", "", "known"), {test})
     assert accepted.of_function == of_function
+
+
+def test_a_failing_test_is_told_how_to_run_it_again() -> None:
+    for again, settings in (("", {}), (" --vbus-seed=7 --vbus-strict", {"seed": 7, "strict": True})):
+        failing = Bench("t.py::test_it", {}, [Path.cwd()], Path.cwd, **settings)
+        assert failing.failure_report().lines == [f"again:   pytest t.py::test_it{again}"]
+        failing.close()
+
+
+def test_chip_time_is_no_bound_where_it_passes_by_itself_unless_the_test_says_so() -> None:
+    for given, bound in ((BUDGET, UNBOUNDED), (replace(BUDGET, chip_time=5), 5)):
+        *_, budget = bench(given)._read("LM629N-8", {"rate": 1.0}, _NO_VARIANT)
+        assert budget.chip_time == bound
+
+
+def test_motors_of_a_part_with_several_axes_are_numbered_from_1() -> None:
+    text = of_part("MC1241A")
+    assert 'plants = ["motor1", "motor2"]' in text
