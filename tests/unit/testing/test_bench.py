@@ -69,7 +69,8 @@ def test_what_a_function_accepts_is_told_from_what_its_class_does(
 
 
 def test_a_failing_test_is_told_how_to_run_it_again() -> None:
-    for again, settings in (("", {}), (" --vbus-seed=7 --vbus-strict", {"seed": 7, "strict": True})):
+    of_both: dict[str, Any] = {"seed": 7, "strict": True}
+    for again, settings in (("", {}), (" --vbus-seed=7 --vbus-strict", of_both)):
         failing = Bench("t.py::test_it", {}, [Path.cwd()], Path.cwd, **settings)
         assert failing.failure_report().lines == [f"again:   pytest t.py::test_it{again}"]
         failing.close()
