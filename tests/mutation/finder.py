@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Final
+from typing import Any, Final, SupportsIndex
 
 SITE: Final = str(Path(__file__).with_name("site"))
 """Has a module that each Python imports when it starts, and that calls :func:`install`."""
@@ -53,8 +53,16 @@ class _Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_file_location(fullname, self._path, loader=loader)
 
 
+class _Finders(list[Any]):
+    """Keeps the first finder first: pytest puts the one that rewrites plugins before all others."""
+
+    def insert(self, index: SupportsIndex, finder: Any) -> None:
+        super().insert(max(index.__index__(), 1), finder)
+
+
 def install() -> None:
     """Mutate the module that the environment names, if it names one, in this process."""
     if named := os.environ.get(MUTATED):
         path, file, source = named.split(os.pathsep)
-        sys.meta_path.insert(0, _Finder(path, file, Path(source).read_text()))
+        first = _Finder(path, file, Path(source).read_text())
+        sys.meta_path = _Finders([first, *sys.meta_path])

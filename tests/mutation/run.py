@@ -50,10 +50,16 @@ TESTS: Final = ("tests/conformance", "tests/properties", "tests/reference", "tes
                 "tests/unit", "tests/nodes/test_machine.py", "tests/nodes/test_orders.py",
                 "tests/nodes/test_board_file.py", "tests/nodes/test_faults.py",
                 "tests/nodes/test_quiet_lines.py", "tests/nodes/test_recorded_host.py",
+                "tests/nodes/test_asked_for_parts.py", "tests/nodes/test_reports_together.py",
+                "tests/nodes/test_realtime.py", "tests/nodes/test_processes.py",
+                "tests/nodes/test_snapshot.py",
                 "tests/cpu", "tests/simulation/test_simulation.py", "tests/zenoh/test_session.py",
                 "tests/zenoh/test_bus.py", "tests/zenoh/test_exchange.py",
-                "tests/zenoh/test_posts.py", "tests/e2e/test_rfc2217.py",
-                "tests/e2e/test_report.py", "tests/e2e/test_metrics.py",
+                "tests/zenoh/test_posts.py", "tests/zenoh/test_security.py",
+                "tests/zenoh/test_watching.py", "tests/zenoh/test_message_faults.py",
+                "tests/e2e/test_rfc2217.py", "tests/e2e/test_report.py",
+                "tests/e2e/test_metrics.py", "tests/e2e/test_attach.py",
+                "tests/e2e/test_watching.py", "tests/e2e/test_control.py",
                 )  # fmt: skip
 LEFT_OUT: Final = (
     "tests/unit/native",

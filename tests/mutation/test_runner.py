@@ -357,12 +357,19 @@ def test_a_process_that_a_test_starts_has_the_mutant_too(tmp_path: Path) -> None
     place.write_text("UP = 5\n")
     (tmp_path / "mutant").write_text("UP = 6\n")
     root = RUN.parents[2]
-    paths = {"PYTHONPATH": os.pathsep.join((str(tmp_path), str(root), finder.SITE))}
+    paths = {"PYTHONPATH": os.pathsep.join((str(tmp_path), str(root), finder.SITE)),
+             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # fmt: skip
     names = os.pathsep.join((str(place), "toy/code.py", str(tmp_path / "mutant")))
-    ask = [sys.executable, "-c", "from toy import code; print(code.UP, code.__file__)"]
-    for env, up in (({}, 5), ({finder.MUTATED: names}, 6)):
-        done = subprocess.run(ask, env=paths | env, capture_output=True, text=True, check=True)
-        assert done.stdout == f"{up} {place}\n"
+    say = "from toy import code; print(code.UP, code.__file__)"
+    # A suite whose plug-in it is: pytest would rewrite that itself.
+    run = "import pytest; pytest.main(['--co', '-q', '-p', 'toy.code', 'toy']); "
+    for before in ("", run):
+        ask = [sys.executable, "-c", before + say]
+        for env, up in (({}, 5), ({finder.MUTATED: names}, 6)):
+            done = subprocess.run(
+                ask, cwd=tmp_path, env=paths | env, capture_output=True, text=True, check=True
+            )
+            assert done.stdout.splitlines()[-1] == f"{up} {place}"
 
 
 # -- which mutants there are ----------------------------------------------------------------------

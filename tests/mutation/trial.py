@@ -167,6 +167,8 @@ def _child(root: Path, task: Task, folder: str, answer: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 2))
     for number in (signal.SIGXCPU, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
+    # A terminal that a test opens becomes this session's, and is hung up with the test.
+    signal.signal(signal.SIGHUP, lambda *_: None)
     log = os.open(task.log or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     for stream in (1, 2):
         os.dup2(log, stream)

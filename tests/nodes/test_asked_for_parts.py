@@ -276,3 +276,17 @@ def test_of_several_refusals_that_which_is_no_consequence_is_told(
     monkeypatch.setattr("vbus.serve.registry.order", order)
     with pytest.raises(VbusError, match=r"^node b waits for its host$"):
         save_machine("m", {"a": {"others": {"b": "runs"}}}, tmp_path / "m.snap", True)
+
+
+def test_what_names_no_node_has_no_rank() -> None:
+    link = NodeLink("m", "abc", [0])
+    ranks = [link._rank(zenoh.KeyExpr(f"vbus/m/@nodes/{name}/alive")) for name in "cad"]
+    assert ranks == [2, 0, -1]
+
+
+def test_messages_are_held_back_for_up_to_so_many_milliseconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for given, seconds in (("7:30", 0.03), ("7", 0.02)):
+        monkeypatch.setenv(node_link.TEST_DISTURB, given)
+        assert NodeLink("m", "abc", [0])._longest == seconds

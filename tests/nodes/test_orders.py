@@ -100,6 +100,10 @@ def by_order(strobes: bool, step: int) -> tuple[Board, Seen]:
     return board, seen
 
 
+def counted(board: Board) -> list[tuple[int, int]]:
+    return [(chip.reads, chip.writes) for chip in board.chips]
+
+
 @pytest.mark.parametrize("strobes", [False, True])
 def test_an_order_is_the_cycle_a_host_would_make_at_that_instant(strobes: bool) -> None:
     host, seen = by_host(strobes)
@@ -109,6 +113,7 @@ def test_an_order_is_the_cycle_a_host_would_make_at_that_instant(strobes: bool) 
         assert found.cycles == seen.cycles
         assert sorted(found.edges) == sorted(seen.edges)
         assert [save(chip) for chip in ordered.chips] == [save(chip) for chip in host.chips]
+        assert counted(ordered) == counted(host)
 
 
 def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> None:
@@ -150,6 +155,11 @@ def test_a_pin_is_driven_at_its_instant_and_let_go() -> None:
     board.run_until(7 * US)
     assert net.value == 0
     board.run_until(9 * US)
+    assert net.value == 1
+    orders.give(Order(9 * US, ("m",), PIN, 0, 0, "/STOP"))
+    board.run_until(10 * US)
+    assert net.value == 0
+    orders.close()
     assert net.value == 1
 
 

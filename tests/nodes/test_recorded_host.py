@@ -88,8 +88,11 @@ def test_a_call_that_is_answered_at_once_has_no_limit_and_one_that_waits_has() -
         made.port.read(0)
     made.node.board.limit = END
     made.port.read(0)
-    limits = [(entry.op, entry.limit >= 0) for entry in made.entries() if entry.port >= 0]
-    assert limits[:4] == [("open", False), ("write", False), ("read", True), ("read", False)]
+    rows = [(entry.op, entry.limit >= 0, entry.error) for entry in made.entries()]
+    assert rows[:4] == [
+        ("open", False, 0), ("write", False, 0), ("read", True, 0x10000),
+        ("read", False, 0),
+    ]  # fmt: skip
 
 
 def test_orders_from_beyond_are_replayed_for_whom_they_were_given() -> None:

@@ -8,14 +8,18 @@ import pytest
 
 from tests.nodes.four_chips import BOARD, scenario
 from vbus.board.config import read_board_text
+from vbus.core.errors import VbusError
 from vbus.core.kernel import US
+from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
 from vbus.nodes.messages import NodeReport, Reports, decode, encode
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.nodes import timebase
 from vbus.serve.nodes.node_link import NodeLink
 from vbus.serve.nodes.peers import Group
 from vbus.serve.nodes.timebase import Timebase
+from vbus.serve.output_file import OutputFile
 
 FILE, SOURCE = read_board_text(BOARD)
 PLAN = plan_of(FILE)
@@ -67,7 +71,7 @@ async def run(bases: list[Timebase]) -> None:
         assert base.failure is None
 
 
-@pytest.mark.parametrize("groups", [["ab", "cd"], ["abc", "d"], ["a", "b", "c", "d"]])
+@pytest.mark.parametrize("groups", [["abcd"], ["ab", "cd"], ["abc", "d"], ["a", "b", "c", "d"]])
 def test_a_process_sends_one_message_a_round(groups: list[str]) -> None:
     machine = Machine(FILE, SOURCE, read_scenario(scenario(), "s", pins_of(FILE), US))
     machine.run()
@@ -115,3 +119,31 @@ def test_every_node_of_a_message_has_been_heard_of() -> None:
 
     others = asyncio.run(hear())
     assert (others["c"], others["d"]) == ("here", "here")
+
+
+def test_a_round_costs_what_lies_between_the_first_and_the_last() -> None:
+    base = Timebase(Group(PLAN), [conductor_of(FILE, SOURCE, node) for node in "ab"])
+    base._began, base._ended = 1.0, 1.5
+    for rounds, each in ((1, 0.0), (3, 250_000.0)):
+        base.rounds = 2 * rounds  # of both nodes
+        timing = base.figures()["timing"]
+        assert (timing["rounds"], timing["us_per_round"]) == (rounds, each)
+
+
+def test_a_snapshot_that_cannot_be_written_is_told_and_the_last_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Full:
+        def write(self, data: bytes, sync: bool) -> None:
+            raise VbusError("a.snap: No space left on device")
+
+    said: list[str] = []
+    conductors = [conductor_of(FILE, SOURCE, "a")]
+    base = Timebase(Group(PLAN, report=said.append), conductors, cast("OutputFile", Full()))
+    monkeypatch.setattr(Conductor, "save", lambda conductor: None)
+    monkeypatch.setattr(timebase, "write", lambda snapshot: b"")
+    base.write_snapshot(conductors[0])
+    assert said == ["a.snap: No space left on device; no more snapshots are written"]
+    assert base.lost == ["a.snap: No space left on device"]
+    base._keep_snapshot(conductors[0])
+    assert len(said) == 1

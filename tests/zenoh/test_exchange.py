@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.network import envelope
-from vbus.network.exchange import Exchange
+from vbus.network.exchange import MOST_STORED, Exchange
 
 MOST = 12
 
@@ -78,3 +78,34 @@ def test_what_waits_when_a_session_ends_is_refused() -> None:
     exchange.end("gone", "the board has stopped")
     exchange.take(3, 0, b"", lambda data: None, lambda *why: refused.append(why))
     assert refused == [("gone", "the board has stopped")] * 3
+
+
+def test_a_host_that_leaves_is_told_that_the_board_has_what_waits_for_its_turn() -> None:
+    answered: list[tuple[int, bytes]] = []
+    exchange = Exchange(lambda data: None)
+    for number in (0, 1, 2, 4):
+        exchange.take(
+            number,
+            0,
+            bytes([number]),
+            lambda data, n=number: answered.append((n, data)),
+            lambda *_: None,
+        )
+    assert exchange.missing(5) == "message 3 has"
+    assert exchange.missing(8) == "4 messages from 3 to 7 have"
+    assert exchange.leave() == [b"\1", b"\2"]
+    assert answered == [(0, b""), (1, b""), (2, b"")]
+    assert exchange.following == 3
+
+
+def test_the_oldest_replies_are_forgotten_when_they_are_too_many_bytes() -> None:
+    exchange = Exchange(lambda data: exchange.done(bytes(MOST_STORED // 2)))
+    replies: list[bytes] = []
+    refused: list[str] = []
+    for number in (0, 1, 2, 0, 2):
+        exchange.take(number, 0, b"", replies.append, lambda _, why: refused.append(why))
+    assert len(replies) == 4
+    assert refused == ["message 0 has been carried out; its reply is no longer stored"]
+    assert exchange.unacknowledged == MOST_STORED
+    exchange.take(3, 3, b"", replies.append, lambda *_: None)
+    assert exchange.unacknowledged == MOST_STORED // 2

@@ -226,13 +226,11 @@ class Orders:
         if order.kind == READ:
             for chip in chips:
                 chip.bus_net.value = chip.end_read()
-                chip.reads += 1
             self.board.meet(self.label, chips)
             return together(chips)
         for chip in chips:
             chip.write(order.address, order.data)
             chip.bus_net.value = order.data
-            chip.writes += 1
         return order.data
 
     def _done(self, number: int, order: Order, data: int) -> None:
@@ -241,10 +239,12 @@ class Orders:
         del self._orders[number]
         board.kernel.settle()
         write = order.kind == WRITE
-        if write:
-            board.writes += 1
-        else:
-            board.reads += 1
+        read = not write
+        board.reads += int(read)
+        board.writes += int(write)
+        for chip in map(board.chip, order.chips):
+            chip.reads += int(read)
+            chip.writes += int(write)
         if number in self._kept:
             self._kept.discard(number)
             self.results[number] = data

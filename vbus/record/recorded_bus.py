@@ -253,7 +253,7 @@ class RecordedBus(HostBus):
             return self._notes.call(self, "delay", [duration], HostBus.delay)
         try:
             passed = HostBus.delay(self, duration)
-        except (NotYet, PortError) as error:
+        except PortError as error:
             self._notes.refused(when, "delay", [duration], error)
             raise
         if passed:

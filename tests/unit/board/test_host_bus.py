@@ -702,3 +702,19 @@ def test_a_byte_that_changes_while_its_strobe_is_low_has_not_been_missed() -> No
     port.lines(mask["/RD"], mask["/RD"])
     assert (busy & 1, free & 1) == (1, 0)
     assert board.missed == {}
+
+
+def test_the_word_of_levels_has_the_first_32_outputs() -> None:
+    board = Board("bench", "lockstep")
+    for number in range(40):
+        board.add_chip(Toy, f"t{number}", "TOY", 8_000_000)
+    board.power_on()
+    host = board.open_port("host")
+    assert len(host.pins.outputs) > 32
+    changes = []
+    for output in host.pins.outputs[30:33]:
+        before = host.sample()[1]
+        output.drive(1 - output.level)
+        board.kernel.settle()
+        changes.append(before ^ host.sample()[1])
+    assert changes == [1 << 30, 1 << 31, 0]

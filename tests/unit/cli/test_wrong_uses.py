@@ -76,6 +76,8 @@ BOARDS = {
         ("run bench.toml --coverage x.pdf", 2, "a coverage file's name ends in one of .txt,"),
         ("run bench.toml --wave x.fst", 2, "x.fst: a waveform is a VCD file; its name ends in"),
         ("wave run.vbj -o x.fst", 2, "x.fst: a waveform is a VCD file; its name ends in .vcd"),
+        ("scope a b --sigrok 127.0.0.1:0", 2, "--sigrok is for one board, and these are 2"),
+        ("scope run.vbj run.vbj --control", 2, "--control is for one board, and these are 2"),
         ("scope run.vbj -o x.pdf", 2, "a page ends in .html, Foxglove's file in .mcap"),
         ("campaign --board bench.toml --host no.py:f", 2, "no file no.py; write FILE.py:FUNCTION"),
         ("campaign --board bench.toml --host f.py:mov", 2, 'did you mean "move"? it has move'),

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
+from vbus.client.lease import Lease
 from vbus.client.message import Event, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
 from vbus.core.errors import ProtocolError
@@ -285,3 +286,35 @@ def test_replies_may_come_in_any_pieces(sizes: list[int], count: int) -> None:
         pair.wire.feed(piece)
     assert [len(read.value) for read in reads] == list(range(1, count + 1))
     assert now.value == sum(range(1, count + 1)) * US
+
+
+def test_the_next_poll_is_answered_from_the_lease_that_came_with_a_read(pair: Pair) -> None:
+    pair.wire.cycles = [US]
+    message = Message(pair.port.info())
+    message.leases(True)
+    pair.exchange(message)
+    asked, known = Message(), Message()
+    read, poll = asked.read(0), known.read(0)
+    pair.exchange(asked)
+    assert pair.wire.known(known, None) == b""
+    assert poll.value == read.value
+
+
+def test_stamped_polls_are_one_run_as_long_as_no_stamp_goes_back() -> None:
+    lease = Lease(0, 0x80, now=0, until=100 * US, cycle=US)
+    lease.stamps = True
+    for stamp in (2 * US, 5 * US):
+        assert lease.takes(stamp)
+        lease.at(stamp)
+        assert lease.poll(0)
+        assert lease.stamp == -1
+    assert lease.run == [2 * US, 5 * US]
+    assert not lease.takes(4 * US)
+
+
+def test_a_message_with_a_request_behind_a_stamp_is_not_only_a_stamp() -> None:
+    message = Message()
+    message.at(US)
+    assert message.only_stamp
+    message.write(0, 1)
+    assert not message.only_stamp

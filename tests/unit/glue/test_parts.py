@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from vbus.chips.tables import PinRow
 from vbus.core.kernel import NS, Kernel
 from vbus.core.signals import Net, Pin, Z
+from vbus.glue.logic import enabled
 from vbus.glue.part import Glue, GluePart, bundled
 from vbus.glue.table import PARTS, ROWS
 
@@ -323,3 +324,11 @@ def test_every_row_has_pins_of_its_own_and_is_found_by_its_number() -> None:
         assert len(set(row.outputs)) == len(row.outputs)
         for block in row.blocks:
             assert set(block.follows) <= set(block.inputs)
+
+
+def test_each_of_eight_bits_is_enabled_by_its_own() -> None:
+    for bit in range(8):
+        levels = tuple(int(place == bit) for place in range(8))
+        for enable in range(8):
+            enables = tuple(int(place == enable) for place in range(8))
+            assert enabled((*levels, *enables), (), 0)[1] == (bit == enable)

@@ -81,3 +81,11 @@ def test_memory_that_cannot_be_locked_leaves_the_usual_class(
     ):
         Priority(7).take()
     assert classes == [(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, 7), (os.SCHED_OTHER, 0)]
+
+
+def test_a_process_is_bound_to_the_processor_it_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    bound: list[tuple[int, set[int]]] = []
+    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cpus: bound.append((pid, cpus)))
+    for cpu in (-1, 0, 3):
+        Priority(0, cpu).pin()
+    assert bound == [(0, {0}), (0, {3})]

@@ -3,12 +3,14 @@
 import json
 import socket
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.runtime import lock_state
+from vbus.serve import registry
 from vbus.serve.registry import answers, ask, name_path, own_board, socket_path
 from vbus.transports.runtime import NameLock
 
@@ -55,4 +57,31 @@ def test_a_board_answers_with_what_it_tells_of_itself() -> None:
         board.start()
         assert ask(path) == {"board": "bench"}
         assert answers("bench")
+        board.join()
+
+
+def test_a_board_that_answers_byte_by_byte_is_given_up_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.2)
+    path, over = socket_path("bench"), threading.Event()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        path.chmod(0o600)
+        listener.listen()
+
+        def serve() -> None:
+            link, _ = listener.accept()
+            with link, suppress(OSError):
+                link.sendall((1000).to_bytes(4, "little"))
+                for _ in range(200):
+                    link.sendall(b" ")
+                    if over.wait(0.05):
+                        return
+
+        board = threading.Thread(target=serve)
+        board.start()
+        with pytest.raises(TransportError, match=r"does not answer \(timed out\)"):
+            ask(path)
+        over.set()
         board.join()

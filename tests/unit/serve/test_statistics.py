@@ -1,5 +1,8 @@
 """Histograms of integers in fixed buckets."""
 
+from typing import Any
+
+from vbus.serve.metrics import _families
 from vbus.serve.nodes.realtime_nodes import BOUNDS_NS
 from vbus.serve.time.statistics import LAG_PS, ROUND_TRIP_NS, Histogram
 
@@ -51,3 +54,14 @@ def test_the_buckets_reach_from_a_microsecond_to_half_a_second_and_to_five() -> 
     ):
         assert (bounds[0], bounds[-1]) == (first, last)
         assert list(bounds) == sorted({*bounds})
+
+
+def test_picoseconds_are_shown_as_seconds() -> None:
+    times = ("time_ps", "time_left_ps", "slipped_ps", "worst_lag_ps")
+    statistics: dict[str, Any] = {"links": [], "chips": [], "violations": {}, "overload": 2}
+    statistics |= dict.fromkeys(times, 3 * 10**12)
+    shown = {one.name: one.samples[0].value for one in _families("b", statistics) if one.samples}
+    assert shown == {
+        "vbus_chip_time_seconds": 3.0, "vbus_chip_time_left_seconds": 3.0,
+        "vbus_slipped_seconds": 3.0, "vbus_overload_ratio": 2.0, "vbus_worst_lag_seconds": 3.0,
+    }  # fmt: skip

@@ -493,3 +493,18 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
     outcomes = result.parseoutcomes()
     assert (outcomes["passed"], outcomes["errors"]) == (3, 1)
     assert outcomes["failed"] == 2
+
+
+def test_a_host_that_hangs_is_told_what_its_chip_has_and_what_it_has_not_ended() -> None:
+    watch, bus = moving("lockstep", Limits(polls=500))
+    before = watch.progress
+    for address, data in ((0, 0x1E), (1, 0), (1, 8), (1, 0), (1, 5)):  # kp 5, and no UDF
+        bus.write(address, data)
+        bus.delay("100us")
+    assert watch.progress[0] == before[0] + 5
+    assert watch.progress[1] > before[1]
+    with pytest.raises(HostStuck):
+        polled(bus, 900_000, 0)
+    (values,) = [line for line in watch.details if line.startswith("x has ")]
+    assert "real 0" in values
+    assert [line for line in watch.details if line.startswith("x notes lm628.")]

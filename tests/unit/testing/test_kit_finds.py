@@ -85,6 +85,16 @@ class NeverReady(LM628):
         return 1 << 60
 
 
+class Timeless(LM628):
+    @property
+    def cycle_ps(self) -> int:
+        return 0
+
+    @cycle_ps.setter
+    def cycle_ps(self, duration: int) -> None:
+        """Take nothing."""
+
+
 class Strobed(LM628):
     def write(self, address: int, data: int) -> None:
         super().write(address, data ^ bool(self.bus_net.observers))
@@ -118,6 +128,7 @@ def test_a_sound_chip_passes() -> None:
         (Late, "due\\(OUTPUT\\) promises too much"),
         (Past, "due\\(OUTPUT\\) gave .* it must lie ahead"),
         (NeverReady, "it never becomes ready"),
+        (Timeless, "x: cycle_ps is 0: how long is a bus cycle"),
         (Strobed, "played as strobes on its pins, the same bus cycles differ"),
     ],
 )

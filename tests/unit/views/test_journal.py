@@ -213,6 +213,33 @@ def test_an_entry_of_a_kind_that_is_not_known_is_refused(moved: bytes) -> None:
         read(journal)
 
 
+def test_a_read_that_was_neither_answered_nor_refused_is_no_entry(moved: bytes) -> None:
+    head = header_block(read(moved)[0])
+    for error in (0, 2):
+        row = [CODE["read"], [[0], None, error, -1], 0, 1]
+        journal = head + rows_block(0, b"\xc0\0", row)
+        if error:
+            assert read(journal)[1][0].error == error
+        else:
+            with pytest.raises(JournalError, match="neither data nor a refusal"):
+                read(journal)
+
+
+def test_a_copy_of_a_journal_that_goes_on_has_an_end_of_its_own() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file, LM629)
+    port = board.open_port("h")
+    port.read(0)
+    ending = journal.ending()
+    _, copied = read(file.getvalue() + ending)
+    assert [entry.op for entry in copied] == ["open", "read", "end"]
+    assert copied[-1].args[0] == 2
+    port.read(0)
+    journal.close()
+    assert [entry.op for entry in read(file.getvalue())[1]] == ["open", "read", "read", "end"]
+
+
 class _Full(io.RawIOBase):
     """A disk with room for some bytes, that takes them a few at a time."""
 
@@ -289,6 +316,7 @@ def test_closing_twice_is_closing_once_and_ports_are_plain_again() -> None:
     journal.close()
     size = len(file.getvalue())
     journal.close()
+    assert journal not in board.listeners
     port = board.open_port("h")
     port.read(0)
     journal.flush()
@@ -352,6 +380,13 @@ def test_cycles_that_follow_each_other_are_one_word_and_the_same_again_is_counte
     # The next block begins with a whole cycle, counted from the end of the last one.
     rows.cycle(0, 0x0084, 15, 17)
     assert rows.take() == (bytes.fromhex("C000"), [0, 0x84, 0, 2])
+
+
+def test_addresses_of_up_to_six_bits_fit_a_word() -> None:
+    rows = JournalRows(lambda: None)
+    for number, word in enumerate((0x0084, 0x7E55, 0x8055)):
+        rows.cycle(0, word, 2 * number, 2 * number + 2)
+    assert rows.take()[0] == bytes.fromhex("C000 7E55 C000")
 
 
 def test_a_block_is_compressed() -> None:

@@ -8,6 +8,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.frames import FrameReader, frame
+from vbus.protocols.port import PortError
 from vbus.protocols.requests import REQUESTS
 from vbus.protocols.text import TextProtocol
 from vbus.serve.attach.far_port import FarPort
@@ -186,3 +187,14 @@ def test_a_cards_addresses_are_refused_in_words() -> None:
     assert b"FAIL a card's addresses are decoded by the board's own links" in Host(
         TextProtocol
     ).ask(b"inb 0x340\n")
+
+
+def test_a_pin_without_its_chip_is_that_of_the_selected_one() -> None:
+    far = Host(TextProtocol)
+    far.ask(b"names\nselect y\n")
+    assert far.port.pin_number("/RST") == far.port.pin_number("y./RST")
+    far.ask(b"select x y\n")
+    with pytest.raises(PortError, match=r"'/RST' is a pin of several chips; there are x\./RST, x"):
+        far.port.pin_number("/RST")
+    with pytest.raises(PortError, match=r"no pin '/RESET'; there are x\./RST"):
+        far.port.pin_number("/RESET")

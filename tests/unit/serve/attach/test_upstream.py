@@ -4,8 +4,10 @@ import asyncio
 import os
 import socket
 from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
 
+from tests.unit.fake_port import FakePort
 from vbus.core.errors import TransportError
 from vbus.serve.attach.meter import Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
@@ -15,6 +17,7 @@ from vbus.serve.loop import HostLoop
 from vbus.serve.session import Serving, SpinTurn
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.time_source import TimeSource
+from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink
 
 
@@ -171,3 +174,17 @@ def test_a_board_waits_for_a_host_that_does_not_read() -> None:
         disconnects.close()
 
     run(test)
+
+
+def test_where_time_is_a_boards_elsewhere_no_host_waits_for_one_that_has_gone() -> None:
+    waits = DetachedWaits(TimeSource())
+    gone: Any = SimpleNamespace(port=FakePort())
+    waits.under_way.append(gone)
+    assert waits.passing
+    let_in: list[Link] = []
+    near, far = socket.socketpair()
+    link = SocketLink(near, "x")
+    waits.admit(link, let_in.append)
+    assert let_in == [link]
+    link.close()
+    far.close()

@@ -1,0 +1,87 @@
+"""The boards of one test."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vbus.core.errors import ConfigError
+from vbus.testing.bench import _NO_VARIANT, Bench
+from vbus.testing.boards import of_part
+from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits
+from vbus.testing.plugins.acceptance import Acceptance
+from vbus.views.findings.suppress import Suppression
+
+
+def bench(budget: Limits | None = None, **keywords: Any) -> Bench:
+    return Bench("test", keywords, [Path.cwd()], Path.cwd, budget=budget or Limits())
+
+
+@pytest.fixture
+def plain() -> Iterator[Bench]:
+    made = bench()
+    yield made
+    made.close()
+
+
+def test_the_board_that_a_test_names_comes_before_that_of_its_fixture(plain: Bench) -> None:
+    named = bench(board="LM628N-6")
+    assert [chip.part for chip in named.main("LM629N-8").board.chips] == ["LM628N-6"]
+    named.close()
+    assert [chip.part for chip in plain.main("LM629N-8").board.chips] == ["LM629N-8"]
+
+
+def test_one_more_board_takes_no_keyword_that_is_none(plain: Bench) -> None:
+    with pytest.raises(ConfigError, match="unknown keyword 'bord'; allowed are board, "):
+        plain.make("LM629N-8", bord=1)
+
+
+def test_a_host_that_was_ended_may_put_its_machine_in_order_when_its_test_is_over() -> None:
+    hung = bench(Limits(cycles=5))
+    bus = hung.chip("LM629N-8").bus
+    for _ in range(5):
+        bus.read(0)
+    with pytest.raises(HostStuck):
+        bus.read(0)
+    with pytest.raises(HostStuck):
+        bus.read(0)
+    hung.relent()
+    bus.read(0)
+    hung.close()
+
+
+@pytest.mark.parametrize(
+    ("scope", "test", "of_function"),
+    [
+        ("t.py::TestA::test_b", "t.py::TestA::test_b", True),
+        ("t.py::TestA::test_b", "t.py::TestA::test_b[1]", True),
+        ("t.py::TestA", "t.py::TestA::test_b", False),
+        ("t.py", "t.py::TestA::test_b", False),
+    ],
+)
+def test_what_a_function_accepts_is_told_from_what_its_class_does(
+    scope: str, test: str, of_function: bool
+) -> None:
+    accepted = Acceptance(scope, Suppression("lm628", "", "known"), {test})
+    assert accepted.of_function == of_function
+
+
+def test_a_failing_test_is_told_how_to_run_it_again() -> None:
+    of_both: dict[str, Any] = {"seed": 7, "strict": True}
+    for again, settings in (("", {}), (" --vbus-seed=7 --vbus-strict", of_both)):
+        failing = Bench("t.py::test_it", {}, [Path.cwd()], Path.cwd, **settings)
+        assert failing.failure_report().lines == [f"again:   pytest t.py::test_it{again}"]
+        failing.close()
+
+
+def test_chip_time_is_no_bound_where_it_passes_by_itself_unless_the_test_says_so() -> None:
+    for given, bound in ((BUDGET, UNBOUNDED), (replace(BUDGET, chip_time=5), 5)):
+        *_, budget = bench(given)._read("LM629N-8", {"rate": 1.0}, _NO_VARIANT)
+        assert budget.chip_time == bound
+
+
+def test_motors_of_a_part_with_several_axes_are_numbered_from_1() -> None:
+    text = of_part("MC1241A")
+    assert 'plants = ["motor1", "motor2"]' in text
