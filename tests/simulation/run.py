@@ -63,8 +63,9 @@ SECOND_CHIP: Final = (
 CHIPS: Final = (LM + DC, MCP + DC, MC + STEPPER, LM + DC + SECOND_CHIP)
 POLICIES: Final = ("lockstep", "realtime", "slaved")
 PLACE: Final = network_session.Network(grace_seconds=0.05)
-STEPS: Final = 30_000
-"""Looks of the event loop after which a run is taken for one that does not end."""
+STEPS: Final = 300_000
+"""Looks of the event loop after which a run is taken for one that does not end. A host that wants
+each edge of a PWM output is told 400,000 a second: seed 6716 looks 93,149 times."""
 LINK_FAULTS: Final = ("link_dead", "link_closed")
 PATIENCE_NS: Final = 20 * 10**9
 """How long the last requests may take."""
