@@ -200,3 +200,28 @@ def test_a_data_read_held_by_hand_shows_one_byte_after_whole_cycles(
     assert data.value == shown
     host.lines(strobes, strobes)
     assert {level for when, level in seen if when > from_now} <= {shown}
+
+
+@pytest.mark.parametrize("looks", [False, True])
+def test_what_a_chip_set_finds_by_itself_comes_before_what_its_host_does_later(looks: bool) -> None:
+    """A journal has findings in one order, whoever has looked at the board."""
+    board = load_board_text(
+        '[board]\nname = "b"\ntime = "lockstep"\npower_on = "done"\n[chips.x]\npart = "MC1241A"\n'
+        'clock = "25 MHz"\nplants = ["none", "none"]\n'
+    )
+    host = board.open_port("host", ["x"])
+    select, write, command = (
+        1 << host.line_number(name) for name in ("~HostSlct", "~HostWrite", "HostCmd")
+    )
+    host.lines(select | command, command)
+    host.drive(0xA1)  # no command
+    for level in (0, write):
+        host.delay(US)
+        host.lines(write, level)
+    board.kernel.run_until(board.now + MS)
+    if looks:
+        board.catch_up()
+    board.kernel.run_until(board.now + MS)
+    host.let_go()
+    found = [violation.rule for violation in board.violations]
+    assert found == ["mc1241a.illegal-command", "mc1241a.T6"]
