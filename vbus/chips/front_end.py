@@ -82,6 +82,7 @@ class BusFrontEnd:
 
     def moved(self) -> None:
         """One or more control lines have moved at this instant."""
+        self._chip.advance()  # what the chip finds by now comes before what its host does now
         batch = self._chip.kernel.batch
         before: i64 = self._seen
         # The first look in a batch: the levels before it are what the nets say.

@@ -149,15 +149,23 @@ def test_a_clash_that_stands_when_a_state_is_loaded_is_found_and_told_to_nobody(
     assert not net.clashing
 
 
+def changes(board: Board) -> list[tuple[int, int]]:
+    """Return the list to which each change of D0-D7 is added from now on, with its instant.
+
+    A bus that is observed has whole cycles as strobes, and is given back to the hand after them.
+    """
+    seen: list[tuple[int, int]] = []
+    taker = EdgeTaker(lambda when, _, level: seen.append((when, level)))
+    board.chip("x").data_pin.net.observe(taker)
+    return seen
+
+
 @pytest.mark.parametrize("looks", [0, 3])
 def test_a_read_held_by_hand_shows_changes_at_their_instants_after_whole_cycles(looks: int) -> None:
     """The status byte is live (LM-BUS-3), with /RD held low by hand before a cycle and after it."""
     board = load_board_text(TWO)
     host = board.open_port("host", ["x"])
-    seen: list[tuple[int, int]] = []
-    # A bus that is observed has the cycles as strobes, and is given back to the hand after them.
-    data = board.chip("x").data_pin.net
-    data.observe(EdgeTaker(lambda when, _, level: seen.append((when, level))))
+    seen = changes(board)
     board.run_for(MS)
     host.lines(0b0111, 0b0000)  # /CS, /PS and /RD
     host.write(0, 0x1E)
@@ -182,9 +190,7 @@ def test_a_data_read_held_by_hand_shows_one_byte_after_whole_cycles(
     """A data byte stands while /RD is low (LM-BUS-3); both strobes at once give FFh (LM-BUS-4)."""
     board = load_board_text(TWO)
     host = board.open_port("host", ["x"])
-    seen: list[tuple[int, int]] = []
-    data = board.chip("x").data_pin.net
-    data.observe(EdgeTaker(lambda when, _, level: seen.append((when, level))))
+    seen = changes(board)
     board.run_for(MS)
     host.lines(0b0001 | strobes, 0b0000)  # /CS and strobes, of the data port
     host.write(0, 0x0B)  # RDRP: a reply whose first byte is 00H
@@ -197,7 +203,7 @@ def test_a_data_read_held_by_hand_shows_one_byte_after_whole_cycles(
         board.catch_up()
     board.run_for((3 - looks) * MS)
     shown = 0xFF if strobes == 0b1100 else 0x00
-    assert data.value == shown
+    assert board.chip("x").bus_net.value == shown
     host.lines(strobes, strobes)
     assert {level for when, level in seen if when > from_now} <= {shown}
 

@@ -73,7 +73,6 @@ class AdapterPins(BusFrontEnd):
 
     def edges(self, before: i64, after: i64) -> None:
         """Note which lines have fallen; carry out what comes of it."""
-        self._chip.advance()  # what the chip finds by now comes before what its host does now
         now, fell = self._chip.kernel.now, before & ~after
         if fell & _SELECT:
             self._select_fell = now

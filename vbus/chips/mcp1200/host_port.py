@@ -19,7 +19,8 @@ _STORED_CAPTURE_BITS: Final = (
     ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
 )
 _CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
-_COMMAND_MSB, _COMMAND_CSB = ds.REGISTERS["COMMAND_POSITION"].addresses[:2]
+_COMMAND: Final = ds.REGISTERS["COMMAND_POSITION"].addresses
+_COMMAND_MSB, _COMMAND_CSB = _COMMAND[:2]
 _FINAL_POSITION: Final = ds.REGISTERS["FINAL_POSITION"].addresses
 _SATURATION: Final = ds.REGISTERS["SATURATION"].low
 _PRESET: Final = ds.REGISTERS["PRESET_POSITION"].addresses
@@ -79,6 +80,14 @@ class Writes:
     def after_load(self) -> None:
         """Find out when the first of them becomes visible."""
         self.due = self._waiting[0][0] if self._waiting else FAR
+
+
+def _registers(addresses: list[int]) -> str:
+    return " and ".join(f"R{address:02X}" for address in addresses)
+
+
+def _flags(flags: int) -> str:
+    return " and ".join(bit.name for bit in ds.FLAG_BITS if flags & bit.mask)
 
 
 class HostRegisters:
@@ -163,21 +172,19 @@ class HostRegisters:
         """Return which bytes were written in vain, and which were left out."""
         found = []
         if self._held:
-            names = " and ".join(f"R{address:02X}" for address in sorted(self._held))
             last = "R0E" if _COMMAND_MSB in self._held or _COMMAND_CSB in self._held else "R17"
-            found.append((ds.LEFT_HELD, f"{names} wait for a byte written to {last}"))
+            text = f"{_registers(sorted(self._held))} wait for a byte written to {last}"
+            found.append((ds.LEFT_HELD, text))
         for row in _PARTS:
             missing = [byte for byte in row.addresses if byte not in self._written]
             if 0 < len(missing) < len(row.addresses):
-                names = " and ".join(f"R{address:02X}" for address in missing)
-                text = f"of {row.name} {names} have not been written since a reset"
+                text = f"of {row.name} {_registers(missing)} have not been written since a reset"
                 found.append((ds.PART_VALUE, text))
         flags = self._registers.flag & ds.MODE_FLAGS
         # After an error it is the chip that has gone to idle mode.
         stands = ds.ERROR_FLAGS & ~int(self._registers.status)
         if flags and self._loop.state == STANDING and not stands:
-            names = " and ".join(bit.name for bit in ds.FLAG_BITS if flags & bit.mask)
-            found.append((ds.FLAG_LEFT, f"in idle mode at the end: {names}"))
+            found.append((ds.FLAG_LEFT, f"in idle mode at the end: {_flags(flags)}"))
         return found
 
     def read(self, address: int, cycle: int) -> int:
@@ -315,9 +322,8 @@ class HostRegisters:
             self._find(ds.TOO_EARLY, cycle, flag, "R00 is written before R05 = 03 is obeyed")
         others = registers.flag & ds.MODE_FLAGS & ~flag
         if others:
-            names = " and ".join(bit.name for bit in ds.FLAG_BITS if others & bit.mask)
-            name = next(bit.name for bit in ds.FLAG_BITS if flag & bit.mask)
-            self._find(ds.TWO_MODES, cycle, flag, f"{name} is set beside {names}")
+            text = f"{_flags(flag)} is set beside {_flags(others)}"
+            self._find(ds.TWO_MODES, cycle, flag, text)
         if flag != ds.F0:
             return
         if not registers.feature & ds.S_CURVE and self._jerked:
@@ -377,20 +383,16 @@ class HostRegisters:
 
     def guard_outputs(self, cycle: int) -> None:
         """A motor command of the host's (MCP-MOD-4)."""
-        self._judge_output(cycle)
-        self.guard()
-
-    def _judge_output(self, cycle: int) -> None:
         if self._loop.state == CONTROL:
             text = "a motor command is written in control mode, and lasts to the next sample"
             self._find(ds.OUTPUT_IN_CONTROL, cycle, 0, text)
+        self.guard()
 
     def write_output_low(self, address: int, data: int, cycle: int) -> None:
         """Its low four bits."""
         # MCP-REG-40, MCP-REG-41: bits 3 to 0 read 0.
         self._registers.put(address, data & 0xF0)
-        self._judge_output(cycle)
-        self.guard()
+        self.guard_outputs(cycle)
 
     def load_command_increment(self, cycle: int) -> None:
         """One written while BUSY is high counts in the next sample (NOTES 2)."""
@@ -399,7 +401,7 @@ class HostRegisters:
     def write_command_position(self, address: int, data: int, cycle: int) -> None:
         """The last byte loads all three (MCP-REG-13)."""
         # MCP-REG-13: held until the last byte takes all three at once.
-        self._hold(address, ds.REGISTERS["COMMAND_POSITION"].addresses)
+        self._hold(address, _COMMAND)
         if address == _COMMAND_MSB:
             self._held_msb = data
         elif address == _COMMAND_CSB:
