@@ -72,7 +72,6 @@ REASONS: dict[str, str] = {
     "vbus/views/scope/lane.py": HELD,
     "vbus/serve/fast_path.py": ROUND,
     "vbus/serve/session.py": ROUND,
-    "vbus/serve/time/time_source.py": BASE,
     "vbus/serve/time/statistics.py": "a session's histogram takes each message",
     "vbus/serve/time/pacer.py": ROUND,
     "vbus/core/signals/axis.py": BASE,

@@ -10,6 +10,7 @@ compiled core.
 
 import argparse
 import io
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -20,13 +21,15 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import core
-from in_process import board, moving_lm629
+from in_process import board, moving_lm629, moving_mc1241a, moving_mcp1200
 
 from benchmarks import journal
 from tests.unit.views.plain_recorder import recorded
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.cli import journal_lines
+from vbus.client import wire
+from vbus.client.message import Message
 from vbus.compiled import is_compiled
 from vbus.core.kernel import SECOND, US
 from vbus.core.signals import Observer
@@ -36,6 +39,8 @@ from vbus.record.journal import Journal
 from vbus.record.recorded_bus import RecordedBus
 from vbus.record.replay import Replay
 from vbus.record.view import Sessions, show
+from vbus.serve.loop import HostLoop
+from vbus.views.wave.wave import Wave
 
 LEAST = 1.3
 SPREAD_S = 2.0
@@ -59,6 +64,17 @@ class Way:
     work: str
     test: str
     make: Callable[[], tuple[Work, Work]]
+
+
+def unobserved() -> tuple[Work, Work]:
+    """A read: its two decisive instants alone; as edges, which an observer sees."""
+    ways = []
+    for played in (False, True):
+        made = board("LM629")
+        if played:
+            made.watch("x./CS", Observer())
+        ways.append(partial(made.open_port("bench").read, 0))
+    return ways[0], ways[1]
 
 
 def through_glue() -> tuple[Work, Work]:
@@ -136,6 +152,16 @@ def explained() -> tuple[Work, Work]:
     return fast, plain
 
 
+def waved(every: bool) -> Work:
+    """Polls in a waveform, each decoded once; every one decoded."""
+    made = board("LM629")
+    port, wave = made.open_port("bench"), Wave(made, io.StringIO())
+    for decoder in wave._stream.decoders.values() if every else ():
+        decoder.APART = frozenset()
+    wave.start()
+    return partial(reads, port)
+
+
 def lengths(count: int) -> Work:
     """Periods of some lengths by turns: two are known; of more, none."""
     motor = DcMotor()
@@ -149,18 +175,59 @@ def lengths(count: int) -> Work:
     return work
 
 
-def at_rest() -> tuple[Work, Work]:
+def at_rest(chip: str, moving: Callable[[], Board], period: int) -> tuple[Work, Work]:
     """A chip at rest is left alone: for a second; for samples one by one, as one that moves."""
-    rest, moves = board("LM629"), moving_lm629()
+    rest, moves = board(chip), moving()
     for made in (rest, moves):
         made.run_for(SECOND)
         made.catch_up()
 
     def run(made: Board) -> None:
-        made.run_for(256 * US * 1000)
+        made.run_for(period * 1000)
         made.catch_up()
 
     return partial(run, rest), partial(run, moves)
+
+
+def replied(code: int) -> Work:
+    """Replies to reads, as the client takes them."""
+    session, reply = wire.SessionWire(), b"D\x80" * 64
+
+    def work() -> None:
+        kept, wire._DATA = wire._DATA, code  # type: ignore[misc]
+        message = Message()
+        for _ in range(64):
+            message.read(0)
+        session.send(message)
+        session.feed(reply)
+        wire._DATA = kept  # type: ignore[misc]
+
+    return work
+
+
+def served(direct: bool) -> Work:
+    """Messages of one descriptor: by direct readers; by the event loop's own."""
+    loop, (one, other) = HostLoop(), socket.socketpair()
+    left = 0
+
+    def message() -> None:
+        nonlocal left
+        one.recv(8)
+        left -= 1
+        if left:
+            other.send(b"\x10")
+        else:
+            loop.call_soon(loop.stop)
+
+    (loop.add_direct_reader if direct else loop.add_reader)(one.fileno(), message)
+
+    def work() -> None:
+        nonlocal left
+        left = 256
+        other.send(b"\x10")
+        loop.run_forever()
+
+    return work
 
 
 def both(make: Callable[[type[HostBus]], Work]) -> tuple[Work, Work]:
@@ -168,11 +235,22 @@ def both(make: Callable[[type[HostBus]], Work]) -> tuple[Work, Work]:
     return make(RecordedBus), make(recorded(HostBus))
 
 
+_REST = "properties/test_rest.py"
 _RECORDER = "unit/views/test_recorder.py"
 _REPLAY = "unit/views/test_replay.py, frozen"
 WAYS = (
-    Way("chips/base.py", "a chip at rest, left alone for 1000 samples", "differential, frozen",
-        at_rest),
+    Way("board/host_bus.py", "a read that nothing observes", "properties/test_watched.py",
+        unobserved),
+    Way("lm628/chip.py", "an LM629 at rest for 1000 samples", _REST,
+        lambda: at_rest("LM629", moving_lm629, 256 * US)),
+    Way("mcp1200/axis.py", "an MCP-1200 at rest for 1000 samples", _REST,
+        lambda: at_rest("MCP-1200", moving_mcp1200, 520 * US)),
+    Way("mc1241a/cycle.py", "an MC1241A at rest for 1000 cycles", _REST,
+        lambda: at_rest("MC1241A", moving_mc1241a, 542_720_000)),
+    Way("serve/fast_path.py", "256 messages of a descriptor", "unit/serve/test_loop.py",
+        lambda: (served(True), served(False))),
+    Way("client/wire.py", "64 reads asked and answered", "unit/client/test_wire.py",
+        lambda: (replied(ord("D")), replied(-1))),
     Way("board/card/card_path.py", "a read through a 74HC138", "properties/test_cards.py",
         through_glue),
     Way("board/host_polls.py", "polls of a lease", "unit/board/test_leases.py",
@@ -184,6 +262,8 @@ WAYS = (
     Way("record/again.py", "polls played again", _REPLAY, lambda: replayed(journal.polls)),
     Way("record/again.py", "a driver played again", _REPLAY,
         lambda: replayed(journal.moves)),
+    Way("views/wave/changes.py", "polls in a waveform", "unit/views/test_wave.py",
+        lambda: (waved(False), waved(True))),
     Way("cli/journal_lines.py", "a driver's journal explained",
         "unit/cli/test_journal_lines.py", explained),
 )  # fmt: skip

@@ -16,6 +16,7 @@ from tests.clauses import Clause, read_clauses, stale, unknown, untested
 from tests.waiting import PATIENCE
 from vbus.client import aio, connect
 from vbus.compiled import core, is_compiled, why
+from vbus.serve import registry
 
 # A run repeats, on every machine. HYPOTHESIS_PROFILE=search looks for examples nobody has seen.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -43,7 +44,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # A background job of a shell: the programs under test would not hear Ctrl-C either.
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    # The 5 s of a host that says nothing are too few where the machine is busy.
+    # The 5 s of a host that says nothing are too few where the machine is busy, and the 2 s in
+    # which a board tells of itself.
+    registry.ANSWER_SECONDS = PATIENCE  # type: ignore[misc]
     for connects in (connect, aio.connect):
         connects.__defaults__ = (PATIENCE, *connects.__defaults__[1:])
     config.pluginmanager.register(repeat)

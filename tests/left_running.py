@@ -1,7 +1,8 @@
 """A test stops what it starts: a process that still runs when the test is over fails that test.
 
 Python warns of such a process when it finds the garbage, which may be in any later test. A process
-that has ended by then is waited for here: nobody is blamed for it.
+that has ended by then, or ends soon, is waited for here: nobody is blamed for it, however busy the
+machine is.
 """
 
 import subprocess
@@ -9,6 +10,9 @@ from collections.abc import Generator
 from typing import Any
 
 import pytest
+
+ENDING = 30.0
+"""Seconds after which a process was not told to end."""
 
 _started: list["subprocess.Popen[Any]"] = []
 _failed = pytest.StashKey[bool]()
@@ -21,6 +25,14 @@ def _noted(self: "subprocess.Popen[Any]", *words: Any, **options: Any) -> None:
 
 
 subprocess.Popen.__init__ = _noted  # type: ignore[method-assign]
+
+
+def _ends(process: "subprocess.Popen[Any]") -> bool:
+    try:
+        process.wait(ENDING)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 @pytest.hookimpl(wrapper=True)
@@ -36,7 +48,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, None, None]:
     yield
-    left = [process for process in _started if process.poll() is None]
+    left = [process for process in _started if not _ends(process)]
     _started.clear()
     for process in left:
         process.kill()

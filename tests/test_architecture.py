@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -184,6 +185,63 @@ def test_no_imports_run_in_circles() -> None:
         for name, path in modules.items()
     }
     TopologicalSorter(graph).prepare()  # raises CycleError, which names a circle
+
+
+PRIVATE = re.compile("_[^_]")
+OF_OTHERS = {
+    "_asdict", "_replace",  # of every NamedTuple, which has no other names for them
+    "_current_frames", "_selector", "_uch",  # of Python, and of unicorn past its slow Python
+    "_WAITS", "_connect",  # of a client's bus: its public names are the calls that users have
+}  # fmt: skip
+
+
+@cache
+def private_names(kind: ast.ClassDef) -> set[str]:
+    """Return the private names of a class: its methods, its own attributes and its objects'."""
+    names = {node.name for node in kind.body if isinstance(node, ast.FunctionDef)}
+    names |= {node.name for node in kind.body if isinstance(node, ast.AsyncFunctionDef)}
+    for node in ast.walk(kind):
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            names |= {node.attr} if ast.unparse(node.value) in ("self", "cls") else set()
+    for node in kind.body:
+        targets = getattr(node, "targets", [getattr(node, "target", node)])
+        names |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return {name for name in names if PRIVATE.match(name)}
+
+
+def test_a_private_name_stays_in_its_file() -> None:
+    """Subclasses elsewhere are given names without underscore, and so is everybody else."""
+    trees = {path: ast.parse(path.read_text()) for path in FILES}
+    kinds: dict[str, list[tuple[Path, ast.ClassDef]]] = {}
+    for path, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                kinds.setdefault(node.name, []).append((path, node))
+
+    def bases(kind: ast.ClassDef) -> Iterator[tuple[Path, ast.ClassDef]]:
+        for base in kind.bases:
+            for found in kinds.get(ast.unparse(base).partition("[")[0].rpartition(".")[2], ()):
+                yield found
+                yield from bases(found[1])
+
+    wrong = []
+    for path, tree in trees.items():
+        mine: set[str] = set(OF_OTHERS)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                own = private_names(node)
+                mine |= own
+                used = {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}
+                theirs = {name for there, base in bases(node) if there != path
+                          for name in private_names(base)} - OF_OTHERS  # fmt: skip
+                wrong += [f"{path}: {node.name}: {name}" for name in (used | own) & theirs]
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and PRIVATE.match(node.attr):
+                if node.attr not in mine:
+                    wrong.append(f"{path}:{node.lineno}: {ast.unparse(node)}")
+            elif isinstance(node, ast.ImportFrom):
+                wrong += [f"{path}: {one.name}" for one in node.names if PRIVATE.match(one.name)]
+    assert wrong == []
 
 
 def late_words(kind: ast.ClassDef) -> Iterator[str]:

@@ -17,11 +17,9 @@ def main() -> None:
             from vbus.cli.cli import main as run
 
             keep_what_is_made()
+        run()
     except KeyboardInterrupt:
-        from vbus.core.exit_codes import INTERRUPTED
-
-        sys.exit(INTERRUPTED)
-    run()
+        sys.exit(130)  # INTERRUPTED of exit_codes: no import here, which a second one would end
 
 
 if __name__ == "__main__":

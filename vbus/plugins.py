@@ -12,8 +12,9 @@ from typing import Final, TypeVar
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
 from vbus.core.entry_points import EntryPoint, installed
-from vbus.core.errors import PluginError
+from vbus.core.errors import ConfigError, PluginError
 from vbus.core.signals import Plant
+from vbus.core.values.settings import among
 
 CHIPS: Final = "vbus.chips"
 PLANTS: Final = "vbus.plants"
@@ -23,7 +24,7 @@ TRANSPORTS: Final = "vbus.transports"
 _LOADED: Final[dict[EntryPoint, Family]] = {}
 """Families by entry point, once they are loaded."""
 
-_Part = TypeVar("_Part", Chip, Plant)
+_Part = TypeVar("_Part")
 _KINDS: Final = {
     CHIPS: "part",
     PLANTS: "plant model",
@@ -74,29 +75,18 @@ def load(group: str, name: str) -> object:
     """Return what is registered in ``group`` under ``name``, imported now if need be.
 
     Raises:
-        PluginError: nothing is, or it cannot be imported; names the distribution and the reason.
+        ConfigError: nothing is.
+        PluginError: it cannot be imported; names the distribution and the reason.
     """
     entry = _entries(group).get(name)
     if entry is None:
-        raise PluginError(f'unknown {_KINDS[group]} "{name}"; {known(group, name)}')
+        raise ConfigError(f'unknown {_KINDS[group]} "{name}"; {known(group, name)}')
     return _import(entry, group)
 
 
 def known(group: str, name: str) -> str:
     """Return the end of a message about an unknown ``name``: the likely one, and all there are."""
-    return _likely(name, names(group), most=1)
-
-
-def _likely(name: str, everything: list[str], most: int = 3) -> str:
-    from difflib import get_close_matches
-
-    close = get_close_matches(name, everything, n=most)
-    if not close:
-        folded = {item.upper(): item for item in everything}
-        close = [folded[item] for item in get_close_matches(name.upper(), folded, n=most)]
-    quoted = " or ".join(f'"{item}"' for item in close)
-    hint = f"did you mean {quoted}? " if close else ""
-    return f"{hint}known are {', '.join(everything)}"
+    return among(name, names(group), "known are")
 
 
 def _parts() -> list[str]:
@@ -126,11 +116,12 @@ def family_of(part: str) -> Family:
     :class:`~vbus.chips.family.Family`, or a chip class: a family of which nothing else is known.
 
     Raises:
-        PluginError: no name fits, the entry point is broken, or it is neither.
+        ConfigError: no name fits.
+        PluginError: the entry point is broken, or it is neither.
     """
     fitting = [name for name in _entries(CHIPS) if part.startswith(name)]
     if not fitting:
-        raise PluginError(f'unknown part "{part}"; {_likely(part, _parts())}')
+        raise ConfigError(f'unknown part "{part}"; {among(part, _parts(), "known are", most=3)}')
     return _family(max(fitting, key=len))
 
 
@@ -177,6 +168,7 @@ def chip_class(part: str) -> type[Chip]:
     """Return the class behind a part number.
 
     Raises:
+        ConfigError: no name fits.
         PluginError: as :func:`family_of`, or the class cannot be imported.
     """
     return chip_of(family_of(part))
@@ -211,19 +203,29 @@ def plant_class(model: str) -> type[Plant]:
     """Return the class behind a plant model, such as ``"dc_motor"`` or ``"fmu:gantry.fmu"``.
 
     Raises:
-        PluginError: the name is unknown, the entry point is broken, it is not a plant, or a file is
-            named and the model has none.
+        ConfigError: the name is unknown, or a file is named and the model has none.
+        PluginError: the entry point is broken, or it is not a plant.
     """
     name, colon, _ = model.partition(":")
-    found = _checked(PLANTS, name, load(PLANTS, name), Plant)
+    found = class_of(PLANTS, name, Plant)
     if colon and not has_file(found):
-        raise PluginError(f'plant model "{name}" has no file; write model = "{name}"')
+        raise ConfigError(f'plant model "{name}" has no file; write model = "{name}"')
     return found
 
 
 def has_file(model: type[Plant]) -> bool:
     """Whether a plant model is written with a file, as in ``"fmu:gantry.fmu"``."""
     return any(option.name == "file" for option in model.OPTIONS)
+
+
+def class_of(group: str, name: str, base: type[_Part]) -> type[_Part]:
+    """Return the class that is registered in ``group`` under ``name``.
+
+    Raises:
+        ConfigError: nothing is.
+        PluginError: it cannot be imported, or is no subclass of ``base``.
+    """
+    return _checked(group, name, load(group, name), base)
 
 
 def _checked(group: str, name: str, found: object, base: type[_Part]) -> type[_Part]:

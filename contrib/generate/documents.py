@@ -1,18 +1,13 @@
 """Fills the generated tables of documentation pages."""
 
-import ast
-import inspect
 import re
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 
 from contrib.generate.marks import fill, filled
 from vbus.cli.generate.layout import ROOT, table
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, PayloadLayout, Request
 from vbus.protocols.text import VERBS
-from vbus.transports import states
 from vbus.transports.states import CLOSED, SESSION, TERMINAL, States
 
 
@@ -51,25 +46,10 @@ def text_protocol() -> str:
 
 
 def architecture() -> str:
-    """Return the page about the architecture with the states of sessions and terminals."""
+    """Return the page about the architecture with the states of sessions and terminals drawn."""
     page = (ROOT / "ARCHITECTURE.md").read_text()
-    figure = ["```mermaid", "stateDiagram-v2", *_drawn(SESSION), *_drawn(TERMINAL), "```", ""]
-    rows = SESSION.rows + TERMINAL.rows
-    parts = {"state": [one for row in rows for one in row[::2]], "event": [row[1] for row in rows]}
-    for what, names in parts.items():
-        rows_of = [(name, text) for name, text in constants(states) if name in names]
-        figure += [*table((what, "what it is"), rows_of), ""]
-    return fill(page, "sessions", figure[:-1])
-
-
-def constants(module: ModuleType) -> Iterator[tuple[str, str]]:
-    """Yield the text constants of a module, each with the docstring behind it."""
-    for line, doc in pairwise(ast.parse(inspect.getsource(module)).body):
-        if isinstance(line, ast.AnnAssign) and isinstance(doc, ast.Expr):
-            # From the module, not the tree: a constant may be computed.
-            value = getattr(module, ast.unparse(line.target))
-            if isinstance(value, str):
-                yield value, " ".join(ast.literal_eval(doc.value).split())
+    figure = ["```mermaid", "stateDiagram-v2", *_drawn(SESSION), *_drawn(TERMINAL), "```"]
+    return fill(page, "sessions", figure)
 
 
 def _drawn(machine: States) -> Iterator[str]:

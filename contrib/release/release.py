@@ -34,7 +34,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TAG = re.compile(r"v(\d+\.\d+\.\d+(?:(?:a|b|rc)\d+)?)")
 HEADING = re.compile(r"^## (\S+) \(([^)]+)\)$", re.MULTILINE)
-VERSION = re.compile(r'^__version__: Final = "([^"]+)"$', re.MULTILINE)
+VERSION = re.compile(r'^__version__ = "([^"]+)"$', re.MULTILINE)
 MADE = frozenset({"PKG-INFO"})
 """What a source distribution has besides what git tracks."""
 
@@ -76,7 +76,7 @@ def check(tag: str) -> str:
 
 def stamp(version: str, path: Path) -> None:
     """Write a version into the file that has it."""
-    text, count = VERSION.subn(f'__version__: Final = "{version}"', path.read_text())
+    text, count = VERSION.subn(f'__version__ = "{version}"', path.read_text())
     if count != 1:
         raise Wrong(f"{path} has no line for the version")
     path.write_text(text)

@@ -40,7 +40,7 @@ def run(board_text: str, driver: str) -> dict[str, str]:
     except VbusError as error:
         return {"printed": f"{error}\n", "hash": "", "page": ""}
     board.start_trace()
-    board.observe(HostWatch(board, BUDGET))
+    HostWatch(board, BUDGET)
     recorder = Recorder(board, edges=True)
     recorder.start()
     with contextlib.redirect_stdout(printed):

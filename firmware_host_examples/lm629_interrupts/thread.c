@@ -18,7 +18,7 @@ static void *serve(void *data)
     int file = *(int *)data, turn;
     uint32_t number, on = 1;
 
-    for (turn = 0; turn < MOVES; turn++) {
+    for (turn = 0; turn < MOVES;) {
         if (write(file, &on, sizeof on) != sizeof on
             || read(file, &number, sizeof number) != sizeof number) {
             perror("/dev/uio0");
@@ -26,6 +26,11 @@ static void *serve(void *data)
         }
         pthread_mutex_lock(&mutex);
         status = lm629_status(&card);
+        if (!(status & LM629_TRAJECTORY_COMPLETE)) { /* the line has moved, and no move has ended */
+            pthread_mutex_unlock(&mutex);
+            continue;
+        }
+        turn++;
         check(lm629_clear_flags(&card, LM629_TRAJECTORY_COMPLETE), "RSTI");
         while (lm629_status(&card) & LM629_BUSY)
             ; /* then the line is down, and may be enabled again */

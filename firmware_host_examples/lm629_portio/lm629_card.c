@@ -16,8 +16,8 @@
 #define LFIL_ALL 0x000F /* kp, ki, kd and il follow */
 #define LTRJ_ALL 0x002A /* acceleration, velocity and position follow, all absolute */
 
-/* A read of an ISA port takes a microsecond, busy at 8 MHz some 15 of them. */
-#define BUSY_POLLS 30
+/* A read of an ISA port takes a microsecond; busy takes some 15 of them at 8 MHz, and 100 at most. */
+#define BUSY_POLLS 150
 #define RESETS 5
 
 static void pause_us(long us)

@@ -291,6 +291,6 @@ def test_a_chip_on_the_card_is_wired_by_port_bits_wholly_or_not_at_all() -> None
     with pytest.raises(ConfigError) as told:
         load_board_text(text)
     assert (
-        'pinmaps.mega: "x" cannot be reached: /WR not wired; wire each to a port bit, or tie it'
+        'pinmaps.mega: "x" cannot be reached: /WR is not wired; wire each to a port bit, or tie it'
         ' with "low" or "high", or leave out all of its bus: a card reaches it, too'
     ) in str(told.value)

@@ -37,7 +37,7 @@ def link(folder: Path) -> Iterator[str]:
     assert board.wait(timeout=60) == 0
     os.kill(pid, signal.SIGTERM)
     until(lambda: not Path(f"/proc/{pid}").exists(), "the end of the scope")
-    board.communicate(timeout=30)
+    board.communicate(timeout=60)
 
 
 class Hand:
@@ -50,7 +50,7 @@ class Hand:
         """Wait until the page says so."""
         from playwright.sync_api import expect
 
-        expect(self.page.locator(f"#{where}")).to_contain_text(text, timeout=30_000)
+        expect(self.page.locator(f"#{where}")).to_contain_text(text, timeout=60_000)
 
     def step(self, by: str, what: str) -> None:
         self.page.select_option("#step-by", by)

@@ -39,6 +39,12 @@ with connect(os.environ["VBUS_LINK"]) as bus:
         axis.move(target, acc=40, vel=2 << 16)
 """
 LINE = re.compile(r"scope: (\S+) +\(process (\d+)\)$")
+HAS = """\
+([name, last]) => {
+  const lane = scope.lane(name);
+  return lane?.rows && Number(lane.instant(lane.rows - 1)) >= last;
+}
+"""
 ROWS = """\
 (name) => {
   const lane = scope.lane(name);
@@ -71,19 +77,12 @@ def ran(*arguments: str | Path) -> Iterator[str]:
         process.communicate(timeout=60)
 
 
-def opened(new_page: Open, link: str) -> Any:
-    """Open a page late; return it once it has all there is."""
+def opened(new_page: Open, link: str, enough: str) -> Any:
+    """Open a page late; return it once it has what is enough."""
     time.sleep(LATE)
     page = new_page()
     page.goto(link)
-    until(lambda: page.evaluate("window.scope && scope.state.now > 0n"), page.content)
-    seen = []
-
-    def rests() -> bool:
-        seen.append(page.evaluate("String([scope.state.now, scope.state.total])"))
-        return seen[-3:] == [seen[-1]] * 3
-
-    until(rests, lambda: str(seen[-3:]))
+    until(lambda: page.evaluate(f"window.scope && {enough}"), page.content)
     return page
 
 
@@ -95,13 +94,14 @@ def test_what_a_program_did_is_drawn_with_all_its_samples(
     board.write_text(AXIS.format(time=time_policy, model="dc_motor"))
     (tmp_path / "move.py").write_text(MOVE)
     program = ("--", sys.executable, tmp_path / "move.py")
+    lanes = ("desired", "real", "error", "profile", "output", "current")
     with ran("exec", "--board", board, "--journal", journal, "--scope", *program) as link:
-        page = opened(new_page, link)
-        lanes = ("desired", "real", "error", "profile", "output", "current")
+        assert vbus("scope", journal, "-o", tmp_path / "run.html").returncode == 0
+        recorded = of_page((tmp_path / "run.html").read_bytes())
+        last = {f"x.{name}": recorded.rows[f"x.{name}"][-1][0] for name in lanes}
+        page = opened(new_page, link, f"Object.entries({json.dumps(last)}).every({HAS})")
         shown = {name: page.evaluate(ROWS, f"x.{name}") for name in lanes}
         left_out = page.evaluate("scope.lane('left out').rows")
-    assert vbus("scope", journal, "-o", tmp_path / "run.html").returncode == 0
-    recorded = of_page((tmp_path / "run.html").read_bytes())
     assert left_out == 0
     for name in lanes:
         scale = next(
@@ -118,7 +118,7 @@ def test_what_a_program_did_is_drawn_with_all_its_samples(
 
 def test_a_demo_is_drawn_with_all_its_samples(new_page: Open) -> None:
     with ran("demo", "lm629", "--headless", "--scope") as link:
-        page = opened(new_page, link)
+        page = opened(new_page, link, "scope.lane('x.desired')?.rows > 1000")
         instants = [at for at, _ in page.evaluate(ROWS, "x.desired")]
     steps = [after - before for before, after in itertools.pairwise(instants)]
     assert len(steps) > 1000

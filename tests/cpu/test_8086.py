@@ -9,6 +9,7 @@ import pytest
 from tests.boards import AXIS
 from tests.cpu.conftest import EXAMPLES, build, ended
 from tests.firmware import run_cpu
+from vbus.core import exit_codes
 from vbus.core.errors import ConfigError, ProgramError
 
 FOLDER = EXAMPLES / "mc1241a_dos"
@@ -126,6 +127,44 @@ end_:   """
         + END
     )
     assert run(tmp_path, capfd, program(tmp_path, body)) == (10, "", "")
+
+
+LETS_IN = {
+    "sti": ("cli\n call wait_\n sti\n", 1),  # the instruction after STI comes before
+    "popf": ("pushf\n cli\n call wait_\n popf\n", 0),
+    "iret": ("mov dx, masked\n mov ax, 2560h\n int 21h\n int 60h\n", 0),
+}
+
+
+@pytest.mark.parametrize("name", LETS_IN)
+def test_a_request_that_waits_comes_as_soon_as_it_may(
+    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    lets_in, before = LETS_IN[name]
+    body = f"""mov dx, isr
+        mov ax, 2508h
+        int 21h
+        xor bx, bx
+        {lets_in}
+        inc bl
+        inc bl
+        inc bl
+        mov al, [came]
+        {END}
+masked: call wait_
+        iret
+wait_:  mov cx, 0       ; 65,536 times, in which the timer ticks
+        loop $
+        ret
+isr:    mov [came], bl
+        iret
+came:   db 99"""
+    assert run(tmp_path, capfd, program(tmp_path, body)) == (before, "", "")
+
+
+def test_the_bios_prints_a_character(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    body = "mov ax, 0E21h\n int 10h\n mov al, 4\n"
+    assert run(tmp_path, capfd, program(tmp_path, body + END)) == (4, "!\n", "")
 
 
 def test_a_request_whose_line_falls_before_it_is_served_is_forgotten(
@@ -277,7 +316,7 @@ def test_a_program_of_another_kind_is_refused(data: bytes, message: str, tmp_pat
     (tmp_path / "x.com").write_bytes(data)
     with pytest.raises(ProgramError, match=message) as refused:
         run_cpu("8086", str(tmp_path / "x.com"), str(BOARD))
-    assert not refused.value.missing
+    assert refused.value.exit_code == exit_codes.NOT_RUNNABLE
     with pytest.raises(ProgramError, match="is no DOS program"):
         run_cpu("8086", sys.executable, str(BOARD))
 

@@ -244,12 +244,20 @@ int main(void) {
     assert bench.run(body, vectors) == (0, "svc pendsv\nbefore used\n", "")
 
 
-def test_a_pin_interrupts_and_a_timer_counts_and_interrupts(bench: Bench) -> None:
+# Of AFIO the register that gives the line its port, and the port; bit and interrupt of the line.
+LINES = {"PA5": (0x4001000C, 0, 5, 23), "PB0": (0x40010008, 1, 0, 6)}
+
+
+@pytest.mark.parametrize("pin", LINES)
+def test_a_pin_interrupts_and_a_timer_counts_and_interrupts(pin: str, bench: Bench) -> None:
+    bench.board = BOARD.replace("PA5", pin)
+    choice, port, line, number = LINES[pin]
     body = (
-        READ
+        f"#define LINE (1 << {line})\n#define CHOICE R({choice})\n#define PORT {port}\n"
+        f"#define NUMBER {number}\n{READ}"
         + """
 static volatile uint32_t edges, updates;
-void pin(void) { R(0x40010414) = 1 << 5; edges++; }
+void pin(void) { R(0x40010414) = LINE; edges++; }
 void timer(void) { R(0x40000010) = 0; updates++; }
 static void idle(void) { while (status() & 1) ; }
 static void out(unsigned ps, unsigned byte) { idle();
@@ -257,8 +265,8 @@ static void out(unsigned ps, unsigned byte) { idle();
     R(GPIOB + 12) = byte << 8; R(GPIOB + 4) = 0x33333333;
     R(GPIOA + 0x10) = 9; R(GPIOB + 4) = 0x44444444; }
 int main(void) {
-    begin(); R(0x4001000C) = 0; R(0x40010408) = 1 << 5; R(0x40010400) = 1 << 5;
-    R(0xE000E100) = 1 << 23 | 1 << 28;
+    begin(); CHOICE = PORT; R(0x40010408) = LINE; R(0x40010400) = LINE;
+    R(0xE000E100) = 1 << NUMBER | 1 << 28;
     R(0x40000028) = 71; R(0x4000002C) = 999; R(0x40000014) = 1; R(0x40000010) = 0;
     R(0x4000000C) = 1; R(0x40000000) = 1;
     while (updates < 3) __asm__ volatile("wfi");
@@ -269,7 +277,7 @@ int main(void) {
     while (!edges) __asm__ volatile("wfi");
     number(edges); number(status() & 4); return 0; }"""
     )
-    vectors = "[16 + 23] = (void *)pin, [16 + 28] = (void *)timer"
+    vectors = f"[16 + {number}] = (void *)pin, [16 + 28] = (void *)timer"
     code, out, err = bench.run(body, vectors)
     assert (code, out, err) == (0, "1\n1\n4\n", "")
 
@@ -348,6 +356,35 @@ def test_registers_hold_what_those_of_the_part_do_after_a_reset(bench: Bench, sp
         f"if (R({at:#x}) != {value:#x}) number({at:#x});" for at, value in RESETS[spec].items()
     )
     assert bench.run(f"int main(void) {{ {on} {wrong} return 0; }}", spec=spec) == (0, "", "")
+
+
+COMMON = {"TIM2": 28, "TIM3": 29, "TIM4": 30, "TIM5": 50, "TIM6": 54, "TIM7": 55, "TIM1": 25,
+          "TIM8": 44, "USART1": 37, "USART2": 38, "USART3": 39, "UART4": 52,
+          "UART5": 53}  # fmt: skip
+OF_F4 = {"TIM9": 24, "TIM10": 25, "TIM11": 26, "TIM12": 43, "TIM13": 44, "TIM14": 45,
+         "USART6": 71}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "more"), [("stm32f1", {}), ("stm32f4", OF_F4)])
+def test_interrupts_have_the_numbers_of_the_vector_table(name: str, more: dict[str, int]) -> None:
+    from vbus.cpu.dma import Dma4
+    from vbus.cpu.stm32 import FAMILIES
+
+    family = FAMILIES[name]  # vector tables of RM0008 and RM0090
+    rows = {**family.timers, **family.uarts}
+    assert {row: number for row, (_, number) in rows.items()} == COMMON | more
+    assert Dma4.VECTORS == (11, 12, 13, 14, 15, 16, 17, 47)
+
+
+@pytest.mark.parametrize("name", ["stm32f1", "stm32f4"])
+def test_each_peripheral_has_a_kilobyte_of_its_own(name: str) -> None:
+    from vbus.cpu.stm32 import FAMILIES
+
+    family = FAMILIES[name]
+    rows = {**family.timers, **family.uarts, **family.storage}
+    bases = [*family.named.values(), *(base for base, _ in rows.values())]
+    assert not [base for base in bases if base % 0x400]
+    assert len(set(bases)) == len(bases)
 
 
 def test_a_timer_counts_at_the_clock_of_its_bus(bench: Bench) -> None:

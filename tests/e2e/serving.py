@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from tests.waiting import PATIENCE
 from vbus.board.board import Board
 from vbus.serve.server import LinkSpec, ServedRun, Server
 
@@ -20,7 +21,7 @@ def served(board: Board, *links: LinkSpec, stall: str = "catch_up") -> Iterator[
 
     def run() -> None:
         try:
-            loop.run_until_complete(ServedRun([server]).serve(stop, ready.set))
+            loop.run_until_complete(ServedRun([server], patience=PATIENCE).serve(stop, ready.set))
         except BaseException as error:
             failure.append(error)
         finally:

@@ -2,11 +2,12 @@
 
 import os
 import select
+import signal
 import socket
 import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -106,7 +107,7 @@ def test_hosts_of_a_socket_have_a_session_each_and_claims_hold_between_them(runt
         assert select.select(hosts[1:], [], [], 0.2)[0] == []
         hosts[0].close()  # lets the claim go
         (first,), _, _ = select.select(hosts[1:], [], [], 60)
-        assert first.recv(9) == b"C\x01D\x07"
+        assert first.recv(4, socket.MSG_WAITALL) == b"C\x01D\x07"
 
 
 def test_a_host_that_sends_no_more_gets_all_its_answers(runtime: Path) -> None:
@@ -297,6 +298,31 @@ def test_the_command_is_listed_tells_how_far_the_board_is_and_is_stopped(runtime
         assert (process.returncode, errors) == (0, "")
         assert told.splitlines()[-1] == listed[3].strip()
         assert any("round trips" in line for line in told.splitlines()[:-1])
+
+
+def test_the_command_goes_on_where_nobody_reads_what_it_says(runtime: Path) -> None:
+    with served(toy_board("far"), FAR["unix"]) as server:
+        process = start("attach", link_of(server), "--pty", "axis")
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert any(line.startswith("ready") for line in process.stdout)
+        process.stderr.close()
+        process.stderr = None
+        fd = open_raw(runtime / "axis")
+        os.write(fd, ECHO.pack(1))
+        assert read_exactly(fd, 2) == b"E\x01"
+    # Its board has gone: it says so, and hangs up.
+    with suppress(OSError):  # so a terminal may say it
+        assert os.read(fd, 1) == b""
+    os.close(fd)
+    until(lambda: not (runtime / "axis").exists(), "its link goes")
+    with served(toy_board("far"), FAR["unix"]):
+        until((runtime / "axis").exists, "its link is back")
+        with connect(f"pty:{runtime}/axis") as bus:
+            assert bus.info.board == "far"
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        assert process.returncode == 0
 
 
 @pytest.mark.parametrize(

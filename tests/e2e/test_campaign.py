@@ -11,6 +11,7 @@ import pytest
 from tests.boards import BENCH
 from tests.e2e.command import vbus
 from tests.left_out import require
+from tests.waiting import until
 
 BOARD = BENCH.replace("/x", "/other.sock")
 
@@ -155,10 +156,84 @@ def test_a_driver_that_looks_detects_what_a_driver_that_does_not_look_passes_ove
 ) -> None:
     host = script(board, LOADS)
     world = ("campaign", "--board", board, "--world", "cycle:x.1:flip7")
-    assert vbus(*world, "--", sys.executable, host).returncode == 0
+    done = vbus(*world, "--", sys.executable, host)
+    assert done.returncode == 0
+    assert "vbus: silent, with a finding: x status byte is" in done.stderr
     done = vbus(*world, "--", sys.executable, host, "looks")
     assert done.returncode == 1
-    assert "was no command" in done.stderr
+    assert "vbus: detected: exit code 1: 1Eh was no command" in done.stderr
+    says = script(board, "print('ready')\n" + LOADS.replace("sys.exit(", "print("))
+    done = vbus(*world, "--failed", "no command", "--", sys.executable, says, "looks")
+    assert done.returncode == 1
+    assert "vbus: detected: exit code 1" in done.stderr
+
+
+def test_a_world_that_does_not_come_about_is_told(board: Path) -> None:
+    host = script(board, LOADS)
+    done = vbus(
+        "campaign", "--board", board, "--world", "cycle:x.99:lost", "--", sys.executable, host
+    )
+    assert done.returncode == 0
+    assert "no effect: nothing was broken: the run ended before cycle 99" in done.stderr
+
+
+def test_results_are_of_one_function_and_of_its_modules(board: Path) -> None:
+    module = board.with_name("gains.py")
+    module.write_text("KP = 44\n")
+    host = script(
+        board,
+        "import gains\n"
+        "def loads(bus, check=False):\n"
+        "    for address, data in ((0, 0x1E), (1, 0), (1, 8), (1, 1), (1, gains.KP), (0, 4)):\n"
+        "        bus.write(address, data)\n"
+        "        bus.delay('100us')\n"
+        "        assert not (check and bus.read(0) & 2)\n"
+        "def looks(bus):\n"
+        "    loads(bus, True)\n",
+    )
+    results = board.with_name("a.json")
+
+    def runs(name: str, only: str = "cycle") -> str:
+        done = vbus("campaign", "--board", board, "--host", f"{host}:{name}", "--only", only,
+                    "--worlds", "6", "--json", results)  # fmt: skip
+        return done.stderr.partition(" runs in ")[0]
+
+    assert [runs("loads"), runs("loads"), runs("looks"), runs("loads")] == [
+        "vbus: 6", "vbus: 0", "vbus: 6", "vbus: 6",
+    ]  # fmt: skip
+    keys = json.loads(results.read_text())["keys"]
+    assert (keys != [], runs("loads", "phase")) == (True, "vbus: 6")
+    # What other dimensions have come to stays in a baseline.
+    assert json.loads(results.read_text())["keys"] == keys
+    module.write_text("KP = 45\n")
+    assert runs("loads") == "vbus: 6"
+
+
+def test_processes_of_a_campaign_die_with_it(board: Path) -> None:
+    """However it ends: a worker that waits for work has no pipe that closes."""
+    host = script(board, "def host(bus):\n bus.reads(0, 200)\n")
+    words = [sys.executable, "-m", "vbus", "campaign", "-j", "2", "--board", str(board), "--host"]
+    null = subprocess.DEVNULL
+    with subprocess.Popen([*words, f"{host}:host"], stdout=null, stderr=null) as campaign:
+        listed = Path(f"/proc/{campaign.pid}/task/{campaign.pid}/children")
+        until(lambda: len(listed.read_text().split()) == 2, "the processes of the campaign")
+        workers = [Path(f"/proc/{pid}") for pid in listed.read_text().split()]
+        campaign.kill()
+    until(lambda: not any(worker.exists() for worker in workers), "their end")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--board", "b.toml", "--", "pytest", "tests"], "each test says its board"),
+        (["--board", "b.toml", "--", "python3", "-m", "pytest"], "each test says its board"),
+        (["--", "python3", "test_x.py"], "name a board with --board, or run: vbus campaign --"),
+    ],
+)
+def test_pytest_is_known_by_its_words(words: list[str], message: str) -> None:
+    done = vbus("campaign", *words)
+    assert done.returncode == 2
+    assert message in done.stderr
 
 
 def test_a_program_whose_threads_are_right_in_one_order_alone_is_found(board: Path) -> None:
@@ -205,7 +280,16 @@ def test_a_fault_of_links_is_tried_where_its_run_repeats(board: Path) -> None:
         (["--world", "threads:program:order7"], 3, "only threads of a program with a card"),
         (["--journal", "x"], 2, "--journal goes with --world"),
         (["--json", "x", "--world", "cycle:x.1:lost"], 2, "--json goes with a campaign"),
+        (["--seed", "0", "--world", "cycle:x.1:lost"], 2, "--seed goes with a campaign"),
+        (["-j", "2", "--world", "cycle:x.1:lost"], 2, "--jobs goes with a campaign"),
+        (["--baseline", "x", "--world", "cycle:x.1:lost"], 2, "--baseline goes with a campaign"),
+        (["--for", "0m"], 2, "no run ends in no time"),
+        (["--only", "cycle", "--phases", "4"], 2, "--phases is for the dimension phase"),
+        (["--json", "x", "--baseline", "./x"], 2, "x: this campaign reads it"),
+        (["--page", "host.py"], 2, "give what is written another file"),
         (["--for", "5 weeks"], 2, "is no duration"),
+        (["--for", "1us"], 1, "no world was tried: --for was over after the reference runs"),
+        (["--only", "threads"], 1, "no world was tried: none applies here"),
         (["--baseline", "host.py"], 1, "is no file of vbus campaign --json"),
     ],
 )

@@ -62,6 +62,14 @@ def test_ctrl_c_while_something_is_imported_ends_it_quietly(module: str) -> None
     assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "")
 
 
+def test_little_is_imported_before_ctrl_c_is_taken() -> None:
+    code = "import sys, vbus.__main__; print(*sys.modules)"
+    started = [sys.executable, "-S", "-c", code]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(started, capture_output=True, text=True, cwd=root, check=True)
+    assert {"typing", "re", "collections"} & set(done.stdout.split()) == set()
+
+
 # -- version, help, usage -----------------------------------------------------------------------
 
 
@@ -488,3 +496,19 @@ def test_output_into_a_closed_pipe_ends_quietly() -> None:
     assert process.stderr is not None
     assert process.stderr.read() == ""
     process.stderr.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(["ls", "nobody"], 4), (["run", "nowhere.toml"], 3), (["nothing"], 2)],
+    ids=["not there", "no file", "wrong use"],
+)
+def test_a_mistake_has_its_exit_code_also_where_nobody_reads_what_it_is(
+    words: list[str], code: int
+) -> None:
+    unread, errors = os.pipe()
+    os.close(unread)
+    command = [sys.executable, "-m", "vbus", *words]
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=errors, timeout=60)
+    os.close(errors)
+    assert done.returncode == code

@@ -99,7 +99,8 @@ def test_a_host_that_gives_up_fails_the_demo_with_its_words(
     monkeypatch.setattr(lm629, "DEMO", replace(lm629.DEMO, board=board))
     assert demo.command.main(["lm629", "--headless"], standalone_mode=False) == 1
     assert capsys.readouterr().err == (
-        "vbus: demo lm629: the host gave up: status 00h 10ms after reset; 84h or C4h is required\n"
+        "vbus: demo lm629: the host gave up: status 00h for 10ms; after a reset it is 84h or"
+        " C4h: a chip that was in use needs reset() first\n"
     )
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import resource
 import select
 import signal
 import socket
@@ -10,17 +11,19 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tests.e2e.command import start, vbus
+from tests.e2e.command import running, start, vbus
 from tests.left_out import require
 from tests.ports import free_endpoint
 from tests.waiting import until
 from vbus import connect
 from vbus.client import aio
 from vbus.client.link import starting
+from vbus.core import exit_codes
 from vbus.core.errors import TransportError
 from vbus.transports.runtime import NameLock
 from vbus.transports.sockets import handed_over
@@ -62,6 +65,38 @@ def test_a_board_is_ready_when_detach_returns(detached: Done, runtime: Path) -> 
         assert bus.read(0) in (0x00, 0x84, 0xC4)
     assert vbus("wait", "bench", "--timeout", "0").returncode == 0
     assert vbus("logs", "bench").stdout.endswith("ready; Ctrl-C stops it\n")
+
+
+def _short_of_space(size: int, *words: str) -> Done:
+    """Start vbus where no file may be longer than ``size`` bytes."""
+    return subprocess.run(
+        [sys.executable, "-B", "-m", "vbus", *words], capture_output=True, text=True, timeout=60,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
+    )  # fmt: skip
+
+
+def test_stop_tells_what_a_board_in_the_background_could_not_write(
+    board: Path, tmp_path: Path
+) -> None:
+    report = tmp_path / "c.html"
+    begun = _short_of_space(4096, "run", str(board), "--detach", "--coverage", str(report))
+    assert begun.returncode == 0, begun.stderr
+    done = vbus("stop", "bench")
+    assert (
+        done.stderr == f"vbus: bench: not all is recorded: {report}: cannot be written: File"
+        " too large\n"
+    )
+    assert done.returncode == 1
+    # What an earlier run could not write says nothing of the next one.
+    with running(board):
+        assert vbus("stop", "bench").returncode == 0
+
+
+def test_a_board_whose_log_takes_nothing_is_no_silence(board: Path) -> None:
+    done = _short_of_space(0, "run", str(board), "--detach")
+    assert done.returncode == exit_codes.NO_LINK  # the reason's own, though nobody could read it
+    assert done.stderr.startswith("vbus: the board ended with exit code 4, and ")
+    assert done.stderr.endswith(" could not take why; start it without --detach\n")
 
 
 def test_a_router_in_the_background_is_listed_and_stopped_like_a_board(runtime: Path) -> None:
@@ -164,11 +199,29 @@ def test_stop_ends_a_board_that_stands_still_and_does_not_answer(detached: Done)
 
     assert seen == f"bench: does not answer (timed out); it is process {process}\n"
     (board,) = json.loads(listed.stdout)
-    assert listed.returncode == 4
+    assert (listed.returncode, listed.stderr) == (4, "")
     error = "bench: does not answer (timed out)"
     assert board == {"board": "bench", "pid": process, "error": error}
     assert stopped.returncode == 0, stopped.stderr
     assert vbus("ls").stdout == "no board is running\n"
+
+
+def test_a_log_is_followed_while_the_board_cannot_answer_and_to_its_last_word(
+    board: Path, tmp_path: Path
+) -> None:
+    report = tmp_path / "c.html"
+    begun = _short_of_space(4096, "run", str(board), "--detach", "--coverage", str(report))
+    process = int(begun.stdout.splitlines()[0].split()[-1])
+    os.kill(process, signal.SIGSTOP)
+    follows = start("logs", "bench", "--follow")
+    assert follows.stdout is not None
+    seen = ""
+    while "ready; " not in seen:
+        seen += follows.stdout.readline()
+    assert vbus("ls", "bench").returncode == 4  # it has had its time to answer
+    assert vbus("stop", "bench").returncode == 1
+    out, err = follows.communicate(timeout=60)
+    assert (out.endswith(f"{report}: cannot be written: File too large\n"), err) == (True, "")
 
 
 def test_stop_returns_when_the_board_has_ended(board: Path, tmp_path: Path, runtime: Path) -> None:
@@ -178,8 +231,8 @@ def test_stop_returns_when_the_board_has_ended(board: Path, tmp_path: Path, runt
 
     assert vbus("stop", "bench").returncode == 0
 
-    state = Path(f"/proc/{process}/stat")
-    assert not state.exists() or state.read_text().split()[2] == "Z"
+    with suppress(FileNotFoundError, ProcessLookupError):
+        assert Path(f"/proc/{process}/stat").read_text().split()[2] == "Z"
     assert not (runtime / "x").is_symlink()
     assert vbus("replay", str(journal)).returncode == 0
     assert vbus("logs", "bench").stdout.startswith("bench: ")

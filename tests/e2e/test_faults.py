@@ -87,7 +87,7 @@ def test_an_answer_is_lost_after_its_effect(tmp_path: Path) -> None:
         ask(link, "w 0 0")
         link.sendall(b"w 0 0\n")
         assert silent(link)
-        assert server.board.chips[0].writes == writes + 2
+        until(lambda: server.board.chips[0].writes == writes + 2, "the effect")
         assert ask(link, "r 0") == status.replace("84", "01")
 
 

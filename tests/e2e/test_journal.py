@@ -183,7 +183,7 @@ def test_durable_without_a_journal_is_refused(tmp_path: Path) -> None:
     file.write_text(text.replace(f'journal = "{tmp_path}/file.vbj"', 'durable = "process"'))
     for done in (vbus("run", file), vbus("check", file)):
         assert done.returncode != 0
-        assert "durable is what a journal survives, and none is kept" in done.stderr
+        assert "durable is what a journal survives, and none is written" in done.stderr
 
 
 def test_what_a_durable_journal_cannot_hold_is_not_answered(tmp_path: Path) -> None:

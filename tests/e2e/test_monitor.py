@@ -49,7 +49,7 @@ def test_packets_and_violations_are_shown_as_they_happen(board: Path, tmp_path: 
     with running(board):
         process = watch("--count", "3")
         careless(tmp_path)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (0, "")
     texts = [line.split(" ", 1)[1] for line in out.splitlines()]
     assert texts == [
@@ -67,7 +67,7 @@ def test_they_are_shown_as_json(board: Path, tmp_path: Path) -> None:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {"board": "bench"}
         careless(tmp_path)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (0, "")
     violation, ignored, packet = map(json.loads, out.splitlines())
     assert (violation["chip"], violation["rule"]) == ("x", "lm628.busy-write")
@@ -99,7 +99,7 @@ def test_a_watcher_that_leaves_or_hangs_does_not_disturb_the_board(
 def test_a_monitor_ends_with_its_board(board: Path, tmp_path: Path) -> None:
     with running(board):
         process = watch()
-    assert process.communicate(timeout=30)[1] == ""
+    assert process.communicate(timeout=60)[1] == ""
     assert process.returncode == 0
     assert not list((tmp_path / "run" / "boards").glob("*.sock"))
 
@@ -109,7 +109,7 @@ def test_a_monitor_ends_when_a_condition_holds(board: Path, tmp_path: Path) -> N
     with running(board):
         process = watch("--until", "x.command == RSTI and not x.status.BREAKPOINT")
         careless(tmp_path)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (0, "")
         packet, met = (line for line in out.splitlines() if "RSTI" in line)
         assert "x RSTI resets BREAKPOINT" in packet
@@ -118,7 +118,7 @@ def test_a_monitor_ends_when_a_condition_holds(board: Path, tmp_path: Path) -> N
         assert done.returncode == 1
         assert done.stderr.startswith('vbus: condition "x.reel > 3": no "x.reel" at character 1; ')
         process = watch("--until", "x.real > 1000")
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (
         1,
         'vbus: the condition "x.real > 1000" has not come to hold\n',
@@ -176,7 +176,7 @@ def test_a_host_that_moves_the_strobes_is_shown_like_any_other(board: Path, tmp_
             for port, byte in ((0, 0x1D), (1, 0x00), (1, 0x3B), (0, 0x3F)):
                 write(bus, port, byte)
             bus.now()
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (0, "")
     assert [line.partition(" ")[2] for line in out.splitlines()] == [
         "x RSTI resets BREAKPOINT TRAJECTORY_COMPLETE  [LM-CMD-18]",

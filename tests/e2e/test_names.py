@@ -3,7 +3,9 @@
 import asyncio
 import contextlib
 import errno
+import fcntl
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -16,9 +18,10 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, start, toy_board
 from vbus import client
 from vbus.core.errors import NameInUseError, TransportError
+from vbus.core.runtime import lock_of, lock_state
 from vbus.serve.registry import boards_directory, running, socket_path
 from vbus.serve.server import LinkSpec, Server
-from vbus.transports.runtime import NameLock
+from vbus.transports.runtime import PATIENCE_SECONDS, NameLock, sweep
 from vbus.transports.sockets import UnixTransport
 
 UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
@@ -189,7 +192,38 @@ def test_a_name_that_leads_to_another_board_is_noticed(runtime: Path) -> None:
 
 
 def test_a_name_is_waited_for_while_somebody_only_looks_at_it(tmp_path: Path) -> None:
-    looking = NameLock(tmp_path / "x")
-    looking.take()
-    threading.Timer(0.05, looking.give_back).start()
-    NameLock(tmp_path / "x").take(patience=60)
+    looking = os.open(lock_of(tmp_path / "x"), os.O_RDONLY | os.O_CREAT, 0o600)
+    fcntl.flock(looking, fcntl.LOCK_SH)
+    threading.Timer(3 * PATIENCE_SECONDS, os.close, [looking]).start()
+    lock = NameLock(tmp_path / "x")
+    lock.take()
+    lock.give_back()
+
+
+def test_who_sweeps_keeps_no_owner_out_and_takes_nothing_from_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two processes sweep, and one of them stands still with a name of the dead in its hand."""
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path))
+    lock_of(tmp_path / "x").touch(0o600)
+    script = (
+        "import os, signal, sys; from pathlib import Path; from vbus.transports import runtime\n"
+        "def stop(path, fd, there=runtime._is_there):\n"
+        "    print('looks', flush=True); os.kill(os.getpid(), signal.SIGSTOP)\n"
+        "    return there(path, fd)\n"
+        "runtime._is_there = stop; runtime.sweep(Path(sys.argv[1]))\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, tmp_path], stdout=subprocess.PIPE
+    ) as stopped:
+        assert stopped.stdout is not None
+        assert stopped.stdout.readline() == b"looks\n"
+        sweep(tmp_path)
+        lock = NameLock(tmp_path / "x")
+        timer = threading.Timer(3 * PATIENCE_SECONDS, stopped.send_signal, [signal.SIGCONT])
+        timer.start()
+        lock.take()
+        (tmp_path / "x").touch()
+    assert (tmp_path / "x").exists()
+    assert lock_state(tmp_path / "x")[0]
+    lock.give_back()

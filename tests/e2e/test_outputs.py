@@ -224,8 +224,10 @@ def test_a_full_disk_is_told_and_leaves_no_half_result(
     whole = option not in ("--journal", "--transcript") and (verb, option) not in (
         ("exec", "--wave"), ("run", "--wave"), ("campaign", "--json"),
     )  # fmt: skip
+    # A snapshot replaces nothing but a snapshot.
+    earlier = ("vbus snapshot\n" if path.suffix == ".snap" else "") + "of an earlier run"
     if whole:
-        path.write_text("of an earlier run")
+        path.write_text(earlier)
     with subprocess.Popen(
         [sys.executable, "-m", "vbus", *map(str, make(path))], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
@@ -243,7 +245,7 @@ def test_a_full_disk_is_told_and_leaves_no_half_result(
     assert "File too large" in err
     assert process.returncode == 1
     if whole:
-        assert path.read_text() == "of an earlier run"
+        assert path.read_text() == earlier
         assert _left(folder) == [name]
 
 
@@ -252,7 +254,7 @@ def test_a_second_start_leaves_the_first_run_its_files(folder: Path) -> None:
     given = [word for pair in zip(("--journal", "--wave", "--report"), files, strict=True)
              for word in pair]  # fmt: skip
     old = folder / "old.vbj"
-    old.write_text("of another day")
+    old.write_text("vbus journal of another day")
     with running("other.toml", *given) as (first, _):
         with connect(f"unix:{folder}/run/other") as bus:
             for _ in range(100):
@@ -273,7 +275,7 @@ def test_a_second_start_leaves_the_first_run_its_files(folder: Path) -> None:
             assert done.returncode == 1
             command = f"process {first.pid} ({sys.executable} -m vbus run other.toml"
             assert f"vbus: {file}: {command}" in done.stderr
-    assert old.read_text() == "of another day"
+    assert old.read_text() == "vbus journal of another day"
     assert vbus("replay", files[0]).stdout.startswith("no difference")
     assert '"violations"' in files[2].read_text()
     assert _left(folder) == ["a.json", "a.vbj", "a.vcd", "old.vbj", "third.toml"]
@@ -304,6 +306,7 @@ BY_HAND = {
     "cli/run/detach.py": "the log of a run in the background",
     "cli/run/doctor.py": "looks whether a folder can be written",
     "cli/cli.py": "the null device",
+    "cli/look/scope.py": "the null device",
     "cli/test/fmu.py": "in a folder of its own, for the builder of units",
     "serve/in_process.py": "the null device",
     "testing/plugins/github.py": "GitHub's file, which every step of a job adds to",

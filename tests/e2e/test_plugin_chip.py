@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -149,6 +150,43 @@ def test_its_files_are_made_and_up_to_date(place: Path) -> None:
     assert "\n## DC-CNT-1\n" in (made / "dc8-clauses.md").read_text()
     done = typed(place, "-m", "vbus.cli.generate", "--check", "--family", "dc8")
     assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_what_is_out_of_date_is_named_and_made_again(place: Path) -> None:
+    page = place / "site" / "dc8" / "generated" / "dc8.md"
+    text = page.read_text()
+    page.write_text("old")
+    done = typed(place, "-m", "vbus.cli.generate", "--check", "--family", "dc8")
+    assert (done.returncode, done.stdout, page.read_text()) == (1, f"out of date: {page}\n", "old")
+    done = typed(place, "-m", "vbus.cli.generate", "--family", "dc8")
+    assert (done.returncode, done.stdout, page.read_text()) == (0, f"written: {page}\n", text)
+
+
+def test_decoders_of_all_families_are_made_in_a_folder_and_need_no_vbus(place: Path) -> None:
+    made = place / "decoders"
+    done = typed(place, "-m", "vbus.cli.generate", "--sigrok", "decoders")
+    files = sorted(path for path in made.rglob("*") if path.is_file())
+    assert sorted(done.stdout.splitlines()) == [f"written: {file}" for file in files]
+    assert {path.name for path in made.iterdir()} > {"vbus_dc8", "vbus_lm628", "vbus_mcp1200"}
+    mine = place / "site" / "dc8" / "generated" / "sigrok" / "vbus_dc8"
+    for file in files:
+        text = file.read_text()
+        assert not re.search(r"^\s*(from|import) vbus\b", text, re.MULTILINE), file
+        compile(text, str(file), "exec")
+        if file.parent.name == "vbus_dc8":
+            assert text == (mine / file.name).read_text()
+    done = typed(place, "-m", "vbus.cli.generate", "--check", "--sigrok", "decoders")
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_files_are_made_of_a_family_that_is_named(place: Path) -> None:
+    for words, said in (
+        ((), "name a chip family with --family, or a folder with --sigrok"),
+        (("--family", "dc9"), 'there is no family "dc9"; there are '),
+    ):
+        done = typed(place, "-m", "vbus.cli.generate", *words)
+        assert done.returncode == 2
+        assert said in " ".join(done.stderr.split())
 
 
 def test_its_board_file_is_checked_in_words_that_make_sense(place: Path) -> None:

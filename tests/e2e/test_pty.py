@@ -19,7 +19,7 @@ import serial
 
 from tests.e2e.serving import served
 from tests.unit.board.toy import Toy
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, until
 from vbus import connect
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -349,8 +349,7 @@ def wait_for_sessions(server: Server, count: int) -> None:
     """Ask the running server until it has ``count`` sessions; it answers in its own thread."""
     from vbus.serve.registry import ask, socket_path
 
-    for _ in range(10_000):
-        status = ask(socket_path(server.board.name))
-        if sum(link["sessions"] for link in status["links"]) == count:
-            return
-    raise AssertionError(f"still {status['links']}")
+    def sessions() -> list[int]:
+        return [link["sessions"] for link in ask(socket_path(server.board.name))["links"]]
+
+    until(lambda: sum(sessions()) == count, lambda: f"{count} sessions, not {sessions()}", every=0)

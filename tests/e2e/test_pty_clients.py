@@ -25,10 +25,8 @@ ECHO = b"\x02"
 
 def wait_until_served(server: Server, count: int) -> None:
     """Wait until ``count`` sessions have begun in all."""
-    for _ in range(10_000):
-        if ask(socket_path(server.board.name))["links"][0]["served"] >= count:
-            return
-    raise AssertionError(f"fewer than {count} sessions were served")
+    links = lambda: ask(socket_path(server.board.name))["links"]  # noqa: E731
+    until(lambda: links()[0]["served"] >= count, f"{count} sessions in all", every=0)
 
 
 def test_a_client_with_two_descriptors_may_close_one_of_them(runtime: Path) -> None:

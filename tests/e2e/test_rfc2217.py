@@ -33,7 +33,7 @@ def place() -> Iterator[str]:
 
 
 def test_a_host_opens_it_as_a_serial_port(place: str) -> None:
-    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", 115_200, timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", 115_200, timeout=60) as port:
         port.write(b"\x10")
         assert port.read(2) == b"D\x84"
         assert port.baudrate == 115_200
@@ -41,8 +41,8 @@ def test_a_host_opens_it_as_a_serial_port(place: str) -> None:
 
 def test_a_second_host_has_a_session_of_its_own(place: str) -> None:
     with (
-        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as one,
-        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as other,
+        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as one,
+        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as other,
     ):
         for port, number in ((one, b"\x01"), (other, b"\x02")):
             port.write(b"\x02" + number)
@@ -51,7 +51,7 @@ def test_a_second_host_has_a_session_of_its_own(place: str) -> None:
 
 def test_every_byte_value_passes_both_ways(place: str) -> None:
     values = bytes(range(256))
-    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as port:
         for value in values:
             port.write(bytes([0x02, value]))
         assert port.read(512) == b"".join(b"E" + bytes([value]) for value in values)
@@ -76,14 +76,14 @@ def test_a_host_whose_options_make_no_sense_is_hung_up_on(
             link.sendall(sent[start : start + 6000])
         while sent[:2] != b"\xff\xfd" and link.recv(4096):
             pass
-    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as other:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as other:
         other.write(b"\x02\x07")
         assert other.read(2) == b"E\x07"
     assert not caplog.records
 
 
 def test_settings_and_lines_are_taken(place: str) -> None:
-    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as port:
         port.baudrate = 19_200
         port.parity = serial.PARITY_EVEN
         port.stopbits = serial.STOPBITS_TWO
@@ -106,6 +106,6 @@ def test_a_host_that_takes_nothing_stops_only_itself(place: str) -> None:
                 lazy.send(b"\x02\x01" * 4096)
         except BlockingIOError:
             pass
-        with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
+        with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=60) as port:
             port.write(b"\x02\x09")
             assert port.read(2) == b"E\x09"

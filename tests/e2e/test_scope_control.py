@@ -173,7 +173,7 @@ def test_rewind_opens_a_copy_as_it_was_then_and_leaves_the_board_alone(folder: P
         async with opened(link) as (page, _):
             await page.order("pause")
             assert (await page.order("rewind", to="soon"))["answer"] == (
-                "'soon' is no duration; a number with ps, ns, us, ms or s is"
+                "'soon' is no duration; write a number with ps, ns, us, ms or s"
             )
             answer = await page.order("rewind", to="100 ms")
             assert answer["answer"] == "a copy of the board stands at 100 ms"

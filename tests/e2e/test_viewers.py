@@ -61,7 +61,7 @@ def test_foxglove_sees_a_running_board_as_its_journal_has_it(folder: Path) -> No
 
         client = asyncio.run(look(found[1]))
     # It ends with the board.
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "", "")
     vbus("scope", folder / "run.vbj", "-o", folder / "run.html")
     whole = of_page((folder / "run.html").read_bytes())

@@ -84,6 +84,20 @@ def test_a_server_inside_a_step_that_never_returns_dies_and_says_where(
         until(lambda: not os.path.exists(f"/proc/{watchdog}"), "the watchdog ends")
 
 
+def test_a_stuck_server_dies_also_where_nobody_reads_what_it_says(runtime: Path) -> None:
+    with started() as server:
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x21\x01")
+        begun = used(server.pid)
+        until(lambda: used(server.pid) > begun + 10, "it computes")
+        assert server.stderr is not None
+        server.stderr.close()
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(60) == -signal.SIGABRT
+        os.close(fd)
+        server.stderr = None
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_server_that_hears_ends_in_order_and_nothing_is_said(
     runtime: Path, number: signal.Signals

@@ -86,7 +86,7 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
     with running(folder / "bench.toml"):
         process = start("wave", "bench", "-o", "-", "--trigger", "x./WR falls", "--duration", "3us")
         until(lambda: process.poll() is not None or drive(folder), "the end of the recording")
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (0, "")
         assert " /WR $end" in out
         assert out.count("\n#") >= 3
@@ -96,7 +96,7 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
         started = folder / "b.vcd"
         until(lambda: (started.exists() and started.read_text()) or drive(folder), "its beginning")
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=60)
         assert process.returncode == 0
         # What is refused leaves a file that was there as it was.
         (folder / "c.vcd").write_text("mine")
@@ -145,7 +145,7 @@ def test_a_wrong_wave_stops_the_start_or_the_command(folder: Path) -> None:
 def ended(process: subprocess.Popen[str], folder: Path) -> str:
     """Drive the board until a recording has ended by itself; return what it complained of."""
     until(lambda: process.poll() is not None or drive(folder), "the end of the recording")
-    return process.communicate(timeout=30)[1]
+    return process.communicate(timeout=60)[1]
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_a_live_trigger_that_has_not_come_is_told(folder: Path) -> None:
         until((folder / "a.vcd").exists, "the board has taken the trigger")
         drive(folder)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (1, 'vbus: the trigger "x.HI falls" has not come\n')
 
 
@@ -190,7 +190,7 @@ def test_a_pipe_of_the_board_file_that_is_closed_ends_the_waveform_and_not_the_b
         drive(folder)
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=60)
     assert err.startswith(f"vbus: {folder}/late.vcd: the waveform ends after ")
     assert err.endswith(": Broken pipe\n")
 

@@ -59,7 +59,7 @@ KINDS = {
 VERBS: dict[str, tuple[int, tuple[str, ...]]] = {
     "check @": (3, ("board.toml",)),
     "conform LM629N-8 @ --clock 8MHz": (6, ("wave.vcd", "cap.sr")),
-    "conform LM629N-8 wave.vcd --clock 8MHz --board @": (3, ("board.toml",)),
+    "conform LM629N-8 wave.vcd --board @": (3, ("board.toml",)),
     "coverage @": (1, ("run.vbj",)),
     "diff @ run.vbj": (2, ("run.vbj",)),
     "diff run.vbj @": (2, ("run.vbj",)),

@@ -39,3 +39,15 @@ def test_no_sentence_explains_nothing() -> None:
     idle = [pattern for pattern, _ in EXPLAINED
             if not any(re.fullmatch(pattern, key) for key in every)]  # fmt: skip
     assert not idle
+
+
+def test_a_driver_waits_for_the_slowest_chip(tmp_path: Path) -> None:
+    done = campaign("lm629_portio", tmp_path, 12, "--only", "specimen")
+    assert "nothing is broken" not in done.stdout
+
+
+def test_an_interrupt_that_comes_twice_ends_no_move(tmp_path: Path) -> None:
+    """A line that moves once more wakes the handler, which looks for what has ended."""
+    done = campaign("lm629_interrupts", tmp_path, 40, "--only", "interrupt", "-j", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "silent" not in done.stdout.partition("\n")[2]

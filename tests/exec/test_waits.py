@@ -9,6 +9,7 @@ import pytest
 
 from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, running, said
+from tests.waiting import PATIENCE
 from vbus.cli.hosted.preload import library
 
 
@@ -95,7 +96,7 @@ def test_a_board_that_dies_in_a_wait_ends_the_program_clearly(
         assert process.stdout is not None
         assert process.stdout.readline() == "waiting\n"
         board.kill()
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 4
     assert "vbus exec: the board is gone" in errors
 

@@ -3,9 +3,10 @@
     python -m tests.frozen.generate                      freeze the runs that are not there yet
     python -m tests.frozen.generate --update NAME ... --ruling CLAUSE --why TEXT
     python -m tests.frozen.generate --update NAME ... --state --why TEXT
+    python -m tests.frozen.generate --snapshots          take all snapshots anew
     python -m tests.frozen.generate --views              write the hashes of all views anew
 
-A frozen run and its frozen hashes are never written again. ``--update`` plays runs and writes
+A journal and its frozen hashes are never written again. ``--update`` plays runs and writes
 beside their frozen hashes what they come to now, and which ruling changes them; with ``--state``,
 that their states hold something else while they do the same. A NAME may be a pattern (``'lm62*'``):
 runs that come to what is written are passed over; one that comes to its frozen hashes again loses
@@ -189,12 +190,19 @@ def main() -> None:
     parser.add_argument("--ruling", default="")
     parser.add_argument("--why", default="")
     parser.add_argument("--state", action="store_true")
+    parser.add_argument("--snapshots", action="store_true")
     parser.add_argument("--views", action="store_true")
     options = parser.parse_args()
     if options.views:
         views.VIEWS.write_text(views.text_of({name: views.hashes(name) for name in views.names()}))
         return
     runs = read_runs(HASHES.read_text()) if HASHES.exists() else []
+    if options.snapshots:
+        for run in runs:
+            if run.at:
+                data = (RUNS / f"{run.name}.vbj").read_bytes()
+                (RUNS / f"{run.name}.snap").write_bytes(keep(data, run.at))
+        return
     names = {run.name for run in runs}
     if options.update:
         if not options.why or bool(options.ruling) == options.state:

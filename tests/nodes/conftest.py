@@ -7,11 +7,13 @@ import pytest
 
 from tests.nodes.four_chips import BOARD, eight, eight_scenario, scenario
 from tests.nodes.processes import Bench
+from tests.waiting import PATIENCE
 from vbus.board.config import read_board_text
 from vbus.core.kernel import US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
+from vbus.serve.nodes import ordering
 
 
 @pytest.fixture(scope="module")
@@ -39,3 +41,9 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made = Bench(tmp_path)
     yield made
     made.close()
+
+
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a node take its time to answer: on a busy machine it may stand still for seconds."""
+    monkeypatch.setattr(ordering, "ANSWER_SECONDS", PATIENCE)

@@ -1,6 +1,7 @@
 """Nodes of the four-chip machine in processes of their own, joined by real Zenoh sessions."""
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -9,7 +10,17 @@ from typing import Any
 
 from tests.nodes.four_chips import BOARD, scenario
 from tests.ports import free_endpoint
-from tests.waiting import PATIENCE, until
+from tests.waiting import PATIENCE, Starved, until
+
+
+def patient(board: str) -> str:
+    """Return a board whose nodes may be silent for as long as tests wait, unless it says how long.
+
+    On a busy machine nobody hears of one for seconds, and the others would give it up.
+    """
+    if "deadline" in board:
+        return board
+    return re.sub(r"(?m)^\[nodes\..*\]$", rf'\g<0>\ndeadline = "{PATIENCE:g} s"', board)
 
 
 class Bench:
@@ -27,7 +38,7 @@ class Bench:
         if make:
             folder.mkdir()
         self.endpoint = endpoint or free_endpoint()
-        text = board.replace("[nodes.a]", f'[nodes.a]\nlisten = "{self.endpoint}"')
+        text = patient(board).replace("[nodes.a]", f'[nodes.a]\nlisten = "{self.endpoint}"')
         if endpoint.startswith("tcp/"):  # an address that other computers reach
             text += "\n[zenoh]\nremote = true\n"
         self.board = folder / "four.toml"
@@ -105,9 +116,13 @@ class Bench:
         """Wait for a condition."""
 
         def holds() -> bool:
-            failed = any((process.poll() or 0) > 0 for process in self.started)
-            assert not failed, self.outputs()
-            return condition()
+            codes = [process.poll() for process in self.started]
+            assert not any((code or 0) > 0 for code in codes), self.outputs()
+            if condition():
+                return True
+            if None not in codes:
+                raise Starved(f"all had ended before it was seen: {self.outputs()}")
+            return False
 
         until(holds, self.outputs)
 

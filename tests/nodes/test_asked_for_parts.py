@@ -14,6 +14,7 @@ import zenoh
 from tests.nodes.four_chips import BOARD
 from tests.ports import free_endpoint
 from tests.waiting import PATIENCE
+from tests.zenoh.processes import session_at
 from vbus.board.board import Board
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import Snapshot, take
@@ -21,7 +22,7 @@ from vbus.board.snapshot import read as read_board
 from vbus.board.snapshot import write as write_board
 from vbus.cli.run.snap import save_machine
 from vbus.core.errors import SnapshotError, VbusError
-from vbus.network.session import close_session, open_session
+from vbus.network.session import close_session
 from vbus.nodes.machine import conductor_of
 from vbus.nodes.machine_snapshot import SavedNode, read
 from vbus.nodes.plan import plan_of
@@ -71,7 +72,7 @@ def test_a_long_answer_comes_in_pieces_and_whole_or_not_at_all(
             monkeypatch.setattr(node_link, "LARGEST_ANSWER", 3 * PIECE)
             assert len(await heard(links[0], 1, b"%d" % (3 * PIECE))) == 3 * PIECE
             assert await heard(links[0], 1, b"%d" % (3 * PIECE + 1)) == b""
-            session = open_session(connect=[endpoint], mode="client")
+            session = session_at(endpoint)
 
             def lose(query: zenoh.Query) -> None:
                 for piece in (b"one", b"two"):
@@ -115,6 +116,12 @@ def ordered(base: Timebase, data: bytes) -> Answer:
             base.stop()
 
     return read_answer("b", asyncio.run(give()))
+
+
+@pytest.mark.parametrize("data", [b"[", b'{"node":"\xff"}'])
+def test_an_answer_that_is_none_names_its_node(data: bytes) -> None:
+    with pytest.raises(VbusError, match=r"^node b gives an answer that is none: "):
+        read_answer("b", data)
 
 
 def test_a_node_answers_with_its_part_when_the_round_has_ended() -> None:

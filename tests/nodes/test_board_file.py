@@ -44,7 +44,7 @@ def problems(old: str, new: str) -> list[str]:
         (
             'plant = "x_motor"\nnode = "a"',
             'plant = "x_motor"',
-            "chips.x: to which node does it belong? write node = one of a, b, c, d",
+            'chips.x: to which node does it belong? write node = "a" or "b" or "c" or "d"',
         ),
         ("[nodes.d]", "[nodes.d]\n[nodes.e]", 'nodes.e: no chip has node = "e"'),
         (

@@ -15,7 +15,7 @@ import pytest
 from tests.nodes.processes import Bench
 from tests.nodes.test_realtime import REAL, order
 from tests.waiting import PATIENCE
-from vbus.cli.sources import Together, boards_of
+from vbus.cli.sources import MachineFeed, boards_of
 from vbus.core.kernel import MS
 
 
@@ -62,7 +62,7 @@ def test_values_of_all_nodes_come_together_at_the_instant_all_have_come_to(
     machine: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("VBUS_RUNTIME", str(machine.folder / "run"))
-    with closing(Together(boards_of(["four"]))) as together:
+    with closing(MachineFeed(boards_of(["four"]))) as together:
         together.watch()
         told = [rest for kind, *rest in islice(together, 20) if kind == "t"]
     assert together.hello["board"] == "four"

@@ -122,7 +122,7 @@ def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> 
     for strobes in (False, True):
         board, seen = made(strobes)
         # A host that places its own strobes has been here before.
-        board.chip("x").judged = True
+        board.chip("x").timing_checked = True
         orders = Orders(board, "host")
         for n in range(60):
             orders.give(Order(100 * US + n * 140_000, ("x",), READ, 0))
@@ -135,7 +135,7 @@ def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> 
 
 def test_the_select_of_each_cycle_falls_however_soon_it_follows_the_last_one() -> None:
     board, seen = made(True)
-    board.chip("x").judged = True
+    board.chip("x").timing_checked = True
     orders = Orders(board, "host")
     for n in range(20):
         orders.give(Order(100 * US + n * 110_000, ("x",), WRITE, 0, n))

@@ -17,13 +17,14 @@ from tests.nodes.processes import Bench, ended
 from tests.nodes.test_hosts import BOARD as BOARD_WITH_HOSTS
 from tests.nodes.test_security import Computers
 from tests.waiting import PATIENCE
+from tests.zenoh.processes import session_at
 from vbus.board.config import read_board_text
 from vbus.cli.run.snap import save
 from vbus.client import connect
 from vbus.core.errors import TransportError
 from vbus.core.kernel import MS
 from vbus.network.security import Security
-from vbus.network.session import close_session, open_session
+from vbus.network.session import close_session
 from vbus.nodes.machine_snapshot import read
 from vbus.nodes.plan import plan_of
 from vbus.serve.nodes.ordering import Answer, NodeRequest, read_answer
@@ -218,7 +219,7 @@ def test_what_makes_no_sense_is_refused_in_words_and_the_node_goes_on(
     processes = [bench.start(nodes) for nodes in ("ab", "d")]
     bench.until(lambda: bench.node("d").get("others", {}).get("b") not in (None, "not here yet"))
     plan = plan_of(read_board_text(BOARD)[0])
-    session = open_session(connect=[bench.endpoint], mode="client")
+    session = session_at(bench.endpoint)
     try:
         for name in "ad":
             for data, said in orders(plan.digest):
@@ -254,9 +255,7 @@ def test_with_certificates_nodes_are_asked_and_nobody_else_may_ask(tmp_path: Pat
         for name, heard in (("visitor", 0), ("all", 0), ("stranger", 0), ("right", 1)):
             folder = computers.bench(name).folder
             own = [str(folder / file) for file in ("own.pem", "own.key", "authority.pem")]
-            session = open_session(
-                connect=[computers.endpoint], mode="client", security=Security(*own)
-            )
+            session = session_at(computers.endpoint, Security(*own))
             try:
                 for node in "ab":
                     for save in (-1, 0):

@@ -4,19 +4,22 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.processes import patient
 from tests.waiting import PATIENCE, until
 from vbus.board.config import read_board_text
 from vbus.core.errors import ConfigError, TransportError
 from vbus.core.kernel import US
-from vbus.network.session import free_endpoint
+from vbus.network.session import close_session, free_endpoint, open_session
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
@@ -45,15 +48,16 @@ class Up:
         self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, board: str, *options: str) -> subprocess.Popen[bytes]:
-        (self.folder / "four.toml").write_text(board)
-        with self.output.open("wb") as output:
+        (self.folder / "four.toml").write_text(patient(board))
+        apart = "--json" in options
+        with self.output.open("wb") as output, self.output.with_suffix(".err").open("wb") as errors:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "vbus", "up", "four.toml", *options],
                 cwd=self.folder,
                 env=self.environment,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
-                stderr=subprocess.STDOUT,
+                stderr=errors if apart else subprocess.STDOUT,
             )
         return self.process
 
@@ -203,7 +207,7 @@ def test_a_machine_in_the_background_is_waited_for_and_stopped_by_its_name(up: U
 
 def test_ctrl_c_is_no_failure_and_a_node_that_cannot_start_is_one(up: Up) -> None:
     process = up.start(TWO, "--json")
-    until(lambda: up.output.stat().st_size, "a line")
+    until(lambda: "\n" in up.said, "a line")
     told = json.loads(up.said)
     boards = {status["board"] for status in told["nodes"]}
     assert boards == {"four.a", "four.b", "four.c", "four.d"}
@@ -255,7 +259,13 @@ def test_where_processes_meet_is_what_the_file_says_or_a_router_of_their_own(
     assert own.router.startswith("tcp/127.0.0.1:")
     assert own.connect == (own.router,)
     assert meeting(router=endpoint) == Meeting(endpoint, (endpoint,), endpoint)
-    assert not meeting(router="tcp/127.0.0.1:0").router.endswith(":0")
+    with ExitStack() as held:
+        # A router takes a while to start: nobody else has its port until it listens there.
+        kept = meeting_of(read_board_text(BOARD)[0], "tcp/127.0.0.1:0", held).router
+        address = ("127.0.0.1", int(kept.rpartition(":")[2]))
+        with socket.socket() as other, pytest.raises(OSError, match="in use"):
+            other.bind(address)
+        close_session(open_session(listen=[kept]))
     named = meeting(f'[zenoh]\nconnect = ["{endpoint}"]\n')
     assert named == Meeting(endpoint, (), endpoint)
     hub = BOARD.replace("[nodes.b]", f'[nodes.b]\nlisten = "{endpoint}"')

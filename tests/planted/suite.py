@@ -11,8 +11,8 @@ from vbus.campaign.world import REFERENCE, World
 from vbus.serve.host_limits import HostStuck
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.bench import Bench
+from vbus.testing.boards import Variant
 from vbus.testing.execute import Execute
-from vbus.testing.variant import Variant
 
 HERE: Final = Path(__file__).parent
 DRIVERS: Final = HERE / "drivers"

@@ -150,7 +150,7 @@ COURSE = ("faults", "acts", "courses", 0, 1, 1)
         (1, (*MOTOR, "current"), 4e9, "a motor that takes 4e"),
         (1, (*MOTOR, "velocity"), -1e12, "a shaft that turns at -1e"),
         (1, (*MOTOR, "count"), 1 << 32, "a shaft that has turned to"),
-        (1, (*MOTOR, "_points", 1), -(2.0**63), "a shaft that has turned to"),
+        (1, (*MOTOR, "points", 1), -(2.0**63), "a shaft that has turned to"),
     ],
 )
 def test_a_state_that_would_take_for_ever_to_run_is_refused(

@@ -14,7 +14,7 @@ from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
 from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Trajectory, approach
 from vbus.core import state
 from vbus.core.kernel import NS, US
-from vbus.core.state import keep, save
+from vbus.core.state import checkpoint, save
 
 Operation = tuple[str, int, int]
 ONE = 1 << 16
@@ -126,9 +126,9 @@ def test_both_ways_in_are_one_implementation(operations):
     results = []
     for mode in ("cycle", "strobe"):
         bench = Bench(mode, plant=Follower(turn=37), busy_jitter_clk=30)
-        bench.chip.judged = False
+        bench.chip.timing_checked = False
         got = do(bench, operations)
-        results.append((got, bench.now, bench.violations, keep(bench.chip)))
+        results.append((got, bench.now, bench.violations, checkpoint(bench.chip)))
 
     assert results[0] == results[1]
 

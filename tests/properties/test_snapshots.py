@@ -9,7 +9,8 @@ from random import Random
 
 import pytest
 
-from tests.differential.drive import servo_motor, step_motor
+from tests.differential.drive import BOARDS as FAMILIES
+from tests.differential.drive import Host, servo_motor, step_motor
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -197,6 +198,56 @@ def test_a_run_goes_on_from_its_snapshot_as_it_would_have(seed: int) -> None:
         play_one(unseen, host, operation)
     assert play(unseen, host, todo[cut:]) == rest
     assert unseen.state_hash() == ends
+
+
+class Listed(list[bytes]):
+    """Replies as they are, where a host has a digest of them."""
+
+    update = list.append
+
+
+def judged(host: Host, count: int) -> dict[str, object]:
+    """Make operations of a random host; return what it is told of them, and what a report says."""
+    board = host.board
+    board.violations.clear()
+    board.start_trace()
+    host.replies = replies = Listed()  # type: ignore[assignment]
+    for _ in range(count):
+        host.operation()
+    board.catch_up()
+    found = list(board.violations)
+    return {
+        "replies": replies, "violations": found, "trace": board.trace_hash(),
+        "left over": [chip.left_over() for chip in board.chips],
+        "hints": [chip.hint(one.rule, one.when) for chip in board.chips for one in found],
+        "state": board.state_hash(),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_rules_find_after_a_snapshot_what_they_would_have_found(
+    family: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A trace begins where the snapshot is taken, on each board.
+    with monkeypatch.context() as patch:
+        patch.setattr(Board, "start_trace", lambda _: None)
+        hosts = [[Host(family, 2 * seed) for _ in range(2)] for seed in range(BOARDS // 4)]
+    for seed, (host, other) in enumerate(hosts):
+        random = Random(seed)
+        for _ in range(random.randrange(5, 120)):
+            host.operation()
+        kept = snapshot.read(snapshot.write(snapshot.take(host.board)))
+        # On a board that is elsewhere, or has never run, or on a fork.
+        for _ in range(random.choice((0, 40, 90))):
+            other.operation()
+        snapshot.restore(other.board, kept)
+        if random.random() < 0.3:
+            other.board = snapshot.fork(host.board)
+            other.port = other.board.ports[0]
+        other.random.setstate(host.random.getstate())
+        host.traced = other.traced = True
+        count = random.randrange(1, 80)
+        assert judged(host, count) == judged(other, count), seed
 
 
 def play_one(board: Board, port: HostBus, operation: Operation) -> None:

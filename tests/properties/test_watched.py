@@ -8,11 +8,12 @@ or not they go on from snapshots, and whether or not somebody looks at the board
 import io
 import os
 from collections.abc import Callable
-from pathlib import Path
 from random import Random
 
 import pytest
 
+from tests.frozen.generate import record
+from tests.frozen.hosts import ALL
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
@@ -26,7 +27,6 @@ from vbus.record.format import JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
 
-ROOT = Path(__file__).parents[2]
 PARTS = {"LM629N-8": "8 MHz", "MCP-1200": "8 MHz", "MC1241A": "25 MHz"}
 SEEDS = int(os.environ.get("VBUS_WATCHED", "25"))
 OPERATIONS = 60
@@ -196,10 +196,9 @@ def test_lines_held_through_a_whole_cycle_are_held_after_a_snapshot(watched: str
 
 @pytest.mark.parametrize("name", ["board-two-hosts-claim-realtime", "board-wired-lines"])
 def test_a_journal_of_several_hosts_is_played_to_its_end_under_a_waveform(name: str) -> None:
-    path = ROOT / "tests" / "frozen" / "runs" / f"{name}.vbj"
-    with path.open("rb") as file:
-        reader = JournalReader(file)
-        made = board_of(reader.header, str(path))
-        for net in made.pin_nets:
-            net.observe(Observer())
-        assert Replay(made, reader, reader.header.families).run().divergence is None
+    (run,) = (run for run in ALL if run.name == name)
+    reader = JournalReader(io.BytesIO(record(run)))
+    made = board_of(reader.header, name)
+    for net in made.pin_nets:
+        net.observe(Observer())
+    assert Replay(made, reader, reader.header.families).run().divergence is None

@@ -18,7 +18,7 @@ from tests.reference import mc1241a as reference
 from tests.reference.mc1241a import COMMANDS, SINE, SINE_120, dac_word, pwm, scaled
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.core.kernel import NS, Clock, Kernel
-from vbus.core.signals import OFF, Observer, Pin, Plant, Policy, Switch
+from vbus.core.signals import LOW, OFF, Observer, Pin, Plant, Policy, Switch
 
 CYCLES = int(os.environ.get("VBUS_REFERENCE", "100_000"))
 CYCLES_OF_A_SEED = 2000
@@ -247,7 +247,8 @@ class Pair:
             crossed, place = mechanics.script.index_between(start, end)
             if crossed:
                 self.model.trigger(axis.number, False, place)
-            closed, place = mechanics.switches["home"].closing_between(start, end)
+            changed, place = mechanics.switches["home"].change_between(start, end)
+            closed = changed and mechanics.switches["home"].level(place) == LOW
             mechanics.count = axis.count = end
             levels = mechanics.levels()
             if self.wired and mechanics is self.mechanics[-1]:

@@ -40,7 +40,7 @@ def served(count: int, *options: str) -> Iterator[tuple[str, list[str]]]:
         yield found[1], [process.stdout.readline() for _ in range(count)]
     finally:
         process.terminate()
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "", "")
 
 

@@ -50,7 +50,7 @@ from vbus.serve import recording
 from vbus.serve.host_entry import HostEntry
 from vbus.serve.recording import Recording
 from vbus.serve.server import LinkSpec, Server
-from vbus.serve.session import Serving
+from vbus.serve.session import Services
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.transports import zenoh as zenoh_transport
 from vbus.transports.base import Link
@@ -123,9 +123,9 @@ class _Observed(Server):
         super().__init__(*args, **keys)
         self._simulation = simulation
 
-    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
+    def _connect(self, host: HostEntry, services: Services, link: Link) -> None:
         self._simulation.connecting(link)
-        super()._connect(host, serving, link)
+        super()._connect(host, services, link)
 
 
 @dataclass

@@ -58,7 +58,7 @@ def _leave_open(self: SocketLink) -> None:
     """Close nothing."""
 
 
-_SEND = Session._send
+_SEND = Session.send
 
 
 @pytest.mark.core("interpreted")
@@ -66,7 +66,7 @@ _SEND = Session._send
     ("place", "name", "broken", "found"),
     [
         (HostBus, "unclaim", _keep_claims, "claimed by a session that is over"),
-        (Session, "_send", _drop_a_reply, "is answered"),
+        (Session, "send", _drop_a_reply, "is answered"),
         (SocketLink, "close", _leave_open, "descriptors at the start"),
     ],
 )

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.core.bits import saturate, sign_extend, wrap, wrap_word
+from vbus.core.bits import clamp, sign_extend, wrap, wrap_word
 
 WORDS = st.one_of(st.integers(-(1 << 62), 1 << 62), st.sampled_from((-(1 << 62), 1 << 62)))
 
@@ -24,5 +24,5 @@ def test_integers_of_any_size_wrap_and_change_sign_alike(value: int, bits: int) 
 @pytest.mark.parametrize(
     ("value", "limited"), [(32767, 32767), (32768, 32767), (-32768, -32768), (-32769, -32768)]
 )
-def test_a_value_beyond_its_width_stops_at_the_end(value: int, limited: int) -> None:
-    assert saturate(value, 16) == limited
+def test_a_value_beyond_a_limit_stops_at_it(value: int, limited: int) -> None:
+    assert clamp(value, -32768, 32767) == limited

@@ -102,6 +102,14 @@ def test_exit_code_output_and_transcript_of_a_program_are_kept() -> None:
     assert not outcome.ok
 
 
+def test_a_program_finds_the_link_of_the_board_file_too() -> None:
+    link = "unix:$VBUS_RUNTIME/first"
+    text = f'{BOARD}\n[[hosts]]\ntransport = "{link}"\n'
+    code = f"from vbus import connect\nb = connect('{link}')\nb.delay(2 * 10**9)\nprint(b.read(0))"
+    outcome = run_program(*read_board_text(text), [sys.executable, "-c", code])
+    assert (outcome.code, outcome.output, outcome.cycles) == (0, "132\n", 1)
+
+
 def test_what_a_program_leaves_behind_ends_with_its_board() -> None:
     """It has the program's output open, and so the run would wait for it."""
     # Between fork and exec the child still has the name of the shell.

@@ -10,10 +10,10 @@ from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
 @pytest.mark.parametrize(
     ("rows", "problem"),
     [
-        ((Register("A", (0x00,)), Register("A", (0x01,))), "register A stands in the map twice"),
+        ((Register("A", (0x00,)), Register("A", (0x01,))), "A stands in the table twice"),
         ((Register("A", (0x05, 0x10)),), "A: address 10H is outside the map"),
         ((Register("A", (-1,)),), "A: address -1H is outside the map"),
-        ((Register("A", (3,)), Register("B", (2, 3))), "address 03H is in B and in A"),
+        ((Register("A", (3,)), Register("B", (2, 3))), "03H is B and A"),
     ],
 )
 def test_a_register_map_refuses_an_address_that_is_taken_or_outside(
@@ -70,7 +70,7 @@ def test_a_row_that_names_no_method_is_refused(name: str) -> None:
 @pytest.mark.parametrize(
     ("rows", "problem"),
     [
-        ((Command("A", 0x0A), Command("B", 0x0A)), "code 0AH stands for B and A"),
+        ((Command("A", 0x0A), Command("B", 0x0A)), "0AH is B and A"),
         ((Command("A", 0x0A), Command("A", 0x0B)), "A stands in the table twice"),
     ],
 )

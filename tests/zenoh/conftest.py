@@ -3,7 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE
 from tests.zenoh.processes import Processes
+from vbus.network.session import open_session
 
 
 @pytest.fixture(autouse=True)
@@ -21,3 +23,14 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     started = Processes(tmp_path)
     yield started
     started.stop()
+
+
+@pytest.fixture(autouse=True)
+def lease(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have boards and hosts in this process not given up while it has no turn.
+
+    Both are, where neither is in a process of its own, and what was on its way is lost.
+    """
+    assert open_session.__defaults__ is not None
+    defaults = (*open_session.__defaults__[:-1], round(1000 * PATIENCE))
+    monkeypatch.setattr(open_session, "__defaults__", defaults)

@@ -8,8 +8,12 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import zenoh
+
 from tests.ports import free_endpoint
 from tests.waiting import PATIENCE
+from vbus.network.security import Security
+from vbus.network.session import open_session
 
 CHIPS = """
 [board]
@@ -36,6 +40,15 @@ transport = "zenoh:"
 {more}
 """
 )
+
+
+def session_at(endpoint: str, security: Security | None = None) -> zenoh.Session:
+    """Open a session that is not given up while this process has no turn on a busy machine.
+
+    A host of vbus repeats what is lost when its link is; who speaks Zenoh by himself does not.
+    """
+    lease = round(1000 * PATIENCE)
+    return open_session(connect=[endpoint], mode="client", security=security, lease_ms=lease)
 
 
 class Process:

@@ -88,10 +88,10 @@ def test_a_client_here_waits_as_long_as_somebody_has_paused_the_board(runtime: P
         with connect(PTY) as bus:
             order("bench", "pause")
             until(bus.link.paused, "word of the pause")
-            bus.timeout = 0.05
+            bus.timeout = 1.0
             host = threading.Thread(target=lambda: told.append(bus.read(0)))
             host.start()
-            host.join(0.5)
+            host.join(2.5)
             assert (host.is_alive(), told) == (True, [])
             order("bench", "go")
             host.join(60)

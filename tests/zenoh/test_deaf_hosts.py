@@ -29,6 +29,11 @@ from vbus.transports.zenoh_host import send_reply
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.fixture
+def lease() -> None:
+    """Have a host that does not read given up as soon as by any board."""
+
+
 MESSAGES = 90
 """Their replies are 13 MB: more than the system and Zenoh take for a host that does not read."""
 

@@ -10,12 +10,12 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.waiting import PATIENCE, until
-from tests.zenoh.processes import Processes, connected_to
+from tests.zenoh.processes import Processes, connected_to, session_at
 from tests.zenoh.test_bus import Cycles, board
 from vbus.client import connect
 from vbus.core.errors import TransportError
 from vbus.network import envelope, keys
-from vbus.network.session import Network, close_session, open_session
+from vbus.network.session import Network, close_session
 from vbus.serve.server import LinkSpec
 
 BUS = keys.bus("bench", "x")
@@ -25,7 +25,7 @@ class Raw:
     """A host that speaks Zenoh by itself."""
 
     def __init__(self, endpoint: str) -> None:
-        self.session = open_session(connect=[endpoint], mode="client")
+        self.session = session_at(endpoint)
         self.name = envelope.new_session()
         token = keys.host(BUS, envelope.public(self.name))
         self.token = self.session.liveliness().declare_token(token)
@@ -166,11 +166,9 @@ def test_a_host_without_a_liveliness_token_is_not_kept(monkeypatch: pytest.Monke
         host.token.undeclare()
         host.name = envelope.new_session()
         assert host.ask(b"\x02\x01", 0) == [b"E\x01"]
+        gone = (b"gone the session is over: its live", b"gone the board does not know")
         until(
-            lambda: (
-                host.ask(b"\x02\x01", 1)[0].startswith(b"gone the session is over: its live")
-                or host.ask(b"\x02\x01", 1)[0].startswith(b"gone the board does not know")
-            ),
+            lambda: any(answer.startswith(gone) for answer in host.ask(b"\x02\x01", 1)),
             "the board misses the token",
         )
         host.close()
@@ -212,8 +210,9 @@ def test_a_board_started_anew_does_not_go_on_with_the_packet_of_the_old_one(
 
 def test_a_session_outlives_its_router(processes: Processes) -> None:
     router, endpoint = processes.router()
-    processes.board("bench", connected_to(endpoint))
-    with connect(f"zenoh:bench/x?connect={endpoint}") as bus:
+    # However long the next router takes to start.
+    processes.board("bench", connected_to(endpoint, 'grace = "60 s"'))
+    with connect(f"zenoh:bench/x?connect={endpoint}&patience=60") as bus:
         bus.write(0, 0x1F)
         bus.echo()
         number = bus.now()
@@ -278,7 +277,7 @@ def test_two_boards_that_meet_late_are_reported() -> None:
     said: list[str] = []
     with served(board(), LinkSpec("zenoh:")) as server:
         server.hosts[0].transport.report = said.append
-        other = open_session(connect=[endpoint_of(server.urls[0])], mode="client")
+        other = session_at(endpoint_of(server.urls[0]))
         token = keys.owner("bench", str(other.zid()))
         kept = other.liveliness().declare_token(token)
         until(lambda: said, "a report of the other board")

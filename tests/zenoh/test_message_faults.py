@@ -10,7 +10,7 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.waiting import PATIENCE, until
-from tests.zenoh.processes import CHIPS
+from tests.zenoh.processes import CHIPS, session_at
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, endpoint_of
 from tests.zenoh.test_posts import trip
@@ -22,7 +22,7 @@ from vbus.client.bus import Bus
 from vbus.client.zenoh_link import open_zenoh
 from vbus.core.errors import TransportError, VbusError
 from vbus.network import envelope, keys
-from vbus.network.session import Network, close_session, open_session
+from vbus.network.session import Network, close_session
 from vbus.serve.registry import order
 from vbus.serve.server import LinkSpec, Server
 from vbus.transports.zenoh_host import ZenohLink
@@ -92,6 +92,7 @@ def test_late_messages_come_when_the_fault_ends(way: str) -> None:
         arm("messages_late", way=way)
         host = threading.Thread(target=work, args=(bus,))
         host.start()
+        until(lambda: len(cycles.seen) == (way == "reply"), "the first cycle")
         host.join(0.7)
         assert host.is_alive()
         assert len(cycles.seen) == (way == "reply")
@@ -121,7 +122,7 @@ def test_messages_that_stay_lost_are_an_error_that_says_so(name: str, way: str) 
         r" replies, are lost: one was sent \d+ times without a reply; is a fault of its link armed"
         r" \(vbus fault list bench\)"
     )
-    with bench() as (_, cycles), connect("zenoh:bench/x?patience=0.3") as bus:
+    with bench() as (_, cycles), connect("zenoh:bench/x?patience=2") as bus:
         bus.write(1, 1)
         bus.echo()
         arm(name, way=way)
@@ -148,7 +149,7 @@ def test_the_last_write_before_the_end_is_not_lost(name: str) -> None:
 
 def test_whoever_closes_is_told_if_the_last_write_may_be_lost() -> None:
     said = r"closed, and whether the last messages \(1 without a reply\) have reached the board"
-    link = "zenoh:bench/x?patience=0.3"
+    link = "zenoh:bench/x?patience=2"
     with bench() as (_, cycles):
         bus = connect(link)
         arm("message_lost", way="request")
@@ -175,7 +176,7 @@ def test_a_copy_that_comes_after_its_reply_was_acknowledged_ends_nothing() -> No
         host = open_zenoh(f"bench/x?connect={endpoint}")
         for number in range(4):
             trip(host, bytes([2, number]))
-        other = open_session(connect=[endpoint], mode="client")
+        other = session_at(endpoint)
         session = host._name
         refused: list[bytes] = []
         token = keys.host(BUS, envelope.public(session))
@@ -249,6 +250,7 @@ def test_faults_of_any_link_act_on_messages() -> None:
                 arm(name)
                 host = threading.Thread(target=bus.read, args=(0,))
                 host.start()
+                until(lambda: len(cycles.seen) == before + cycle_done, "its cycle")  # noqa: B023
                 host.join(0.3)
                 assert host.is_alive()
                 assert len(cycles.seen) == before + cycle_done

@@ -11,6 +11,7 @@ import zenoh
 from tests.e2e.serving import served
 from tests.ports import free_endpoint
 from tests.waiting import until
+from tests.zenoh.processes import session_at
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import files
@@ -115,7 +116,7 @@ def test_only_the_first_message_of_a_session_is_a_query() -> None:
     made.observe(cycles)
     with served(made, LinkSpec("zenoh:")) as server:
         endpoint = endpoint_of(server.urls[0])
-        listener = open_session(connect=[endpoint], mode="client")
+        listener = session_at(endpoint)
         posted: list[str] = []
         listener.declare_subscriber(POSTED, lambda sample: posted.append(str(sample.key_expr)))
         host = open_zenoh(f"bench/x?connect={endpoint}")

@@ -10,7 +10,7 @@ from tests.e2e.command import vbus
 from tests.ports import free_endpoint
 from vbus.core import exit_codes
 from vbus.core.errors import TransportError
-from vbus.network.session import close_session, open_session
+from vbus.network.session import check_endpoint, close_session, open_session
 
 
 def sockets(kind: str) -> list[str]:
@@ -25,6 +25,16 @@ def sockets(kind: str) -> list[str]:
             mine.add(match[1])
     rows = [line.split() for line in Path(f"/proc/self/net/{kind}").read_text().splitlines()[1:]]
     return [row[1] for row in rows if row[9] in mine and (kind[:3] == "udp" or row[3] == "0A")]
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["udp/127.0.0.1:7447", "tcp/:7447", "tcp/127.0.0.1", "tcp/127.0.0.1:x", "tcp/127.0.0.1:65536"],
+)
+def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
+    with pytest.raises(TransportError, match=f'"{endpoint}" is no endpoint; write "tcp/HOST:PORT"'):
+        check_endpoint(endpoint)
+    check_endpoint("tcp/127.0.0.1:65535")
 
 
 @pytest.mark.parametrize("mode", ["peer", "router"])
@@ -57,6 +67,17 @@ def test_an_endpoint_somebody_has_is_named() -> None:
         TransportError, match=f"{endpoint} cannot be reached: no process listens there"
     ):
         open_session(connect=[endpoint], mode="client", wait=0.2)
+
+
+def test_a_client_that_does_not_wait_tries_an_endpoint_once() -> None:
+    endpoint = free_endpoint()
+    with pytest.raises(TransportError, match=f"{endpoint} cannot be reached"):
+        open_session(connect=[endpoint], mode="client", wait=0)
+    router = open_session(listen=[endpoint], mode="router")
+    client = open_session(connect=[endpoint], mode="client", wait=0)
+    assert list(client.info.routers_zid()) == [router.info.zid()]
+    close_session(client)
+    close_session(router)
 
 
 def test_other_computers_are_let_in_without_certificates_only_where_that_is_meant() -> None:

@@ -10,18 +10,21 @@ from typing import Any
 import msgpack
 
 from tests.e2e.serving import served
+from tests.unit.faults.bench import MS, Lm, build
 from tests.waiting import PATIENCE, until
-from tests.zenoh.processes import Processes, connected_to
+from tests.zenoh.processes import Processes, connected_to, session_at
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.network import places
-from vbus.network.session import Network, close_session, open_session
+from vbus.network.session import Network, close_session
 from vbus.serve.server import LinkSpec
+from vbus.transports.base import Served
+from vbus.transports.zenoh_publications import _PinEdges
 
 
 class Watcher:
     def __init__(self, endpoint: str) -> None:
-        self.session = open_session(connect=[endpoint], mode="client")
+        self.session = session_at(endpoint)
         self.heard: dict[str, list[Any]] = {}
 
     def listen(self, key: str) -> None:
@@ -95,6 +98,18 @@ def test_streams_tell_every_cycle_and_every_edge_with_its_instant() -> None:
         edges = [row for item in pin for row in msgpack.unpackb(item)[1]]
         assert [level for _, level in edges] == [1, 0, 1]
         assert before <= edges[1][0] <= edges[2][0] <= after
+
+
+def test_the_level_of_an_output_is_that_of_now() -> None:
+    """A chip is computed when it is looked at."""
+    bench = build()
+    host = Lm(bench)
+    host.command(0x1C, 0x0004)  # MSKI: trajectory complete
+    host.command(0x1D, 0x0000)
+    host.move(20)
+    host.port.delay(200 * MS)
+    served = Served(bench, ("x",), dict, lambda: None)
+    assert msgpack.unpackb(_PinEdges(served, bench.chips[0], "HI").answer()) == [bench.now, 1]
 
 
 def test_a_board_that_nobody_watches_is_not_observed() -> None:

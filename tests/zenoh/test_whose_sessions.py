@@ -8,13 +8,14 @@ import zenoh
 
 from tests.e2e.serving import served
 from tests.waiting import until
+from tests.zenoh.processes import session_at
 from tests.zenoh.test_bus import board
 from tests.zenoh.test_security import Files, files, link, secured, short_patience
 from vbus.client import connect
 from vbus.client.zenoh_link import open_zenoh
 from vbus.core.errors import TransportError
 from vbus.network import envelope, keys
-from vbus.network.session import FORKED, close_session, open_session
+from vbus.network.session import FORKED, close_session
 from vbus.serve.server import LinkSpec
 
 __all__ = ["files", "short_patience"]
@@ -34,10 +35,10 @@ def test_who_has_the_same_right_can_neither_read_nor_send_nor_end_it(
     alice, mallory = files.of("alice"), files.of("mallory")
     made = board()
     with served(made, LinkSpec("zenoh:", network=network)) as server:
-        other = open_session(connect=[endpoint], mode="client", security=mallory)
+        other = session_at(endpoint, mallory)
         heard: list[bytes] = []
         tokens: list[str] = []
-        ears = open_session(connect=[endpoint], mode="client", security=mallory)
+        ears = session_at(endpoint, mallory)
         kept = [ears.declare_subscriber("vbus/**", lambda sample: heard.append(text(sample)))]
         seen = other.liveliness().declare_subscriber(
             f"{BUS}/hosts/*", lambda sample: tokens.append(str(sample.key_expr)), history=True

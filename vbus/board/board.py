@@ -111,14 +111,14 @@ class Board(Circuit):
             from vbus.faults.faults import Faults
 
             self._faults = Faults(self)
-            self._faults.links = self._links
+            self._faults.acts.serve(self._links)
         return self._faults
 
     def serve_links(self, links: "LinkActs") -> None:
         """Let ``links`` do the faults of links, whenever there are any."""
         self._links = links
         if self._faults is not None:
-            self._faults.links = links
+            self._faults.acts.serve(links)
 
     @property
     def broken(self) -> bool:

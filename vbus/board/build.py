@@ -237,27 +237,24 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
         return None
     reached = host.chips or tuple(chip.name for chip in file.chips)
     parts = {chip.name: plugins.chip_class(chip.part) for chip in file.chips}
-    for card in file.cards:
-        if card.name != host.card:
-            continue
-        blocks = [(reached.index(name), rows) for name, rows in cards.rows_of(card, parts)]
-        if card.bus:
-            decoded = {row.offset for _, rows in blocks for row in rows}
-            others = [CardRow(at, at, at) for at in range(card.size) if at not in decoded]
-            blocks.append((reached.index(card.name), others))
-        made = cards.card_of_rows(card.name, card.base, card.stride, blocks)
-        made.memory, made.fixed, made.big_endian = card.memory, card.fixed, card.big_endian
-        made.interrupt, made.signal = card.interrupt, SIGNALS.get(card.signal, 0)
-        made.edge = card.sense == "edge"
-        if card.has_circuit:
-            made.interrupt = f"{card.name}.{INT.name}"
-        if card.acknowledge:
-            at = card.acknowledge_at * card.stride
-            made.acknowledge = f"{card.name}.{ACK.name}"
-            made.acknowledge_read = -1 if card.acknowledge == "write" else at
-            made.acknowledge_write = -1 if card.acknowledge == "read" else at
-        return made
-    return None
+    card = next(card for card in file.cards if card.name == host.card)
+    blocks = [(reached.index(name), rows) for name, rows in cards.rows_of(card, parts)]
+    if card.bus:
+        decoded = {row.offset for _, rows in blocks for row in rows}
+        others = [CardRow(at, at, at) for at in range(card.size) if at not in decoded]
+        blocks.append((reached.index(card.name), others))
+    made = cards.card_of_rows(card.name, card.base, card.stride, blocks)
+    made.memory, made.fixed, made.big_endian = card.memory, card.fixed, card.big_endian
+    made.interrupt, made.signal = card.interrupt, SIGNALS.get(card.signal, 0)
+    made.edge = card.sense == "edge"
+    if card.has_circuit:
+        made.interrupt = f"{card.name}.{INT.name}"
+    if card.acknowledge:
+        at = card.acknowledge_at * card.stride
+        made.acknowledge = f"{card.name}.{ACK.name}"
+        made.acknowledge_read = -1 if card.acknowledge == "write" else at
+        made.acknowledge_write = -1 if card.acknowledge == "read" else at
+    return made
 
 
 def pin_map_of(file: BoardFile, name: str) -> PinMapSection | None:

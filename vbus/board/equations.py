@@ -13,7 +13,7 @@ nothing. With ``!`` in front of the output the wire is low while the equation ho
 
 from collections.abc import Callable
 from functools import reduce
-from operator import and_, or_, xor
+from operator import and_, itemgetter, or_, xor
 from typing import Final
 
 from msgspec import Struct
@@ -74,9 +74,9 @@ class _EquationReader(Words):
 
     def name(self) -> str:
         """Return the one name of which the text is made."""
-        if self._here.kind != NAME or self._here.text in _KEYWORDS:
-            raise self._expected('a name, perhaps with "!" in front,')
-        name = ".".join(name_parts(self._take()))
+        if self.here.kind != NAME or self.here.text in _KEYWORDS:
+            raise self.expected('a name, perhaps with "!" in front,')
+        name = ".".join(name_parts(self.take()))
         self._end()
         return name
 
@@ -87,45 +87,37 @@ class _EquationReader(Words):
         return value
 
     def _end(self) -> None:
-        if self._here.kind != END:
-            raise self._expected('"&", "|", "^" or the end')
+        if self.here.kind != END:
+            raise self.expected('"&", "|", "^" or the end')
 
     def _level(self, rank: int) -> Value:
         if rank == len(_JOINED):
             return self._unit()
         signs, operate = _JOINED[rank]
         parts = [self._level(rank + 1)]
-        while self._is(*signs):
-            self._take()
+        while self.at_word(*signs):
+            self.take()
             parts.append(self._level(rank + 1))
         return parts[0] if len(parts) == 1 else _joined(operate, parts)
 
     def _unit(self) -> Value:
-        token = self._here
-        if self._is("!", "not", "("):
-            self._take()
-            self._deeper()
-            value = self._level(0) if token.text == "(" else _inverted(self._unit())
-            self._depth -= 1
-            if token.text == "(":
-                self._need(")")
+        token = self.here
+        if self.at_word("!", "not", "("):
+            self.take()
+            if token.text != "(":
+                return _inverted(self.nested(self._unit))
+            value = self.nested(lambda: self._level(0))
+            self.need(")")
             return value
-        if self._is("0", "1"):
-            return _constant(int(self._take().text))
+        if self.at_word("0", "1"):
+            level = int(self.take().text)
+            return lambda levels: level
         if token.kind != NAME or token.text in _KEYWORDS:
-            raise self._expected('a name, "!", a parenthesis, 0 or 1')
-        name = ".".join(name_parts(self._take()))
+            raise self.expected('a name, "!", a parenthesis, 0 or 1')
+        name = ".".join(name_parts(self.take()))
         if name not in self.names:
             self.names.append(name)
-        return _wire(self.names.index(name))
-
-
-def _wire(place: int) -> Value:
-    return lambda levels: levels[place]
-
-
-def _constant(level: int) -> Value:
-    return lambda levels: level
+        return itemgetter(self.names.index(name))
 
 
 def _inverted(value: Value) -> Value:

@@ -85,7 +85,7 @@ class HostBus(HostPort):
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_card", "_due", "_hosts", "_kernel", "_order", "_orders", "_places", "board", "chips",
+        "_card", "_due", "_hosts", "kernel", "_order", "_orders", "_places", "board", "chips",
         "cycle_ps", "held", "hold_until", "label", "on_events", "on_resume", "pin_map",
         "promises",
     )  # fmt: skip
@@ -111,7 +111,7 @@ class HostBus(HostPort):
         self.on_events: Callable[[], None] | None = None
         self._hosts: Hosts = hosts
         self._card: Card | None = card
-        self._kernel: Kernel = board.kernel
+        self.kernel: Kernel = board.kernel
         self.selection: Selection = Selection(board, chips, cycle_ps)
         self.clock: HostClock = HostClock(board, self)
         self.pins: HostPins = HostPins(
@@ -266,19 +266,19 @@ class HostBus(HostPort):
             data = selection.path.read(self.pins, self.strobes, address, when)
         elif chip is None:
             data = self._read_together(address, when)
-        elif self._kernel.observed and selection.observed():
+        elif self.kernel.observed and selection.observed():
             data = board.player.play([chip], self.pins, False, address, 0, when)
         else:
             if board.player.by_hand:
                 board.player.lend([])
             fall: i64 = when - chip.read_low_ps
-            if fall > self._kernel.now:
-                clock.run_until(fall)
+            if fall > self.kernel.now:
+                self.kernel.pass_to(fall)
             chip.begin_read(address)
-            clock.run_until(when)
+            self.kernel.pass_to(when)
             data = chip.end_read()
             chip.bus_net.value = data
-            self._kernel.settle()
+            self.kernel.settle()
         board.reads += 1
         for chip in selection.selected:
             chip.reads += 1
@@ -290,7 +290,7 @@ class HostBus(HostPort):
         """Read with no chip selected, or with several that drive the data lines all at once."""
         selected = self.selection.selected
         if not selected:
-            self.clock.run_until(when)
+            self.kernel.pass_to(when)
             return self.selection.floating()
         self.strobes.passes_glue_by()
         data = self.board.player.play(selected, self.pins, False, address, 0, when)
@@ -306,16 +306,16 @@ class HostBus(HostPort):
         when = clock.begin(selection.cycle)
         if selection.path is not None:
             selection.path.write(self.pins, self.strobes, address, data, when)
-        elif self._kernel.observed and selection.observed():
+        elif self.kernel.observed and selection.observed():
             board.player.play(selection.selected, self.pins, True, address, data, when)
         else:
             if board.player.by_hand:
                 board.player.lend([])
-            clock.run_until(when)
+            self.kernel.pass_to(when)
             for chip in selection.selected:
                 chip.write(address, data)
                 chip.bus_net.value = data
-            self._kernel.settle()
+            self.kernel.settle()
         board.writes += 1
         for chip in selection.selected:
             chip.writes += 1
@@ -335,7 +335,7 @@ class HostBus(HostPort):
             board.player.flush()
             self._order = orders.give(Order(self._due, names, kind, address, data), keep=True)
         clock.check_granted(self._due)
-        clock.run_until(self._due)
+        self.kernel.pass_to(self._due)
         number, self._order = self._order, -1
         return orders.result(number)
 
@@ -393,13 +393,13 @@ class HostBus(HostPort):
         self.clock.judge(self.chips, self.clock.timed)
         self.pins.output_word()  # what lazy chips drive may be fought
         self.pins.of(self._data_chip().data_pin).drive(data & 0xFF)
-        self._kernel.settle()
+        self.kernel.settle()
 
     def release(self) -> None:
         """Let D0-D7 float."""
         self._take_back()
         self.pins.of(self._data_chip().data_pin).release()
-        self._kernel.settle()
+        self.kernel.settle()
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
@@ -443,13 +443,13 @@ class HostBus(HostPort):
         clock = self.clock
         clock.used = True
         if clock.target < 0:
-            begun: int = self._kernel.now
+            begun: int = self.kernel.now
             clock.target = min(begun + longest, END)
         deadline = clock.target
         while True:
             for chip in self.selection.selected:
                 chip.advance()
-            now = self._kernel.now
+            now = self.kernel.now
             ready = max((chip.ready_at() for chip in self.selection.selected), default=now)
             if ready <= now or now >= deadline:
                 clock.target = -1
@@ -461,7 +461,7 @@ class HostBus(HostPort):
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""
         self.clock.arrive()
-        outputs, due = self.pins.output_word(), self._kernel.next_due
+        outputs, due = self.pins.output_word(), self.kernel.next_due
         return outputs, min([due, *(chip.due(OUTPUT) for chip in self.chips)])
 
     def events(self, mask: int) -> None:

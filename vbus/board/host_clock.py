@@ -54,7 +54,7 @@ class HostClock:
         """
         self.timed = timed
         for chip in chips:
-            chip.judged = timed
+            chip.timing_checked = timed
 
     def hold(self, until: int) -> None:
         """Hold the session until time may run to ``until`` (ps)."""
@@ -91,14 +91,6 @@ class HostClock:
         if when > FAR and when > END:
             raise PortError(codes.BAD_AT, f"time ends at {END} ps")
         return when
-
-    def run_until(self, when: i64) -> None:
-        """Let time pass to the instant of a cycle."""
-        kernel = self._kernel
-        if kernel.next_stop > when:
-            kernel.now = when
-        else:
-            kernel.run_until(when)
 
     def arrive(self) -> None:
         """Come to the host's instant for something that takes no time of its own."""

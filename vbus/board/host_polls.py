@@ -115,7 +115,7 @@ class HostPolls:
                 # The last one is run: it leaves chip and bus as all of them would.
                 over = min(self.left, (self._board.limit - now) // cycle) - 1
                 if over > 0:
-                    clock.run_until(now + over * cycle)
+                    self._board.kernel.pass_to(now + over * cycle)
                     self._skip(over)
             self._poll(address)
         self.left = -1

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vbus.core.errors import SnapshotError
-from vbus.core.state import plan
+from vbus.core.state import validate
 from vbus.core.state.kinds import Load
 
 
@@ -34,10 +34,10 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
 
         breaking, unwrap = prepare_faults(board.faults, board, broken)
     try:
-        loading = plan(board, fields, "the state")
+        loading = validate(board, fields, "the state")
         seen = None
         if through is not None and board.through is not None:
-            seen = plan(board.through, through, "the state: through")
+            seen = validate(board.through, through, "the state: through")
         if lent is not None:
             lend = board.player.prepare(lent, [port.pins for port in board.ports])
     except SnapshotError:

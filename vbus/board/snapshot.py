@@ -20,7 +20,7 @@ from vbus.board.loading import prepare
 from vbus.core.errors import SnapshotError
 from vbus.core.file_kinds import HEAD, is_none
 from vbus.core.kernel import END, MS, NEVER
-from vbus.core.state import plan, save
+from vbus.core.state import save, validate
 from vbus.core.state.kinds import Load
 from vbus.protocols.base import Protocol
 from vbus.version import __version__
@@ -178,7 +178,7 @@ def _culprit(board: Board, error: Exception) -> str:
                 f" snapshot can hold: {found}; the kinds a field of STATE can have are those of"
                 " vbus.core.state"
             )
-    return f"the board's state cannot be kept: {error}"
+    return f"the board's state cannot be saved: {error}"
 
 
 def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> None:
@@ -280,9 +280,9 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
     board.violations.clear()
 
 
-def _half(wire: Protocol, kept: Any) -> Load:
+def _half(wire: Protocol, saved: Any) -> Load:
     """Check half a request against the wire format it is for."""
-    return plan(wire, kept, type(wire).__name__)
+    return validate(wire, saved, type(wire).__name__)
 
 
 def _same(port: HostBus, host: HostState) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -92,7 +93,8 @@ class Source:
         """
         name = str(path)
         try:
-            return cls(name, FilePath(path).read_bytes().decode())
+            # Editors of Windows put a mark of the byte order (BOM) before UTF-8.
+            return cls(name, FilePath(path).read_bytes().removeprefix(BOM_UTF8).decode())
         except OSError as error:
             raise BoardFileError([Problem(name, 0, "", unreadable(path, error))]) from None
         except UnicodeDecodeError as error:

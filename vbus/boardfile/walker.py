@@ -102,6 +102,8 @@ class Walker:
     def _unknown(self, path: Path, name: str, known: list[str]) -> None:
         what, known = ("key", sorted(known)) if path[1:] else ("section", known)
         hint = f"unknown {what}; {among(name, known, 'allowed are')}"
+        if not path[1:] and not isinstance(self._data[name], dict | list):
+            hint = f"a key stands below a section, such as [board]; {hint}"
         self._source.fail(path, WITHDRAWN.get(name, hint))
 
     # -- values -------------------------------------------------------------------------------

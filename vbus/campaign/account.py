@@ -1,27 +1,35 @@
 """What became of one run, and what its bus cycles were."""
 
-from collections.abc import Callable, Iterable
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any, Final
 
 from msgspec import Struct
 
 from vbus.board.board import Board
+from vbus.campaign.world import longest_cycle
 from vbus.chips.base import Chip
 from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.core.kernel import MS, US
-from vbus.core.signals import Observer, ValueTable, Violation
+from vbus.core.signals import EdgeTaker, Observer, ValueTable, Violation
 from vbus.core.signals.values import reader
 from vbus.plugins import family_of
-from vbus.views.runs.motion import STEP, moves_of
+from vbus.views.runs.motion import STEP, AxisCourse, Motion
 
 _SETTLE: Final = 10 * MS
+"""Chip time between two looks whether the motors of a run have come to rest; not measured."""
 _ON: Final = 1171 * US
-"""After so much time a value is looked at again: one that goes on changing is not compared."""
+"""After so much time a value is looked at again: one that goes on changing is not compared.
+Not measured."""
+_PARTS: Final = 8
+"""Looks in a cycle of the chips at the end of a reference run; not measured."""
 _LOOKS: Final = 50
-"""For how long a motor may come to rest when the host has ended: so many looks."""
+"""For how long a motor may come to rest when the host has ended: so many looks, half a second."""
+
+
+Values = dict[str, tuple[float | str, float]]
 
 
 class SeenCycle(Struct, frozen=True):
@@ -50,12 +58,16 @@ class Axis(Struct, frozen=True):
         last: where it was at the end (counts).
         speed: its greatest speed (counts in a millisecond).
         runs: whether it was in motion at the end.
+        peaks: of each move its greatest speed, and the first instant of that (ps).
+        drive: what its chip gives the motor at the end, as a share of full command.
     """
 
     moves: list[tuple[int, int, int, int]]
     last: int
     speed: int
     runs: bool
+    peaks: list[tuple[int, int]] = []
+    drive: float = 0.0
 
 
 class Account(Struct):
@@ -65,13 +77,14 @@ class Account(Struct):
         code: exit code of a program, 0 or 1 of a test or function.
         stuck: why it was ended, if it hung.
         slow: whether the machine was too slow for a verdict.
+        unfired: faults that have not come about: name, target and when.
         output: what it has said.
         errors: what it has complained of.
         cycles: bus cycles it made.
         now: instant at its end (ps).
         findings: what it broke, as ``"x lm628.busy-write"``, each once.
         values: what chips have at the end, by chip and name: the value, and how far another one
-            may be from it.
+            may be from it; of flags :data:`FLAGS`, less the bits that go on changing.
         axes: what each axis did.
         seen: its bus cycles, of a reference run.
         edges: of outputs that hosts look at, of a reference run: output, instant (ps), level.
@@ -82,12 +95,13 @@ class Account(Struct):
     code: int = 0
     stuck: str = ""
     slow: bool = False
+    unfired: list[tuple[str, str, str]] = []
     output: str = ""
     errors: str = ""
     cycles: int = 0
     now: int = 0
     findings: list[str] = []
-    values: dict[str, tuple[float | str, float]] = {}
+    values: Values = {}
     axes: dict[str, Axis] = {}
     seen: list[SeenCycle] = []
     edges: list[tuple[str, int, int]] = []
@@ -139,18 +153,6 @@ class _Groups(PacketReader):
         return self.rows
 
 
-class _Edges(Observer):
-    """Notes the edges of one output."""
-
-    def __init__(self, output: str, into: list[tuple[str, int, int]]) -> None:
-        self._output = output
-        self._into = into
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Note one."""
-        self._into.append((self._output, when, level))
-
-
 class Witness(Observer):
     """Sees one run, from now on.
 
@@ -161,10 +163,7 @@ class Witness(Observer):
 
     def __init__(self, board: Board, reference: bool = False) -> None:
         self._board = board
-        self._counts: dict[str, list[int]] = {axis: [] for axis in board.axes}
-        """Where each axis was, once in a millisecond."""
-        self._timer = board.kernel.onlooker(self._look)
-        self._look()
+        self._motion = Motion(board)
         self._findings: dict[str, None] = {}
         self._cycles = 0
         self._groups = _Groups(board) if reference else None
@@ -176,17 +175,14 @@ class Witness(Observer):
             if not chip.CONNECTOR
             for output in family_of(chip.part).outputs
         ]
-        self._watched = [(board.find_pin(one).net, _Edges(one, self._edges)) for one in outputs]
+        self._watched = [
+            (board.find_pin(one).net, EdgeTaker(partial(self._edge, one))) for one in outputs
+        ]
         for net, observer in self._watched:
             net.observe(observer)
 
-    def _look(self) -> None:
-        board = self._board
-        for chip in board.chips:
-            chip.advance()
-        for axis, counts in self._counts.items():
-            counts.append(board.axes[axis].count)
-        self._timer.at(board.now + STEP)
+    def _edge(self, output: str, when: int, net: str, level: int) -> None:
+        self._edges.append((output, when, level))
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -214,6 +210,7 @@ class Witness(Observer):
             net.unobserve(observer)
         for found in board.left_over():
             self.violation(found)
+        unfired = [(one.name, one.target, one.when.text) for one in board.faults.unfired()]
         counts: list[int] = []
         # Half a second at most: an axis that runs on by order never comes to rest.
         for _ in range(_LOOKS):
@@ -225,36 +222,69 @@ class Witness(Observer):
         there = {name: int(axis.count) for name, axis in board.axes.items()}
         # No multiple of a sample of 256, 341.3 or 520 us: a value that repeats with it is found.
         board.run_for(_ON)
-        later = _values(board)
-        self._timer.cancel()
-        axes = {}
-        for name, looks in self._counts.items():
-            moves = list(moves_of(looks))
-            axes[name] = Axis(
-                [(m.path[0], m.path[-1], min(m.path), max(m.path)) for m in moves],
-                looks[-1],
-                max((_speed(m.path) for m in moves), default=0),
-                abs(int(board.axes[name].count) - there[name]) > _NEAR,
+        later = [_values(board)]
+        # What changes within a cycle of the chips tells when it was looked at: STATUS has BUSY.
+        for _ in range(_PARTS if self._groups else 0):
+            board.run_for(longest_cycle(board) // _PARTS)
+            later.append(_values(board))
+        drives = _drives(board)
+        axes = {
+            name: _axis(
+                course, abs(int(board.axes[name].count) - there[name]) > _NEAR, drives.get(name, 0)
             )
+            for name, course in self._motion.stop().items()
+        }
         board.unobserve(self)
         return Account(
             cycles=cycles, now=now, findings=sorted(self._findings), axes=axes,
-            # A value that goes on changing tells only when it was looked at.
-            values={name: value for name, value in values.items() if later[name] == value},
+            values=dict(_steady(values, later)),
             seen=self._groups.finish() if self._groups else [],
-            edges=self._edges, **of_host,
+            edges=self._edges, unfired=unfired, **of_host,
         )  # fmt: skip
 
 
-def _speed(path: Iterable[int]) -> int:
-    counts = list(path)
-    return max((abs(b - a) for a, b in pairwise(counts)), default=0)
+def _axis(course: AxisCourse, runs: bool, drive: float) -> Axis:
+    """Return what an axis did that ``runs`` at the end, its motor at this share of full command."""
+    ends, peaks = [], []
+    for move in course.moves:
+        path = move.path
+        steps = [abs(b - a) for a, b in pairwise(path)]
+        ends.append((path[0], path[-1], min(path), max(path)))
+        peaks.append((max(steps), move.begin + steps.index(max(steps)) * STEP))
+    speed = max((speed for speed, _ in peaks), default=0)
+    return Axis(ends, course.final, speed, runs, peaks, drive)
+
+
+def _drives(board: Board) -> dict[str, float]:
+    """Return by axis what its chip gives the motor, as a share of full command."""
+    found = {}
+    for chip in board.chips:
+        row = chip.VALUES.lane("output")
+        if row is not None:
+            values = chip.telemetry()
+            for axis in range(chip.axis_count):
+                name = f"{chip.name}.{axis + 1}"
+                found[name] = abs(float(values[row.key.format(axis + 1)]))
+    return found
+
+
+def _steady(values: Values, later: list[Values]) -> Iterator[tuple[str, tuple[float | str, float]]]:
+    """Give what tells more than when it was looked at: not what goes on changing, but for flags."""
+    for name, (value, near) in values.items():
+        looks = [look[name][0] for look in later]
+        if near == FLAGS and isinstance(value, int):
+            moving = 0
+            for look in looks:
+                moving |= value ^ int(look)
+            yield name, (value, FLAGS - moving)
+        elif all(look == value for look in looks):
+            yield name, (value, near)
 
 
 _MEASURED: Final = ("velocity", "output", "error")
 """Lanes of what is measured or worked out in each sample: motion tells more of it."""
 _NEAR: Final = 4
-"""Counts by which a position may differ."""
+"""Counts by which a position may differ: an encoder line. Not measured."""
 
 
 FLAGS: Final = -1
@@ -282,10 +312,10 @@ def _rows(
     return rows, reader(f"[{', '.join(places)}]")
 
 
-def _values(board: Board) -> dict[str, tuple[float | str, float]]:
+def _values(board: Board) -> Values:
     """Return what the chips of a board have: what hosts have loaded, and where axes are."""
     board.catch_up()
-    found: dict[str, tuple[float | str, float]] = {}
+    found: Values = {}
     for chip in board.chips:
         rows, read = _rows(chip.VALUES, chip.axis_count)
         for (name, near), value in zip(rows, read(chip), strict=True):

@@ -1,6 +1,6 @@
 """What a campaign has found: as lines, as JSON, as JUnit does, and as one page."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from html import escape
 from pathlib import Path
 from typing import Final
@@ -21,8 +21,10 @@ from vbus.campaign.verdict import (
     Result,
     Tried,
     WayTotal,
+    early,
 )
-from vbus.core.errors import VbusError, read_errors
+from vbus.campaign.world import read_world
+from vbus.core.errors import VbusError, content
 
 QUIET: Final = (SILENT, FOUND)
 _HEADS: Final = {DETECTED: "detected", NO_EFFECT: "no effect", HANG: "hang", FOUND: "finding",
@@ -42,7 +44,7 @@ class Saved(msgspec.Struct):
         digests: by test, or "" of a program: of board and program; others have other results.
         results: by :attr:`PlannedWorld.name`.
         keys: dimension, group and way of each silent outcome: what a baseline is asked for.
-        totals: what came of each way.
+        totals: what came of each way in the campaign that wrote it last.
     """
 
     digests: dict[str, str] = {}
@@ -60,19 +62,32 @@ class Saved(msgspec.Struct):
         self.digests[test] = digest
         return mine
 
-    def take(self, name: str, result: Result, put: Callable[[bytes], object] | None) -> None:
+    def take(
+        self, one: PlannedWorld, result: Result, put: Callable[[bytes], object] | None
+    ) -> None:
         """Take a result; store all of them now and then, for a campaign that is stopped."""
         if result.verdict == SLOW:  # the next campaign tries it again
             return
-        self.results[name] = result
+        self.results[one.name] = msgspec.structs.replace(result, group=one.group)
         if put is not None and len(self.results) % _STORED == 0:
             put(as_json(self))
+
+    def silent(self) -> list[tuple[str, str, str]]:
+        """Return dimension, group and way of each silent outcome, of earlier campaigns too."""
+        found = set()
+        for name, result in self.results.items():
+            if result.verdict in QUIET:
+                test, colon, text = name.rpartition(": ")
+                world = read_world(text)
+                found.add((world.dimension, f"{test}{colon}{result.group}", world.way))
+        return sorted(found)
 
 
 def as_json(saved: Saved) -> bytes:
     """Return a file of ``--json``."""
-    results = dict(sorted(saved.results.items()))
-    whole = msgspec.structs.replace(saved, results=results)
+    # Processes end in any order.
+    digests, results = dict(sorted(saved.digests.items())), dict(sorted(saved.results.items()))
+    whole = Saved(digests, results, saved.silent(), saved.totals)
     return msgspec.json.format(msgspec.json.encode(whole), indent=1) + b"\n"
 
 
@@ -94,7 +109,6 @@ def write(
         line: gives the line that runs a world again.
         files: by what they are, of :data:`FILES`, what writes them.
     """
-    saved.keys = sorted(dict.fromkeys(one.key for one in campaign.listed(QUIET)))
     saved.totals = campaign.totals()
     makers = {
         "json": lambda: as_json(saved),
@@ -106,11 +120,12 @@ def write(
 
 
 def _read(path: str) -> Saved:
-    with read_errors(path):
-        data = Path(path).read_bytes()
+    data = content(path)
     try:
-        return msgspec.json.decode(data, type=Saved)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        saved = msgspec.json.decode(data, type=Saved)
+        saved.silent()  # its names are worlds
+        return saved
+    except (msgspec.DecodeError, ValueError) as error:
         raise VbusError(f"{path}: this is no file of vbus campaign --json: {error}") from None
 
 
@@ -121,6 +136,18 @@ def read_saved(path: str) -> Saved:
         VbusError: the file is there and is none, or cannot be read.
     """
     return _read(path) if Path(path).exists() else Saved()
+
+
+def check_files(written: Iterable[str | None], read: Iterable[str | Path | None]) -> None:
+    """Refuse to write over what a campaign reads: its baseline, the driver, the tests.
+
+    Raises:
+        ValueError: a file is both.
+    """
+    taken = {Path(name).resolve() for name in read if name}
+    for name in filter(None, written):
+        if Path(name).resolve() in taken:
+            raise ValueError(f"{name}: this campaign reads it; give what is written another file")
 
 
 def read_baseline(path: str) -> Collection[tuple[str, str, str]]:
@@ -135,15 +162,24 @@ def read_baseline(path: str) -> Collection[tuple[str, str, str]]:
 # -- lines ----------------------------------------------------------------------------------------
 
 
-def _share(coverage: float | None) -> str:
+def shown(coverage: float | None) -> str:
+    """Return a diagnostic coverage as people read it."""
     return "-" if coverage is None else f"{100 * coverage:.0f} %"
 
 
-def _refused(campaign: Campaign) -> Iterator[str]:
-    """Say what does not apply, each reason once."""
+def _cells(total: WayTotal) -> list[object]:
+    """Return what the table has of a way, under its heads."""
+    counts = (total.counts.get(one, 0) for one in VERDICTS)
+    return [*counts, total.tried, total.left, shown(total.coverage)]
+
+
+def _untried(campaign: Campaign) -> Iterator[str]:
+    """Say of what nothing was tried, each reason once."""
     reasons: dict[str, list[str]] = {}
     for what, why in campaign.plan.refused.items():
         reasons.setdefault(why, []).append(what)
+    if untouched := [total.name for total in campaign.totals() if not total.tried and total.left]:
+        reasons["the campaign ended before"] = untouched
     for why, whats in reasons.items():
         yield f"not tried: {', '.join(whats)}: {why}"
 
@@ -154,7 +190,7 @@ def lines(
     line: Line,
     most: int | None,
 ) -> Iterator[str]:
-    """Give the table, and what was silent or hung, each with the line that runs it again.
+    """Give the table, and what was silent, hung, or failed with nothing broken, with its replay.
 
     Args:
         campaign: the campaign.
@@ -165,11 +201,8 @@ def lines(
     heads = (*_HEADS.values(), "tried", "not tried", "coverage")
     yield f"{'':24}" + "".join(f"{head:>10}" for head in heads)
     for total in campaign.totals():
-        name = total.way if total.way == total.dimension else f"{total.dimension} {total.way}"
-        cells = [*(str(total.counts.get(one, 0)) for one in VERDICTS), str(total.tried),
-                 str(total.left), _share(total.coverage)]  # fmt: skip
-        yield f"{name:24}" + "".join(f"{cell:>10}" for cell in cells)
-    yield from _refused(campaign)
+        yield f"{total.name:24}" + "".join(f"{cell:>10}" for cell in _cells(total))
+    yield from _untried(campaign)
     yield from outcomes(campaign, known, line, most)
 
 
@@ -180,18 +213,25 @@ def outcomes(
     most: int | None,
     everything: str = "--all tells them, --json and --page have them",
 ) -> Iterator[str]:
-    """Give what was silent or hung, as :func:`lines` does; ``everything`` says where all is."""
-    shown = campaign.listed()
-    for number, one in enumerate(shown):
+    """Give what is to be looked at, as :func:`lines` does; ``everything`` says where all is."""
+    listed = campaign.listed()
+    for number, one in enumerate(listed):
         if most is not None and number >= most:
-            yield f"{len(shown) - most} more; {everything}"
+            yield f"{len(listed) - most} more; {everything}"
             break
         new = " (new)" if known is not None and one.quiet and one.key not in known else ""
-        yield f"{one.result.verdict}{new}: {one.planned.group}, {one.planned.world.sentence()}"
+        verdict = "fails, and nothing is broken" if one.fails else one.result.verdict
+        yield f"{verdict}{new}: {one.planned.group}, {one.replay.world.sentence()}"
         yield f"    {one.result.reason}"
         for finding in one.result.findings:
             yield f"    finding: {finding}"
-        yield f"    {line(one.planned)}"
+        yield f"    {line(one.replay)}"
+    for (_, finding), worlds in campaign.unsafe().items():
+        first = worlds[0]
+        many = f"{len(worlds)} worlds, first " if len(worlds) > 1 else ""
+        where = f"{first.planned.group}, {first.planned.world.sentence()}"
+        yield f"detected, and yet {finding}: {many}{where}"
+        yield f"    {line(first.planned)}"
 
 
 # -- JUnit ----------------------------------------------------------------------------------------
@@ -211,8 +251,8 @@ def as_junit(campaign: Campaign, new: Collection[Tried], line: Line) -> bytes:
         one = failing.get((dimension, group, way))
         if one is not None:
             failure = ElementTree.SubElement(case, "failure", message=one.result.verdict)
-            world = one.planned.world
-            failure.text = f"{world.sentence()}: {one.result.reason}\n{line(one.planned)}"
+            world = one.replay.world
+            failure.text = f"{world.sentence()}: {one.result.reason}\n{line(one.replay)}"
     ElementTree.indent(suite)
     text: bytes = ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
@@ -226,7 +266,7 @@ table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:
 th{text-align:left;background:#f4f4f4}td{text-align:center}td.l{text-align:left}
 .detected{background:#cfe8cf}.noeffect{background:#f2f2f2}.hang{background:#f6d9a8}
 .silent{background:#f2b8b8}.finding{background:#f8dada}
-details{display:inline}pre{white-space:pre-wrap;text-align:left;max-width:60em}
+.left{color:#888}details{display:inline}pre{white-space:pre-wrap;text-align:left;max-width:60em}
 """
 _WORST: Final = (SILENT, FOUND, HANG, DETECTED, NO_EFFECT)
 
@@ -244,12 +284,10 @@ def as_page(campaign: Campaign, subject: str, line: Line) -> bytes:
     heads = (*_HEADS.values(), "tried", "not tried", "diagnostic coverage")
     out.append("<table><tr><th>way" + "".join(f"<th>{head}" for head in heads))
     for total in campaign.totals():
-        cells = [*(total.counts.get(one, 0) for one in VERDICTS), total.tried, total.left,
-                 _share(total.coverage)]  # fmt: skip
-        out.append(f"<tr><th>{escape(total.dimension)} {escape(total.way)}"
-                   + "".join(f"<td>{cell}" for cell in cells))  # fmt: skip
+        out.append(f"<tr><th>{escape(total.name)}"
+                   + "".join(f"<td>{cell}" for cell in _cells(total)))  # fmt: skip
     out.append("</table>")
-    out += [f"<p>{escape(sentence)}" for sentence in _refused(campaign)]
+    out += [f"<p>{escape(sentence)}" for sentence in _untried(campaign)]
     for dimension in dict.fromkeys(total.dimension for total in campaign.totals()):
         out.append(_matrix(campaign, dimension, line))
     return "\n".join(out).encode() + b"\n"
@@ -257,30 +295,31 @@ def as_page(campaign: Campaign, subject: str, line: Line) -> bytes:
 
 def _matrix(campaign: Campaign, dimension: str, line: Line) -> str:
     cells: dict[tuple[str, str], list[Tried]] = {}
+    planned = [one for one in campaign.plan.worlds if one.world.dimension == dimension]
     for one in campaign.tried:
         if one.dimension == dimension:
             cells.setdefault((one.planned.group, one.planned.world.way), []).append(one)
+    left = {(one.group, one.world.way) for one in planned}
     ways = [total.way for total in campaign.totals() if total.dimension == dimension]
     out = [f"<h2>{escape(dimension)}</h2><table><tr><th>what"]
     out += [f"<th>{escape(way)}" for way in ways]
-    for group in dict.fromkeys(one.group for one in campaign.plan.worlds
-                               if one.world.dimension == dimension):  # fmt: skip
+    for group in dict.fromkeys(one.group for one in sorted(planned, key=early)):
         out.append(f"<tr><td class=l>{escape(group)}")
-        out += [_cell(cells.get((group, way), []), line) for way in ways]
+        out += [_cell(cells.get((group, way), []), line, (group, way) in left) for way in ways]
     out.append("</table>")
     return "".join(out)
 
 
-def _cell(tried: list[Tried], line: Line) -> str:
+def _cell(tried: list[Tried], line: Line, there: bool) -> str:
     if not tried:
-        return "<td>"
+        return "<td class=left>not tried" if there else "<td>"
     # A cell shows the worst of its worlds: one silent outcome is what its reader looks for.
     one = min(tried, key=lambda one: _WORST.index(one.result.verdict))
     verdict = one.result.verdict
     same = sum(other.result.verdict == verdict for other in tried)
     findings = "".join(f"\nfinding: {finding}" for finding in one.result.findings)
-    world = one.planned.world
-    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(one.planned)}"
+    world = one.replay.world
+    text = f"{world.sentence()}\n{one.result.reason}{findings}\n{line(one.replay)}"
     return (
         f"<td class={_HEADS[verdict].replace(' ', '')}><details><summary>{_HEADS[verdict]}"
         f" {same}/{len(tried)}</summary><pre>{escape(text)}</pre></details>"

@@ -16,6 +16,7 @@ from vbus.core.values.settings import among
 from vbus.faults.faults import Faults
 from vbus.faults.row import COUNTED, LINK
 from vbus.faults.table import faults
+from vbus.faults.trigger import read_when
 from vbus.plugins import chip_class, family_of
 from vbus.protocols.quantities import format_instant, parse_duration
 
@@ -37,16 +38,25 @@ LATE: Final = "late"
 WAYS: Final = (FLIP, LOST, DOUBLED, BUSY, LATE)
 """What can happen to one bus cycle."""
 NO_TURNS: Final = "only threads of a program with a card, under vbus exec, take turns"
-NO_LINK: Final = "only a program has a link: functions and tests run in the process of the board"
+NO_LINK: Final = "a test has no link that could break: it runs in the process of the board"
 ORDER: Final = "order"
 """Before the seed by which threads of a program have their turns: ``order17``."""
 EARLY: Final = "early"
+AHEAD: Final = "ahead"
 _FAULTS: Final = {
     LOST: "strobe_lost",
     DOUBLED: "strobe_doubled",
     BUSY: "busy_longest",
     LATE: "answer_late",
 }
+_HOWS: Final = {
+    CYCLE: rf"{FLIP}\d+|{'|'.join(_FAULTS)}",
+    INTERRUPT: rf"({EARLY}|{LATE})\d+-[01]",
+    PHASE: AHEAD,
+    FLOATING: "[01]",
+    THREADS: rf"{ORDER}\d+",
+}
+"""What may be said of the way of a world, by dimension."""
 
 
 class Arming(NamedTuple):
@@ -66,7 +76,8 @@ class World(Struct, frozen=True, order=True):
         dimension: one of :data:`DIMENSIONS`; "" in the reference run.
         where: chip and number of the bus cycle (``"x.17"``), output and instant in ps
             (``"x.HI@1200"``), how far the chips are ahead (``"+64us"``), chip, or fault's target
-            and instant; "program" for its threads.
+            and instant (``"x.1@1200"``), and for how long (``"x.1@1200+500"``, ps) if not to the
+            end; "program" for its threads.
         how: the way it is broken, or settings of chips (``"x.busy=worst,x.reset_status=C4"``).
         seed: of the board; 0 is that of its file.
     """
@@ -110,6 +121,11 @@ class World(Struct, frozen=True, order=True):
         return int(self.how.removeprefix(ORDER)) if self.dimension == THREADS else 0
 
     @property
+    def allowed(self) -> bool:
+        """Whether nothing is broken in it: a right driver does in it what it does elsewhere."""
+        return self.dimension in (PHASE, SPECIMEN, THREADS)
+
+    @property
     def of_host(self) -> bool:
         """Whether it is of a program's threads or its link, and not of the board."""
         link = self.dimension == FAULT and faults()[self.how].target == LINK
@@ -121,6 +137,8 @@ class World(Struct, frozen=True, order=True):
         if self.dimension == CYCLE:
             chip, _, number = place.rpartition(".")
             bit = self.how.removeprefix(FLIP)
+            if bit != self.how and bit not in tuple("01234567"):
+                raise ValueError(f"there is no D{bit}; write flip0 to flip7")
             name, given = ("byte_flipped", {"mask": 1 << int(bit)}) if bit != self.how else ("", {})
             cycle = f"cycle {number}"
             return Arming(name or _FAULTS[self.how], chip, cycle, "once", dict(given))
@@ -133,13 +151,17 @@ class World(Struct, frozen=True, order=True):
             row = faults().get(self.how)
             # A link without answers for good says nothing of a host that asks again.
             one = row is not None and row.target == LINK and row.acts == COUNTED
-            return Arming(self.how, place, int(instant), "once" if one else None, {})
+            begin, _, lasts = instant.partition("+")
+            until = "once" if one else int(lasts) if lasts else None
+            return Arming(self.how, place, int(begin), until, {})
         return None
 
     def sentence(self) -> str:
         """Say what is otherwise."""
         place, _, instant = self.where.partition("@")
+        instant, _, lasts = instant.partition("+")
         when = f" at {format_instant(int(instant))}" if instant else ""
+        when += f" for {format_instant(int(lasts))}" if lasts else ""
         if self.dimension == CYCLE:
             chip, _, number = place.rpartition(".")
             what = {
@@ -194,9 +216,12 @@ def read_world(text: str) -> World:
         raise ValueError(f"{text!r}: a world is DIMENSION:WHERE:HOW, perhaps with :SEED")
     world = World(dimension, rest[0], rest[1], int(rest[2]) if len(rest) == 3 else 0)
     try:
+        if dimension in _HOWS and not re.fullmatch(_HOWS[dimension], world.how):
+            raise ValueError(f'"{world.how}" is no way of this dimension')
         world.sentence()
         arming = world.arming()
         if arming is not None:
+            read_when(arming.when)
             Faults.find(arming.name)
         if min(world.ahead, world.order) < 0 or any(
             not (chip and key) for chip, key, _ in world.settings
@@ -313,12 +338,12 @@ def with_keys(text: str, section: str, keys: Mapping[str, str]) -> str:
         lines += ["", f"[{section}]"]
         place = len(lines)
     end = next((i for i in range(place, len(lines)) if lines[i].lstrip().startswith("[")), None)
-    kept = [
+    others = [
         line
         for line in lines[place:end]
         if (key := re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)) is None or key[1] not in keys
     ]
-    lines[place:end] = [*(f"{key} = {value}" for key, value in keys.items()), *kept]
+    lines[place:end] = [*(f"{key} = {value}" for key, value in keys.items()), *others]
     return "\n".join(lines) + "\n"
 
 

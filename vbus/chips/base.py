@@ -8,7 +8,7 @@ from mypy_extensions import i64, mypyc_attr
 from vbus.chips.ac_table import AcTable
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.tables import CardRow, PinRow
-from vbus.core.kernel import NEVER, Clock, Kernel
+from vbus.core.kernel import NEVER, Clock, Kernel, Timer
 from vbus.core.options import Option, Settings, Value, with_defaults
 from vbus.core.signals import (
     OFF,
@@ -92,11 +92,9 @@ class Chip:
     where the card, not the chip, answers."""
     STATE: ClassVar[Names] = UNDECLARED
     WIRING: ClassVar[Names] = (
-        "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
-        "read_low_ps", "cycle_ps", "front", "on_levels", "pins", "bus_pins", "data_pin",
-        "_file", "_timer", "_tell", "standing",
+        "name", "clock", "settings", "cycle_ps", "front", "on_levels", "pins", "_tell",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
+    DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "heard")
 
     def __init__(
         self,
@@ -118,7 +116,7 @@ class Chip:
         """The pins of this part; the class' :attr:`PINS` are those of its family's first."""
         self.axis_count: int = self.AXES
         self.policy: Policy = policy if policy is not None else Policy()
-        self.judged: bool = False
+        self.timing_checked: bool = False
         """Whether strobes carry real times now, so that AC limits are judged."""
         bus = self.BUS
         # Both follow from the bus table; a chip whose supply changes its limits sets them anew.
@@ -140,10 +138,11 @@ class Chip:
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
         self._tell: Callable[[Chip], dict[str, Reading]] | None = None
-        self._timer = kernel.timer(self._due)
+        self.timer: Timer = kernel.timer(self._due)
         self.on_node: bool = False
         """Whether other nodes wait for its outputs: an :data:`EDGE` sets its timer then."""
-        self._heard: bool = False
+        self.heard: bool = False
+        """Whether anybody notices an edge of its outputs: :attr:`timer` is set to the next one."""
         heard = self.heard_changed
         for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
@@ -249,7 +248,7 @@ class Chip:
         Nothing is filed, and nothing changes: it is asked once, at the end of a run.
 
         Returns:
-            a rule of severity note, and a sentence for people, for each.
+            a rule, and a sentence for people, for each: a note, or what no right driver leaves.
         """
         return []
 
@@ -369,16 +368,16 @@ class Chip:
         heard = any(pin.net.heard for pin in self.pins.values() if pin.on_heard is not None)
         if heard:
             # Maybe to another output than before.
-            self._heard = True
+            self.heard = True
             self.advance()
             self.rearm()
         # Lazy again: the next question brings the chip up to date. A state that was saved while
         # a chip had a listener has set the timer.
-        elif self._heard or self._timer.due != NEVER:
-            self._heard = False
-            self._timer.cancel()
+        elif self.heard or self.timer.due != NEVER:
+            self.heard = False
+            self.timer.cancel()
 
-    def touched(self) -> None:
+    def input_changed(self) -> None:
         """Something from outside has changed the chip: what follows from its state follows.
 
         Call it at the end of whatever does so: bus cycles, edges at inputs, faults.
@@ -387,13 +386,13 @@ class Chip:
 
     def rearm(self) -> None:
         """Set the timer to the next event, if anybody listens."""
-        if self._heard:
+        if self.heard:
             due = self.due(EDGE if self.on_node else OUTPUT)
             # The timer's old instant was worked out from another state.
             if due == NEVER:
-                self._timer.cancel()
+                self.timer.cancel()
             else:
-                self._timer.at(due)
+                self.timer.at(due)
 
     def _due(self) -> None:
         self.advance()

@@ -179,7 +179,6 @@ class BusWatch:
 
     STATE: tuple[str, ...] = ()
     """What earlier edges leave that decides about cycles to come; see ``vbus.core.state``."""
-    WIRING: tuple[str, ...] = ("PINS", "table")
     DERIVED: tuple[str, ...] = ("_actions", "_before", "_data", "_phases")
 
     def __init__(self, table: BusTable) -> None:

@@ -54,6 +54,8 @@ class Family(Struct, frozen=True):
         bits: bit tables of its page: heading, and the name in :attr:`datasheet`.
         cycle: number of clock periods of the cycle against which a host's phase matters, as it is
             after a reset, ``"datasheet:SAMPLE_CLK"``.
+        reset: number of clock periods of a reset in which its chips take bus cycles already:
+            ``ready_at()`` leaves it out; ``"datasheet:RESET_CLK"``.
         compatibility: parts it stands in for, each with a ``Uses`` that knows the differences.
         kept: rows of AC tables that the chip keeps itself and no host can break.
     """
@@ -85,6 +87,7 @@ class Family(Struct, frozen=True):
     bits: tuple[tuple[str, str], ...] = ()
     kept: frozenset[str] = frozenset()
     cycle: str | int = ""
+    reset: str | int = ""
     compatibility: Mapping[str, str] = field(default_factory=dict)
 
     def load(self, role: str, base: type[_T]) -> type[_T] | None:

@@ -29,20 +29,18 @@ class BusFrontEnd:
     """
 
     STATE: ClassVar[Names] = ()
-    WIRING: ClassVar[Names] = (
-        "_actions", "_chip", "_lines", "_place", "_table", "_width", "ears", "own",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_actions", "own")
     DERIVED: ClassVar[Names] = ("_looked", "_seen")
 
     def __init__(self, chip: Chip) -> None:
         assert chip.BUS is not None
         self._table: BusTable = chip.BUS
-        self._chip: Chip = chip
+        self.chip: Chip = chip
         lines = self._table.lines
         self._lines: tuple[Pin, ...] = tuple([chip.pins[name] for name in lines])
         self._width: i64 = len(lines)
         self._actions: list[tuple[str, ...] | None] = _unknown(lines, self._table.strobes)
-        self._place: Pin = chip.pins[self._table.address or lines[0]]
+        self.address_pin: Pin = chip.pins[self._table.address or lines[0]]
         # Lines may follow one another within a batch: each edge counts once.
         self._looked: int = -1
         self._seen: i64 = 0
@@ -82,8 +80,8 @@ class BusFrontEnd:
 
     def moved(self) -> None:
         """One or more control lines have moved at this instant."""
-        self._chip.advance()  # what the chip finds by now comes before what its host does now
-        batch = self._chip.kernel.batch
+        self.chip.advance()  # what the chip finds by now comes before what its host does now
+        batch = self.chip.kernel.batch
         before: i64 = self._seen
         # The first look in a batch: the levels before it are what the nets say.
         if self._looked != batch:
@@ -114,13 +112,13 @@ class BusFrontEnd:
             before: levels of the control lines before the edge.
             after: levels after it.
         """
-        chip = self._chip
+        chip = self.chip
         if action == "begin":
-            chip.begin_read(self._place.net.value)
+            chip.begin_read(self.address_pin.net.value)
             chip.data_pin.drive(chip.read_byte())
         elif action == "take":
             chip.end_read()
             chip.data_pin.release()
         elif action == "write":
             # What moves together with the edge that ends a write comes too late for it.
-            chip.write(self._place.net.before, chip.bus_net.before)
+            chip.write(self.address_pin.net.before, chip.bus_net.before)

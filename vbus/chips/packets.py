@@ -54,6 +54,11 @@ class Cycle(NamedTuple):
         return f"{WRITE if self.write else READ} {self.address:X} {self.data:02X}"
 
 
+def calls(name: str) -> tuple[str, str]:
+    """Return what people call a packet: by its name, or by the last word, ``write FLAG``."""
+    return name, name.rpartition(" ")[2]
+
+
 def cited(clause: str) -> str:
     """Return how a line ends that follows from a clause; "" if it names none."""
     return f"  [{clause}]" if clause else ""
@@ -273,22 +278,14 @@ class CommandPackets(Decoder):
     def typed(self, data: list[int]) -> list[Cycle]:
         """Read a command byte, then as many data bytes as it takes, and so on."""
         cycles: list[Cycle] = []
-        need = 0
-        row: Command | None = None
-        words: list[int] = []
+        # A decoder of their own knows at each byte which command it belongs to, if to any.
+        of = type(self)()
         for byte in data:
-            if not need:
-                row = self.COMMANDS.by_code(byte)
-                words = []
-                need = 2 * (row.write + row.read) if row else 0
+            if of.row is None:
                 cycles.append(Cycle(0, True, self.COMMAND_PORT, byte))
-                continue
-            cycles.append(Cycle(0, row is not None and bool(row.write), self.DATA_PORT, byte))
-            words.append(byte)
-            need -= 1
-            # The control word is whole: now the length is known.
-            if row and row.up_to and len(words) == 2:
-                need = 2 * (self.words_of(row, words[0] << 8 | words[1]) - 1)
+            else:
+                cycles.append(Cycle(0, bool(of.row.write), self.DATA_PORT, byte))
+            of.take(cycles[-1])
         return cycles
 
 

@@ -1,8 +1,9 @@
 """Rows of a datasheet: pins, commands, registers, bits, AC limits. Data, and checks on it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
+from vbus.core.row_table import RowTable
 from vbus.core.signals import HIGH
 
 
@@ -65,6 +66,11 @@ class Bit(NamedTuple):
         return 1 << self.number
 
 
+def names_of(bits: tuple[Bit, ...], value: int, between: str = ", ") -> str:
+    """Return the names of the bits that are set in a value."""
+    return between.join([bit.name for bit in bits if value & bit.mask])
+
+
 class Command(NamedTuple):
     """One row of a command set.
 
@@ -81,8 +87,8 @@ class Command(NamedTuple):
         hook: name of the method that carries it out, if it does not just set or get a parameter.
         parameter: the parameter it sets or gets: an attribute of the chip's parts, by its path.
         value: what a command without data gives to its parameter or hook.
-        bits: how many bits of the data are kept; 0 for all.
-        least: smallest value kept, where it is not that of its bits.
+        bits: how many bits of the data are stored; 0 for all.
+        least: smallest value stored, where it is not that of its bits.
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
@@ -108,40 +114,14 @@ class Command(NamedTuple):
     fraction: int = 0
     unit: str = ""
 
+    @property
+    def codes(self) -> tuple[int]:
+        """The command byte."""
+        return (self.code,)
 
-class CommandTable:
-    """Commands of one chip, by code and by mnemonic; refuses a code or mnemonic given twice."""
 
-    __slots__ = ("_by_code", "_by_name", "rows")
-
-    def __init__(self, *rows: Command) -> None:
-        self.rows: tuple[Command, ...] = rows
-        self._by_code: dict[int, Command] = {}
-        self._by_name: dict[str, Command] = {}
-        for row in rows:
-            # A slip of the pen in a table is found when it is imported, not when a host uses the
-            # row.
-            if row.code in self._by_code:
-                raise ValueError(
-                    f"code {row.code:02X}H stands for {row.name} and {self._by_code[row.code].name}"
-                )
-            if row.name in self._by_name:
-                raise ValueError(f"{row.name} stands in the table twice")
-            self._by_code[row.code] = row
-            self._by_name[row.name] = row
-
-    def __iter__(self) -> Iterator[Command]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, name: str) -> Command:
-        return self._by_name[name]
-
-    def by_code(self, code: int) -> Command | None:
-        """Return the row with this command byte, or None if the code is undefined."""
-        return self._by_code.get(code)
+class CommandTable(RowTable[Command]):
+    """Commands of one chip, by code and by mnemonic."""
 
     def find_hooks(self, *owners: type) -> dict[str, type]:
         """Return which of ``owners`` has each hook, the first one that does.
@@ -179,7 +159,6 @@ class Register(NamedTuple):
         title: the manual's name.
         unit: what its value counts.
         counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
-        cleared: a sample sets it to 0 when it has obeyed it, or stops.
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
@@ -196,11 +175,15 @@ class Register(NamedTuple):
     title: str = ""
     unit: str = ""
     counts: str = ""
-    cleared: bool = False
     fields: tuple[Bit, ...] = ()
     on_read: str = ""
     on_write: str = ""
     on_loaded: str = ""
+
+    @property
+    def codes(self) -> tuple[int, ...]:
+        """Its addresses, each of which leads to it."""
+        return self.addresses
 
     @property
     def bits(self) -> int:
@@ -220,38 +203,18 @@ class Register(NamedTuple):
         return self.addresses[-1]
 
 
-class RegisterMap:
-    """Registers of one chip by name and by address; refuses an address given twice."""
+class RegisterMap(RowTable[Register]):
+    """Registers of one chip by name and by address."""
 
-    __slots__ = ("_by_address", "_by_name", "rows", "size")
+    __slots__ = ("size",)
 
     def __init__(self, size: int, *rows: Register) -> None:
+        super().__init__(*rows)
         self.size: int = size
-        self.rows: tuple[Register, ...] = rows
-        self._by_address: dict[int, Register] = {}
-        self._by_name: dict[str, Register] = {}
         for row in rows:
-            if row.name in self._by_name:
-                raise ValueError(f"register {row.name} stands in the map twice")
-            self._by_name[row.name] = row
             for address in row.addresses:
-                # Found at import, as slips in a command table are.
                 if not 0 <= address < size:
                     raise ValueError(f"{row.name}: address {address:02X}H is outside the map")
-                if address in self._by_address:
-                    other = self._by_address[address].name
-                    raise ValueError(f"address {address:02X}H is in {row.name} and in {other}")
-                self._by_address[address] = row
-
-    def __iter__(self) -> Iterator[Register]:
-        return iter(self.rows)
-
-    def __getitem__(self, name: str) -> Register:
-        return self._by_name[name]
-
-    def at(self, address: int) -> Register | None:
-        """Return the register that holds the byte at ``address``, or None."""
-        return self._by_address.get(address)
 
     def find_hooks(
         self, role: str, owner: type, plain: str = "", read_only: str = ""

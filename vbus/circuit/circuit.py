@@ -35,6 +35,7 @@ POLICIES: Final = ("realtime", "lockstep", "slaved")
 STRETCH: Final = 20_000_000_000_000
 """Chip time, shared among the chips, that is computed without a look at Ctrl-C (ps)."""
 SHORTEST: Final = 1_000_000_000
+"""The least stretch of a chip (ps): with a shorter one the looks at Ctrl-C would be the work."""
 MOST_STEPS: Final = 2000
 """Samples of a chip that a host may let pass in one go on a board that is served."""
 

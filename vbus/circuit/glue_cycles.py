@@ -67,7 +67,7 @@ class GlueCycles:
     """
 
     STATE: ClassVar[Names] = ("watches: parts",)
-    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "noted", "rows", "watcher")
+    WIRING: ClassVar[Names] = ("by", "chips", "noted", "rows", "watcher")
 
     def __init__(self, kernel: Kernel, chips: Iterable[Chip], glue: Glue) -> None:
         self._kernel: Kernel = kernel
@@ -152,7 +152,6 @@ class BusLines:
         self.under_way: bool = False
         """Whether a cycle was, when the lines were looked at."""
         self._nets: list[Net] = []
-        self._levels_of: dict[int, tuple[int, ...]] = {}
         self._busy: list[bool] = []
         """By levels, once they have been asked for."""
         self._ends: dict[int, list[Ended]] = {}
@@ -202,8 +201,4 @@ class BusLines:
         return ends
 
     def _tuple(self, levels: i64) -> tuple[int, ...]:
-        known = self._levels_of.get(levels)
-        if known is None:
-            places = range(len(self.nets) - 1, -1, -1)
-            known = self._levels_of[levels] = tuple([levels >> place & 1 for place in places])
-        return known
+        return tuple([levels >> place & 1 for place in range(len(self.nets) - 1, -1, -1)])

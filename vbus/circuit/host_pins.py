@@ -53,8 +53,8 @@ class HostPins:
 
     STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
     WIRING: ClassVar[Names] = (
-        "_by_name", "_chips", "_connector", "_kernel", "_label", "_let_go", "_on_edge",
-        "_own_lines", "_soldered", "_word", "lines", "outputs", "sides",
+        "_by_name", "_chips", "_connector", "_let_go", "_soldered", "_word", "lines", "outputs",
+        "sides",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_cycles", "_edges", "_watched", "_watches")
 
@@ -86,7 +86,6 @@ class HostPins:
         self.lines: list[Pin] = []
         self.sides: list[Pin] = []
         self.outputs: list[Pin] = []
-        self._own_lines: list[Pin] = []
         owners: list[tuple[str, dict[str, Pin], tuple[PinRow, ...]]] = [
             *((chip.name, chip.pins, chip.pin_rows) for chip in chips),
             *((part.name, part.pins, part.pin_rows) for part in glue),
@@ -191,23 +190,14 @@ class HostPins:
             raise PortError(
                 codes.NO_SUCH, f"lines {mask:X}: this session has {len(self.lines)} lines"
             )
-        own = self._own_lines or self._all_lines()
-        for number, line in enumerate(self.lines):
+        for line in self.lines:
             if mask & 1:
-                pin = own[number] if own else self.of(line)
-                pin.drive(levels & 1)
+                self.of(line).drive(levels & 1)
             mask >>= 1
             levels >>= 1
             if mask == 0:
                 break
         self._kernel.settle()
-
-    def _all_lines(self) -> list[Pin]:
-        """Return the host's own pins at all lines, once it has moved all of them."""
-        known = (self._soldered, self._connector)
-        if all(any(id(line.net) in one for one in known) for line in self.lines):
-            self._own_lines = [self.of(line) for line in self.lines]
-        return self._own_lines
 
     def at(self, chip: Chip) -> list[Pin]:
         """Return this host's own pins on the bus of a chip."""
@@ -303,7 +293,6 @@ class HostPins:
             pin.release()
         self._soldered = {}
         self._cycles = {}
-        self._own_lines = []
         self._kernel.settle()
 
     def name_of(self, own: Pin) -> str:

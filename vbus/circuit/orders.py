@@ -162,7 +162,7 @@ class Orders:
             self._done(number, order, together(chips))
         elif order.kind == PIN:
             del self._orders[number]
-            chips[0].judged = True  # instants of a scenario are times like a host's own
+            chips[0].timing_checked = True  # instants of a scenario are times like a host's own
             pin_of = chips[0].pins[order.pin]
             self._pins.of(pin_of).drive(Z if order.data == 2 else order.data)
             board.kernel.settle()
@@ -177,7 +177,7 @@ class Orders:
             self._push(when, number, _LATCH)
             return
         for chip in chips:
-            chip.judged = False
+            chip.timing_checked = False
         strobes = [
             (offset, list(chip.pins).index(name), place, level)
             for place, chip in enumerate(chips)

@@ -11,7 +11,7 @@ from vbus.circuit.host_pins import CycleEdge, HostPins, offset_of
 from vbus.core.errors import SnapshotError
 from vbus.core.kernel import NEVER, Kernel
 from vbus.core.signals import Guard, Net, Pin, Z
-from vbus.core.state import Names, Saved, load, plan, save
+from vbus.core.state import Names, Saved, load, save, validate
 
 
 class LentBus:
@@ -107,7 +107,7 @@ class StrobePlayer:
         chips: the board's chips.
     """
 
-    WIRING: ClassVar[Names] = ("_chips", "_kernel", "_timer", "guards", "hosts", "through")
+    WIRING: ClassVar[Names] = ("_chips", "guards", "hosts", "through")
     DERIVED: ClassVar[Names] = ("_tail", "_user", "by_hand", "lent")
 
     def __init__(self, kernel: Kernel, chips: list[Chip]) -> None:
@@ -288,7 +288,9 @@ class StrobePlayer:
         user = rows.pop("", -1)
         users = [host for number, host in enumerate(hosts) if number == user]
         lent = {name: LentBus(chips[name], hosts) for name in rows}
-        loads = [plan(lent[name], row, f"the state: lent: {name}") for name, row in rows.items()]
+        loads = [
+            validate(lent[name], row, f"the state: lent: {name}") for name, row in rows.items()
+        ]
 
         def go() -> None:
             for loading in loads:
@@ -335,13 +337,13 @@ class StrobePlayer:
 
     def _drive(self, pin: Pin, level: int) -> None:
         """Make one edge of a whole cycle; such an edge carries no time of its host to be judged."""
-        judged = [bus.chip for bus in self.lent.values() if bus.chip.judged]
+        judged = [bus.chip for bus in self.lent.values() if bus.chip.timing_checked]
         for chip in judged:
-            chip.judged = False
+            chip.timing_checked = False
         pin.drive(level)
         self._kernel.settle()
         for chip in judged:
-            chip.judged = True
+            chip.timing_checked = True
 
     def _run_tail(self) -> None:
         while self._tail and self._tail[0][0] <= self._kernel.now:

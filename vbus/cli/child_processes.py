@@ -10,17 +10,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-import click
-
-from vbus.cli.proc import children, name_of, offspring, what_hangs
+from vbus.cli.output import complain
+from vbus.cli.proc import children, name_of, offspring, seconds_computed, state, tasks, what_hangs
+from vbus.serve.time.watchdog_process import starved
 
 # Longer than a program's clean-up takes, shorter than a person waits after Ctrl-C.
 PATIENCE: Final = 0.7
-"""Seconds a program has, after SIGTERM or SIGINT, to end by itself."""
+"""Seconds a program has, after SIGTERM or SIGINT, to end by itself; counted in steps of
+:data:`_LOOK`, so that those in which this process stood still are not held against it."""
 
 # Short beside PATIENCE: what has ended is not waited for much longer than it took.
 _LOOK: Final = 0.02
-"""Seconds between looks whether what was left behind has ended."""
+"""Seconds between looks whether it has ended."""
 
 _DEATH_SIGNAL: Final = 1
 _SUBREAPER: Final = 36
@@ -40,6 +41,7 @@ class ChildProcesses:
         self._report = report
         # Children that this process had before are none of the program's: they are left alone.
         self._others = set(children(os.getpid()))
+        self._waited = 0.0
         _ask(_SUBREAPER, 1)
 
     def close(self) -> None:
@@ -60,34 +62,41 @@ class ChildProcesses:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
 
-    def kill(self) -> None:
-        """Kill those that run."""
+    def send(self, number: int) -> None:
+        """Send a signal to those that run."""
         for pid in self.there():
             with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+                os.kill(pid, number)
 
-    def overdue(self, number: int) -> None:
-        """Kill what has not ended after signal ``number``, and say what it was doing."""
-        hangs = what_hangs(self.there())
-        self.kill()
+    async def see_end(self, number: int, program: int = 0) -> None:
+        """Kill what has not ended after a signal, and say what it was doing.
+
+        The time they have counts from the first call on.
+
+        Args:
+            number: the signal.
+            program: its end is awaited elsewhere; 0: it has ended.
+        """
+        before = sum(map(seconds_computed, self.there()))
+        while there := self.there():
+            used = sum(map(seconds_computed, there)) - before
+            states = {state(pid, task) for pid in there for task in tasks(pid)}
+            if self._waited >= PATIENCE and not starved(states, used, self._waited, PATIENCE):
+                break
+            await asyncio.sleep(_LOOK)
+            self._waited += _LOOK
+            # Orphans are no children of the loop's own: asyncio calls no handler for their end.
+            self.reap(program)
+        if not there:
+            return
+        hangs = what_hangs(there)
+        self.send(signal.SIGKILL)
         name = signal.Signals(number).name
-        self._report(f"{name} has not ended the program within {PATIENCE:g} s; it is killed")
+        waited = max(self._waited, PATIENCE)
+        self._report(f"{name} has not ended the program within {waited:.1f} s; it is killed")
         for line in hangs:
             self._report(line)
-
-    async def end(self, until: float) -> None:
-        """End those that run: by SIGTERM, and by SIGKILL at ``until`` by the loop's clock."""
-        loop = asyncio.get_running_loop()
-        for pid in self.there():
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGTERM)
-        # Orphans are no children of the loop's own: no handler of asyncio is called for their end.
-        while self.there() and loop.time() < until:
-            await asyncio.sleep(_LOOK)
-            self.reap()
-        if self.there():
-            self.overdue(signal.SIGTERM)
-            await asyncio.sleep(_LOOK)
+        await asyncio.sleep(_LOOK)
 
     def say_left(self, pids: list[int]) -> None:
         """Name the processes that a program has left behind on a board that ends with it."""
@@ -147,5 +156,4 @@ def _ask(what: int, value: int) -> None:
 
 def say(sentence: str) -> None:
     """Print a sentence of ``vbus exec`` on standard error."""
-    with suppress(OSError):  # the reader may have gone
-        click.echo(f"vbus exec: {sentence}", err=True)
+    complain(sentence, "vbus exec: ")

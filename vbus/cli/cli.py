@@ -4,12 +4,13 @@ import errno
 import importlib
 import os
 import sys
+from contextlib import suppress
 from itertools import zip_longest
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import click
 
-from vbus.cli.output import Verbs
+from vbus.cli.output import Verbs, complain
 from vbus.compiled import version_line
 from vbus.core import exit_codes
 from vbus.core.errors import ConfigError, VbusError
@@ -74,6 +75,12 @@ _LONGEST: Final = 100
 _COMPLETING: Final = "_VBUS_COMPLETE"
 """Is set in the environment while a shell asks what could follow."""
 
+_GONE: Final = {
+    ("up", "--write"): "For containers and systemd copy docker/compose.yaml or docker/systemd of"
+    " the sources; docs/docker.md says how they run."
+}  # fmt: skip
+"""Options that there were, by command and name, and what to use in their place."""
+
 _EXITS: Final = (
     "Exit codes: 0 it worked, 1 it did not; wrong: 2 command line, 3 board file,",
     "4 link, 5 plug-in, 6 capture; 7 chip time is over; 126, 127 of exec; 130 Ctrl-C.",
@@ -82,6 +89,10 @@ _EXITS: Final = (
 
 class _Lazy(Verbs):
     """A group whose commands live in ``vbus.cli.GROUP.NAME`` as ``command``."""
+
+    GONE: ClassVar[dict[str, str]] = {
+        "order": "from Python, order() of vbus.serve.nodes.ordering orders bus cycles on nodes"
+    }
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return _COMMANDS
@@ -132,14 +143,15 @@ def _run(arguments: list[str] | None) -> int:
         # A full disk behind standard output is found here, not by the interpreter at its exit.
         sys.stdout.flush()
     except click.ClickException as error:
-        _advised(error).show()
+        with suppress(OSError):
+            _advised(error).show()
         return error.exit_code
     except click.exceptions.Exit as error:
         return error.exit_code
     except VbusError as error:
         # Mistakes of board files begin with their place.
-        click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
-        return exit_codes.code_of(error)
+        complain(str(error), "" if isinstance(error, ConfigError) else "vbus: ")
+        return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:
@@ -148,11 +160,11 @@ def _run(arguments: list[str] | None) -> int:
         return exit_codes.FAILURE
     except OSError as error:
         if error.filename is not None:  # a name no file can have, such as one too long
-            click.echo(f"vbus: {str(error.filename)[:_LONGEST]}: {error.strerror}", err=True)
+            complain(f"{str(error.filename)[:_LONGEST]}: {error.strerror}")
             return exit_codes.FAILURE
         if error.errno not in _FULL:
             raise
-        click.echo(f"vbus: standard output: cannot be written: {error.strerror}", err=True)
+        complain(f"standard output: cannot be written: {error.strerror}")
         _write_no_more()
         return exit_codes.FAILURE
     return result if isinstance(result, int) else exit_codes.OK
@@ -169,6 +181,8 @@ def _advised(error: click.ClickException) -> click.ClickException:
     from vbus.boardfile.key import rows
     from vbus.boardfile.sections import BoardSection, HostSection
 
+    if place := _GONE.get((str(error.ctx.info_name), name), ""):
+        return click.UsageError(f"No such option '{name}'. {place}", error.ctx)
     key = name.strip("-")
     for section, of in (("[board]", BoardSection), ("[[hosts]]", HostSection)):
         if key in (row.name for row in rows(of)):

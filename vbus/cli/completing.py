@@ -61,7 +61,7 @@ def _file(suffix: str) -> Completed:
     """Complete to a file, by what its name ends with; to any file where there is none of them."""
 
     def items(incomplete: str) -> list[CompletionItem]:
-        # The shell shows whole paths: what stands before the last slash is kept as it was typed.
+        # The shell shows whole paths: what stands before the last slash stays as it was typed.
         folder, slash, begun = incomplete.rpartition("/")
         here = Path(folder or ("/" if slash else "."))
         names = sorted(path.name for path in here.glob(f"*{suffix}"))

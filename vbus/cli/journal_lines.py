@@ -303,9 +303,8 @@ def line(entry: Entry, sessions: Sessions) -> str:
     if entry.op == "clear":
         return f"{place} clear fault #{entry.args[0]}"
     if entry.op == "cycle":
-        chips, write, address, data = entry.args
-        host = sessions.host(entry)
-        return f"{place} {host} {chips} {'w' if write else 'r'} {address:X} {data:02X} (strobes)"
+        chips, *cycle = entry.args
+        return f"{place} {sessions.host(entry)} {chips} {Cycle(entry.when, *cycle)} (strobes)"
     if entry.op == "end":
         return f"{place} end: {entry.args[0]} entries, state {entry.args[1]}"
     where = f"{sessions.host(entry)} {sessions.chip(entry)}"
@@ -315,17 +314,17 @@ def line(entry: Entry, sessions: Sessions) -> str:
         )
         return f"{place} edges arrive: {edges}"
     if entry.op == "made":
-        _, host, chips, write, address, data = entry.args
-        return f"{place} {host} {chips} {'w' if write else 'r'} {address:X} {data:02X} (ordered)"
+        when, host, chips, *cycle = entry.args
+        return f"{place} {host} {chips} {Cycle(when, *cycle)} (ordered)"
     if entry.op == "orders":
         return f"{place} {entry.args[0]} will order cycles for given instants"
     if entry.op == "order":
         host, when, chips, kind, address, data, pin = entry.args
-        what = f"pin {pin} {data}" if pin else f"{'rw'[kind]} {address:X} {data:02X}"
+        what = f"pin {pin} {data}" if pin else Cycle(when, kind == 1, address, data)
         return f"{place} {host} orders for {instant(when)}: {'+'.join(chips)} {what}"
     if entry.op in ("read", "write") and not entry.error:
         data = entry.args[1] if entry.op == "write" else entry.reply
-        return f"{place} {where} {entry.op[0]} {entry.args[0]:X} {data:02X}"
+        return f"{place} {where} {Cycle(entry.after, entry.op == 'write', entry.args[0], data)}"
     asked = " ".join(str(item) for item in entry.args)
     answer = "" if entry.reply is None else f" -> {entry.reply}"
     refused = f" refused, number {entry.error}" if entry.error not in (0, NOT_YET) else ""

@@ -42,6 +42,7 @@ class _AxisPath:
         desired: the profile's position at the last look.
         idle: looks in a row that found the profile running and no drive.
         idled: whether they were enough to be reported.
+        running: whether the profile has a speed at the last look.
         undriven: why the chip could not move it at the last look; "" if it could.
         in_vain: the same at looks between which its profile ran.
         largest: the greatest size at any look, by lane (:data:`_SIZES`).
@@ -58,6 +59,7 @@ class _AxisPath:
     desired: float | None = None
     idle: int = 0
     idled: bool = False
+    running: bool = False
     undriven: str = ""
     in_vain: str = ""
     largest: dict[str, float] = field(default_factory=dict)
@@ -65,6 +67,8 @@ class _AxisPath:
 
     def measure(self, lane: str, value: float) -> None:
         """Take a value of a lane as it is now."""
+        if lane == "profile":
+            self.running = value != 0
         self.largest[lane] = max(self.largest.get(lane, 0), abs(value))
 
     def look(
@@ -90,8 +94,9 @@ class _AxisPath:
         if runs and undriven and self.undriven:
             self.in_vain = undriven
         self.undriven = undriven
-        # An ideal motor follows with a command of 0.
-        self.idle = self.idle + 1 if runs and stands and drive == 0 else 0
+        # An ideal motor follows with a command of 0; at the start of a slow move there is no error.
+        lags = desired is not None and abs(desired - position) > _NOISE
+        self.idle = self.idle + 1 if runs and stands and lags and drive == 0 else 0
         self.idled |= self.idle >= _IDLE
         self.desired = desired
 
@@ -115,6 +120,8 @@ class _AxisPath:
             parts.append(self.undriven)
         elif self.idled:
             parts.append("its profile ran while the motor command was 0")
+        elif self.running:
+            parts.append("its profile still ran then")
         if self.reversals >= _REVERSALS:
             parts.append(f"oscillated ({self.reversals} reversals)")
         return ", ".join(parts)

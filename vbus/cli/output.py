@@ -2,22 +2,29 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, ClassVar, Final
 
 import click
+from click.core import ParameterSource
 
-from vbus.core.errors import VbusError, read_errors
+from vbus.core.errors import VbusError, read_errors, value_errors
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class Verbs(click.Group):
-    """A group whose message about an unknown command has the likely one, and all there are."""
+    """A group whose message about an unknown command has the likely one, and all there are.
+
+    Attributes:
+        GONE: commands that there were, and what to use in their place.
+    """
+
+    GONE: ClassVar[dict[str, str]] = {}
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -25,9 +32,10 @@ class Verbs(click.Group):
         """Return the command that the first word names, and the words behind it."""
         name, known = args[0], self.list_commands(ctx)
         if name not in known and not name.startswith("-"):
-            from vbus.core.values.settings import suggestion
+            from vbus.core.values.settings import among
 
-            there = f"{suggestion(name, known)}there are {', '.join(known)}"
+            instead = f"{self.GONE[name]}; " if name in self.GONE else ""
+            there = instead + among(name, known, "there are")
             raise click.UsageError(f'there is no command "{name}"; {there}', ctx)
         return super().resolve_command(ctx, args)
 
@@ -71,7 +79,8 @@ _RECORDS: Final = (
 )  # fmt: skip
 
 
-_KEYS: Final = [name[2:] for name, *_ in _RECORDS if name != "--metrics"]
+RECORDS: Final = [name[2:] for name, *_ in _RECORDS if name != "--metrics"]
+"""Options that replace a key of a board file's ``[record]``."""
 
 
 def record_options(verb: Callable[..., int]) -> Callable[..., int]:
@@ -83,7 +92,7 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
     @wraps(verb)
     def with_records(metrics: str | None, **given: Any) -> int:
         # Only what was given: the others stay as the board file has them.
-        record = {key: given.pop(key) for key in _KEYS}
+        record = {key: given.pop(key) for key in RECORDS}
         record = {key: value for key, value in record.items() if value is not None}
         return verb(record=record, metrics=metrics or "", **given)
 
@@ -121,14 +130,47 @@ from_option = click.option(
 )
 
 
+def serving_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that serves boards until Ctrl-C the options of all such verbs."""
+    as_json = click.option(
+        "--json", "as_json", is_flag=True, help="Print one line of JSON when ready."
+    )
+    for option in (detach_option, as_json, from_option, record_options, rate_option):
+        verb = option(verb)
+    return verb
+
+
 def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Return what an option gives as a duration in ps; None stays None."""
     from vbus.protocols.quantities import parse_duration
 
-    try:
+    with value_errors(click.BadParameter):
         return value if value is None else parse_duration(value)
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
+
+
+def positive(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Return what an option gives as a duration in ps, which is not 0; None stays None."""
+    length = duration(ctx, param, value)
+    if length == 0:
+        raise click.BadParameter("it is no time at all; write one above 0, such as 500us")
+    return length
+
+
+def refuse_given(names: Collection[str], why: str) -> None:
+    """Refuse options that are on the command line and would be without effect.
+
+    Args:
+        names: of the verb's parameters.
+        why: the rest of the sentence, after the option.
+
+    Raises:
+        click.UsageError: at least one is given.
+    """
+    context = click.get_current_context()
+    for param in context.command.params:
+        source = context.get_parameter_source(str(param.name))
+        if param.name in names and source is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{param.opts[-1]} {why}")
 
 
 def endpoint_option(*names: str, text: str, multiple: bool = False) -> Decorator:
@@ -183,9 +225,17 @@ def show(as_json: bool, value: Any, lines: Iterable[str], indent: int | None = N
         click.echo(line)
 
 
-def complain(sentence: str) -> None:
-    """Print a sentence on standard error."""
-    click.echo(f"vbus: {sentence}", err=True)
+def complain(sentence: str, who: str = "vbus: ") -> None:
+    """Print a sentence on standard error.
+
+    What is at work goes on where nobody reads it any more: a server says it in the midst of that.
+
+    Args:
+        sentence: the sentence.
+        who: stands in front of it.
+    """
+    with suppress(OSError):
+        click.echo(f"{who}{sentence}", err=True)
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 import os
 import struct
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -15,6 +15,7 @@ _STATES: Final = {
     "t": "is stopped by a debugger",
 }  # fmt: skip
 _GONE: Final = ("", "Z", "X")
+_TICKS: Final = os.sysconf("SC_CLK_TCK")
 
 _CALLS: Final = {
     "x86_64": {
@@ -89,6 +90,20 @@ def tasks(pid: int) -> list[int]:
         return []
 
 
+@contextmanager
+def handle_of(pid: int) -> Iterator[int]:
+    """Open a descriptor of a process, which can be read once that has ended.
+
+    Raises:
+        ProcessLookupError: it has ended, and its parent has taken notice.
+    """
+    handle = os.pidfd_open(pid)
+    try:
+        yield handle
+    finally:
+        os.close(handle)
+
+
 def name_of(pid: int) -> str:
     """Return what a process calls itself."""
     return read(f"/proc/{pid}/comm").strip()
@@ -98,6 +113,12 @@ def state(pid: int, task: int = 0) -> str:
     """Return the letter that the kernel has for what a process, or a thread, does; "" for none."""
     where = f"/proc/{pid}/task/{task}/stat" if task else f"/proc/{pid}/stat"
     return next(iter(read(where).rpartition(")")[2].split()), "")
+
+
+def seconds_computed(pid: int) -> float:
+    """Return the processor's seconds of a process, and of its children that have ended."""
+    fields = read(f"/proc/{pid}/stat").rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / _TICKS
 
 
 def status(pid: int, task: int) -> dict[str, str]:

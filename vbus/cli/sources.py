@@ -41,17 +41,29 @@ def opened(path: Path, what: str = "", quiet: bool = True) -> Iterator["JournalR
         VbusError: it cannot be read.
     """
     from vbus.record.format import JournalReader
+    from vbus.serve.registry import socket_path
 
+    # Other verbs take the name of a board that runs.
+    if not path.exists() and len(path.parts) == 1 and socket_path(path.name).exists():
+        raise VbusError(
+            f'"{path}" is a board that runs, and no journal: "vbus run --journal FILE" writes one,'
+            f' "vbus monitor {path}" shows the board'
+        )
     with reading(path) as file:
         reader = JournalReader(file)
         with bar(what, path.stat().st_size, lambda: reader.position, quiet) as reader.moved:
             yield reader
 
 
+def tell_damage(path: Path, damage: str) -> None:
+    """Say that a journal ends before its run did, if it does."""
+    if damage:
+        complain(f"{path}: {damage}; what is before that is all there is of the run")
+
+
 def replay_code(path: Path, outcome: "Outcome", damage: str) -> int:
     """Return the exit code of a journal that was played again; complain unless it ran as before."""
-    if damage:
-        complain(f"{path}: {damage}")
+    tell_damage(path, damage)
     found = outcome.divergence
     if found is None:
         return exit_codes.OK
@@ -96,11 +108,18 @@ class Feed:
     def messages(self) -> Iterator[bytes]:
         """Give messages, until the board ends."""
         # Each message has its length before it, 4 bytes, the lowest first.
-        while len(head := self._file.read(4)) == 4:
+        while len(head := self._read(4)) == 4:
             size = int.from_bytes(head, "little")
-            data = self._file.read(size)
+            data = self._read(size)
             if len(data) == size:
                 yield data
+
+    def _read(self, size: int) -> bytes:
+        """Return so many bytes; fewer where the board has ended."""
+        # So the system tells of an end with a request unread: it is one like any other.
+        with suppress(ConnectionResetError):
+            return self._file.read(size)
+        return b""
 
     def send(self, data: bytes) -> None:
         """Ask for something else; a board that does not read now reads it later.
@@ -162,7 +181,7 @@ class Feed:
             self._unsent.put(b"")
 
 
-class Together:
+class MachineFeed:
     """What several boards tell, as one feed: the nodes of a machine.
 
     Args:

@@ -7,13 +7,14 @@ from typing import Any, Final
 from vbus.chips.family import Family
 from vbus.chips.packets import Decoder
 from vbus.chips.tables import Bit
+from vbus.core.signals.values import Value
 
 LIT: Final = "●"
 UNLIT: Final = "○"
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class BitValue:
     """A value of bits.
 
     Attributes:
@@ -38,7 +39,7 @@ class TelemetryValue:
 
 def words_and_numbers(
     family: Family, decoder: Decoder | None, values: Mapping[str, Any]
-) -> tuple[list[TelemetryValue], list[Word]]:
+) -> tuple[list[TelemetryValue], list[BitValue]]:
     """Return what the telemetry of a chip means.
 
     Args:
@@ -47,16 +48,13 @@ def words_and_numbers(
         values: the telemetry.
     """
     numbers: list[TelemetryValue] = []
-    words: list[Word] = []
+    words: list[BitValue] = []
     for key, value in values.items():
         row = family.values.named(key)
         if row is not None and row.fields and isinstance(value, int):
             words.append(_word(key, key.partition(" ")[0], value, row.fields, decoder))
-        elif row is not None:
-            share = row.step != 0.0 and not row.unit
-            numbers.append(_number(key, value, row.plain_unit, share))
         else:
-            numbers.append(_number(key, value, "", False))
+            numbers.append(_number(key, value, row))
     known = {bit for word in words for bit, _ in word.bits}
     return [one for one in numbers if not _says_bits(one, known)], words
 
@@ -67,13 +65,13 @@ def _says_bits(number: TelemetryValue, known: set[str]) -> bool:
     return bool(names) and set(names) <= known
 
 
-def _number(name: str, value: Any, unit: str, share: bool) -> TelemetryValue:
-    """Return a number; a ``share`` of full scale in per cent."""
+def _number(name: str, value: Any, row: Value | None) -> TelemetryValue:
+    """Return a number, or a text; a share of full scale in per cent."""
     if isinstance(value, str):
         return TelemetryValue(name, value, "")
-    if share:
+    if row is not None and row.step and not row.unit:
         return TelemetryValue(name, rounded(100 * value), "%")
-    return TelemetryValue(name, rounded(value), unit)
+    return TelemetryValue(name, rounded(value), row.plain_unit if row is not None else "")
 
 
 def rounded(value: float) -> str:
@@ -87,7 +85,9 @@ def rounded(value: float) -> str:
     return text.rstrip("0").rstrip(".")
 
 
-def _word(key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decoder | None) -> Word:
+def _word(
+    key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decoder | None
+) -> BitValue:
     # Words are bytes or 16 bits wide in every family; their highest bit says which.
     digits = 2 if max(row.number for row in rows) < 8 else 4
     text = f"{value:0{digits}X}H"
@@ -96,7 +96,7 @@ def _word(key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decod
         text = said if colon else text
     # A name with a comma is one of several bits that make a number, which the decoder shows.
     single = sorted((row for row in rows if "," not in row.name), key=_place, reverse=True)
-    return Word(key, text, tuple((row.name, bool(value & row.mask)) for row in single))
+    return BitValue(key, text, tuple((row.name, bool(value & row.mask)) for row in single))
 
 
 def _place(row: Bit) -> int:

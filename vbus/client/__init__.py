@@ -13,14 +13,5 @@ from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.units import Units
 
 __all__ = [
-    "Bus",
-    "Chip",
-    "Event",
-    "Later",
-    "Message",
-    "Ready",
-    "Sample",
-    "Sync",
-    "Units",
-    "connect",
-]
+    "Bus", "Chip", "Event", "Later", "Message", "Ready", "Sample", "Sync", "Units", "connect",
+]  # fmt: skip

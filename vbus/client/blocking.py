@@ -8,7 +8,7 @@ puts in place of one of these is made by the other calls, too.
 import select
 import threading
 import time
-from collections.abc import Awaitable, Callable, Coroutine, Generator
+from collections.abc import Callable, Coroutine
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 from weakref import ref
@@ -19,17 +19,6 @@ from vbus.core.wall_clock import monotonic
 T = TypeVar("T")
 
 
-class _Done:
-    """Awaits nothing: entering and leaving by coroutines would be a tenth of a round trip."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        return _ENDED
-
-
-_DONE: Final = _Done()
-_ENDED: Final[Generator[None, None, None]] = iter(())  # type: ignore[assignment]
-
-
 class BlockingWaits(Waits):
     """Waiting that blocks the thread: whatever is awaited has happened when ``await`` is reached.
 
@@ -38,24 +27,18 @@ class BlockingWaits(Waits):
 
     def __init__(self) -> None:
         self._taken = threading.Lock()
-        self._poll = select.poll()
-        self._polled: tuple[int, bool] = (-1, False)
 
-    def __aenter__(self) -> Awaitable[None]:
+    async def __aenter__(self) -> None:
         self._taken.acquire()
-        return _DONE
 
-    def __aexit__(self, *why: object) -> Awaitable[None]:
+    async def __aexit__(self, *why: object) -> None:
         self._taken.release()
-        return _DONE
 
     async def until_ready(self, fd: int, write: bool, deadline: float) -> bool:
         """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
-        # Registered anew only when it changes: most waits are like the one before.
-        if self._polled != (fd, write):
-            self._poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
-            self._polled = fd, write
-        return bool(self._poll.poll(max(0.0, deadline - monotonic()) * 1000))
+        poll = select.poll()
+        poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
+        return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
 
     async def pause(self, seconds: float) -> None:
         """Wait for a while."""
@@ -80,17 +63,13 @@ def run(steps: Coroutine[Any, Any, T]) -> T:
     except StopIteration as done:
         value: T = done.value
         return value
-    raise _unfinished(steps)
+    steps.close()
+    raise RuntimeError("a blocking session waited for an event loop")
 
 
 def until_ready(fd: int, write: bool, deadline: float) -> bool:
     """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
     return run(BlockingWaits().until_ready(fd, write, deadline))
-
-
-def _unfinished(steps: Coroutine[Any, Any, Any]) -> RuntimeError:
-    steps.close()
-    return RuntimeError("a blocking session waited for an event loop")
 
 
 class Blocking:
@@ -246,20 +225,10 @@ def _call(function: Any) -> Any:
             _stand(self, core)
             self._CORE.__init__(core, *map(core_of, args), **given)
 
-    elif function.__name__ == "__aenter__":
-
-        def call(self: Blocking) -> Any:
-            return fronted(run(function(self._core)))
-
     elif function.__code__.co_flags & _COROUTINE:
 
         def call(self: Blocking, /, *args: Any, **kwargs: Any) -> Any:
-            steps = function(self._core, *args, **kwargs)
-            try:  # as run(), whose call would be 2 % of a round trip
-                steps.send(None)
-            except StopIteration as done:
-                return done.value
-            raise _unfinished(steps)
+            return fronted(run(function(self._core, *args, **kwargs)))
 
     else:
 

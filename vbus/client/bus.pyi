@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Final, Self
 
 from vbus.client.blocking import Blocking
@@ -80,14 +79,9 @@ class Bus(ChipCycles):
 
     def __init__(self, link: BoardLink, timeout: float = TIMEOUT) -> None: ...
     def __enter__(self) -> Self: ...
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, kind: type[BaseException] | None, *why: object) -> None: ...
     def close(self) -> None:
-        """Close the link, sending first what is kept back; again is harmless.
+        """Close the link, sending first what is held back; again is harmless.
 
         Raises:
             TransportError: the link can tell that what was sent last has not arrived (Zenoh); it
@@ -106,7 +100,7 @@ class Bus(ChipCycles):
         """
 
     def hello(self) -> PortInfo:
-        """Ask what is attached; kept as :attr:`info`."""
+        """Ask what is attached; stored as :attr:`info`."""
 
     def echo(self, number: int = 0) -> int:
         """Return ``number`` (0 to 255) when everything before it is done."""
@@ -155,7 +149,7 @@ class Bus(ChipCycles):
     def posting(self, on: bool = True) -> None:
         """Keep requests without a reply back, to travel with the next one that has a reply.
 
-        ``False`` sends what is kept back, and keeps nothing back any more (as at the start).
+        ``False`` sends what is held back, and keeps nothing back any more (as at the start).
         """
 
     def now(self) -> int:

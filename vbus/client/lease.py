@@ -73,7 +73,7 @@ class Lease:
 
     @property
     def stamp(self) -> int:
-        """The stamp of what is done next, kept back until then; -1: none."""
+        """The stamp of what is done next, held back until then; -1: none."""
         return self._stamp if self.stamps else -1
 
     def takes(self, instant: int) -> bool:

@@ -8,10 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.core.errors import TransportError
-from vbus.core.instants import SECOND
 from vbus.core.runtime import expanded, lock_state, pause_mark
-from vbus.core.wall_clock import monotonic
-from vbus.protocols.quantities import parse_duration
 
 _READ: Final = 65536
 NOT_RUNNING: Final = {
@@ -146,29 +143,6 @@ PAUSE_SECONDS: Final = 0.02
 """Between two attempts to open a link (s); a board is ready within 120 ms (docs/performance.md)."""
 START_SECONDS: Final = 5.0
 """How long a board that has begun to start may take (s): 40 times that."""
-
-
-class RetryPolicy:
-    """How long to go on trying to open a link.
-
-    Args:
-        where: the link.
-        wait: how long, such as ``"5 s"``; None to wait for a board that has begun to start.
-
-    Raises:
-        ValueError: ``wait`` is no duration.
-    """
-
-    def __init__(self, where: str, wait: str | None) -> None:
-        self._where: str = where
-        self._asked: bool = wait is not None
-        # A link that was never asked to wait does so only while a board takes its name.
-        seconds = START_SECONDS if wait is None else parse_duration(wait) / SECOND
-        self._end: float = monotonic() + seconds
-
-    def left(self) -> bool:
-        """Tell whether to try again."""
-        return monotonic() < self._end and (self._asked or starting(self._where))
 
 
 def starting(where: str) -> bool:

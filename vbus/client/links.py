@@ -129,7 +129,7 @@ def _open_serial(address: str) -> int:
     baud = options.pop("baud", ["115200"])[-1]
     if options or not baud.isdecimal():
         raise ValueError(f"'serial:{address}' is no link; allowed is serial:PATH?baud=RATE")
-    device = serial.Serial(path, int(baud), timeout=0)
+    device = serial.Serial(path, int(baud))
     fd = os.dup(device.fileno())
     device.close()
     return fd

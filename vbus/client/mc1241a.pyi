@@ -664,7 +664,7 @@ class Mc1241a(Mc1241aCalls):
         chip: the chip set's name on the board; None if there is only one.
         ready: how HostRdy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip set is given up.
-        checked: read and compare the checksum of every packet.
+        checked: read and compare the checksum of every packet, and the events that end a move.
     """
 
     bus: Bus
@@ -735,4 +735,5 @@ class Mc1241a(Mc1241aCalls):
 
         Raises:
             NotReadyError: motion is not complete after ``longest`` of chip time.
+            ReadBackError: a limit switch or a motion error has ended it (``checked``).
         """

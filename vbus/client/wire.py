@@ -199,22 +199,18 @@ class SessionWire:
         """Take one reply; return its bytes, or 0 if it is not complete."""
         layout = reply.layout
         start = position + 1
-        end = start + layout.size
-        if end > len(self._bytes):
+        end = layout.end(self._bytes, start)
+        if not end:
             return 0
         values: Values = layout.unpack_from(self._bytes, start)
         if layout.counted:
-            length = int(values[-1])
-            if end + length > len(self._bytes):
-                return 0
-            values = (*values[:-1], bytes(self._bytes[end : end + length]))
-            end += length
+            values = (*values[:-1], bytes(self._bytes[start + layout.size : end]))
         if reply.tag == "I":
             self.events.append(Event(int(values[0]), int(values[1])))
         elif reply.tag == "H":
             self.paused = bool(values[0])
         elif reply.tag == "X":
-            self._refuse(int(values[0]), int(values[1]))
+            self.refuse(int(values[0]), int(values[1]))
         else:
             self._settle(reply, values)
         return end - position
@@ -231,7 +227,8 @@ class SessionWire:
             return
         self._awaited.popleft().settle(values)
 
-    def _refuse(self, code: int, number: int) -> None:
+    def refuse(self, code: int, number: int) -> None:
+        """Take a refusal: of the request that is awaited, or of one that was posted."""
         _, reason = REFUSALS.get(code, ("", f"reason {code:02x}"))
         later = self._awaited[0] if self._awaited else None
         # A refusal counts requests in 16 bits.

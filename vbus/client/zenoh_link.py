@@ -11,6 +11,7 @@ import contextlib
 import os
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import sleep
 from typing import Any, Final
@@ -119,7 +120,7 @@ class Sent:
             # The first answer says whether the board takes messages that are posted.
             if self.number == 0:
                 said = ok.attachment
-                self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
+                self.link.posting = said is not None and said.to_bytes() == envelope.POSTS
             self.link.arrived(self.number, ok.payload.to_bytes())
             return
         err = reply.err
@@ -210,7 +211,8 @@ class ZenohBoardLink(BoardLink):
         self._finished: bool = False
         self._paused: bool = False
         self._posts: Any = None
-        self._posting: bool = False
+        self.posting: bool = False
+        """Whether the board takes messages as samples: its first answer says so."""
         self._post_answered: bool = False
         self._hearing: bool = False
         """Whether a query for events is open."""
@@ -258,11 +260,8 @@ class ZenohBoardLink(BoardLink):
         part = bytes(data[: envelope.LARGEST])
         query = self._under_way[self._number] = Sent(self, self._number, part)
         self._number += 1
-        if self._posting:
-            self._post(query)
-        else:
-            # Notice of the end of a query costs as much as its reply: the first is worth it.
-            self._send(query, watched=query.number == 0)
+        # Notice of the end of a query costs as much as its reply: the first is worth it.
+        self._send(query, watched=query.number == 0, posted=self.posting)
         return len(part)
 
     def read(self) -> bytes:
@@ -313,7 +312,7 @@ class ZenohBoardLink(BoardLink):
             if query.held:
                 query.silent_since = 0.0
             # Whatever keeps posted messages from arriving, queries go the way the first one went.
-            self._posting = self._posting and self._post_answered
+            self.posting = self.posting and self._post_answered
             self._repeat()
 
     def _repeat(self) -> None:
@@ -328,7 +327,7 @@ class ZenohBoardLink(BoardLink):
 
     def disown(self) -> None:
         """Leave the link to the process that has opened it: this one was forked from that."""
-        self._lock = threading.Lock()  # some thread that is not here may have held it
+        self._lock = threading.Lock()  # a thread that the fork left behind may hold the old one
         self._closed = True
         self._error = TransportError(f"{self.where}: {FORKED}")
 
@@ -404,34 +403,32 @@ class ZenohBoardLink(BoardLink):
         query.sendings += 1
         return envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given).pack()
 
-    def _send(self, query: Sent, watched: bool) -> None:
+    def _ask(
+        self, taken: Callable[[zenoh.Reply], None], ended: Callable[[], None] | None, header: bytes,
+        **more: Any,
+    ) -> None:  # fmt: skip
+        """Ask the board: replies are taken as they come, however long that takes."""
+        self._network.get(
+            self._bus_key,
+            zenoh.handlers.Callback(taken, ended, indirect=False),
+            target=zenoh.QueryTarget.BEST_MATCHING,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=LONGEST_SECONDS,
+            attachment=header,
+            express=True,
+            **more,
+        )
+
+    def _send(self, query: Sent, watched: bool, posted: bool = False) -> None:
+        """Send a message: as a query, or posted as a sample, whose reply will be one, too."""
         header = self._sending(query)
         sending = query.sendings
+        ended = (lambda: query.ended(sending)) if watched else None
         try:
-            self._network.get(
-                self._bus_key,
-                zenoh.handlers.Callback(
-                    query.take, (lambda: query.ended(sending)) if watched else None, indirect=False
-                ),
-                target=zenoh.QueryTarget.BEST_MATCHING,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                timeout=LONGEST_SECONDS,
-                payload=query.data,
-                attachment=header,
-                express=True,
-            )
-        except zenoh.ZError as error:
-            raise TransportError(f"{self.where}: {error}") from error
-
-    def may_post(self, allowed: bool) -> None:
-        """Learn whether the board takes messages as samples; for Zenoh's threads."""
-        self._posting = allowed
-
-    def _post(self, query: Sent) -> None:
-        """Send a message as a sample: its reply will be one, too."""
-        header = self._sending(query)
-        try:
-            self._posts.put(query.data, attachment=header)
+            if posted:
+                self._posts.put(query.data, attachment=header)
+            else:
+                self._ask(query.take, ended, header, payload=query.data)
         except zenoh.ZError as error:
             raise TransportError(f"{self.where}: {error}") from error
 
@@ -456,18 +453,10 @@ class ZenohBoardLink(BoardLink):
         self._hearing, self._heard, self._lost_told = True, now, self.lost_events
         header = envelope.Envelope(envelope.EVENTS, self._name, self._lost_told, 0)
         with contextlib.suppress(zenoh.ZError):
-            self._network.get(
-                self._bus_key,
-                zenoh.handlers.Callback(
-                    self._event, lambda: self._hears_no_more(now), indirect=False
-                ),
-                target=zenoh.QueryTarget.BEST_MATCHING,
-                consolidation=zenoh.ConsolidationMode.NONE,
+            self._ask(
+                self._event, lambda: self._hears_no_more(now), header.pack(),
                 congestion_control=zenoh.CongestionControl.DROP,
-                timeout=LONGEST_SECONDS,
-                attachment=header.pack(),
-                express=True,
-            )
+            )  # fmt: skip
 
     def _event(self, reply: zenoh.Reply) -> None:
         """Take events; for Zenoh's threads."""
@@ -487,15 +476,12 @@ class ZenohBoardLink(BoardLink):
     def _pause(self, sample: zenoh.Sample) -> None:
         self._paused = sample.kind == zenoh.SampleKind.PUT
 
-    def arrived(self, number: int, data: bytes) -> None:
-        """Take a reply, or events (number -1); for Zenoh's threads."""
-        self._put(number, data)
-
     def failed(self, reason: str, number: int = -1) -> None:
         """The session is over, if message ``number`` was refused and has no reply; for threads."""
-        self._put(number, TransportError(f"{self.where}: {reason}"))
+        self.arrived(number, TransportError(f"{self.where}: {reason}"))
 
-    def _put(self, number: int, item: bytes | TransportError) -> None:
+    def arrived(self, number: int, item: bytes | TransportError) -> None:
+        """Take a reply, events (number -1), or what ends the session; for Zenoh's threads."""
         with self._lock:
             if not self._closed:
                 self._inbox.append((number, item))

@@ -1,5 +1,6 @@
 """Why no board answers on the network: Zenoh itself does not report failures."""
 
+from collections.abc import Callable
 from time import sleep
 from typing import Any, Final
 
@@ -11,8 +12,10 @@ from vbus.network.access import ask_access
 from vbus.network.security import Security
 
 MATCH_SECONDS: Final = 0.5
-"""How long the network may take to tell who answers at a key."""
+"""How long the network may take to tell who is there, and who answers at a key: where a link was
+lost for a moment, because a busy machine let its threads wait, that comes after it is back."""
 PAUSE_SECONDS: Final = 0.02
+"""Seconds between two looks at it; not measured."""
 
 
 def reason_for_silence(
@@ -22,7 +25,7 @@ def reason_for_silence(
     security: Security | None,
     tried: int,
 ) -> str:
-    """Return what is wrong, where, and what to do; asks around, which takes up to two seconds.
+    """Return what is wrong, where, and what to do; asks around, which takes up to three seconds.
 
     Args:
         network: the host's session.
@@ -33,15 +36,14 @@ def reason_for_silence(
     """
     at = ", ".join(endpoints)
     # From near to far: the link, the rights, the board, the chip.
-    if not network.info.routers_zid():
+    if not _comes(lambda: bool(network.info.routers_zid())):
         return f"the link to {at} is lost; is the router or the board still running? (vbus ls)"
     refused = ask_access(network, bus_key) if security is not None else ""
     if refused:
         return f"forbidden: {refused}"
     chunks = bus_key.split("/")
     board = chunks[1]
-    replies = network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
-    if any(reply.ok is not None for reply in replies):
+    if _comes(lambda: _is_there(network, board)):
         if _somebody_answers(network, bus_key):
             times = "once" if tried == 1 else f"{tried} times"
             return (
@@ -61,15 +63,25 @@ def reason_for_silence(
     )
 
 
+def _comes(true: Callable[[], bool]) -> bool:
+    """Whether something is so, or comes to be so in a moment."""
+    last = monotonic() + MATCH_SECONDS
+    while not true():
+        if monotonic() > last:
+            return False
+        sleep(PAUSE_SECONDS)
+    return True
+
+
+def _is_there(network: zenoh.Session, board: str) -> bool:
+    replies = network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
+    return any(reply.ok is not None for reply in replies)
+
+
 def _somebody_answers(network: zenoh.Session, bus_key: str) -> bool:
     """Whether a board has taken the key, though not a message of ours."""
     querier: Any = network.declare_querier(bus_key)
-    last = monotonic() + MATCH_SECONDS
     try:
-        while not querier.matching_status.matching:
-            if monotonic() > last:
-                return False
-            sleep(PAUSE_SECONDS)
-        return True
+        return _comes(lambda: querier.matching_status.matching)
     finally:
         querier.undeclare()

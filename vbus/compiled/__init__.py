@@ -14,14 +14,13 @@ from importlib.machinery import (
     SourceFileLoader,
     SourcelessFileLoader,
 )
-from typing import Final
 
 from vbus.version import __version__
 
-REASON: Final = "reason.txt"
+REASON = "reason.txt"
 """Beside this file in a wheel without the compiled core: one line saying why."""
 
-_PACKAGE: Final = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
 
 def pure_wanted() -> bool:

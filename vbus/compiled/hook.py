@@ -52,7 +52,7 @@ COMPILED: Final = (
     "board/host_*.py", "board/strobe_*.py", "circuit/strobe_player.py",
     "circuit/glue_cycles.py",
     "serve/fast_path.py", "serve/session.py", "serve/time/pacer.py",
-    "serve/time/statistics.py", "serve/time/time_source.py",
+    "serve/time/statistics.py",
     "record/again.py", "views/wave/changes.py", "views/wave/vcd_file.py",
     "views/scope/lane.py", "views/scope/axis_sampler.py",
 )  # fmt: skip
@@ -86,21 +86,6 @@ FAST: Final = "-O3"
 SOON: Final = "-Og"
 """Of units and of the rest, but in a release: the rest is compiled in half the time of ``-O2``."""
 
-SHIM: Final = """\
-typedef struct _object PyObject;
-PyObject *PyImport_ImportModuleLevel(const char *, PyObject *, PyObject *, PyObject *, int);
-PyObject *PyObject_GetAttrString(PyObject *, const char *);
-PyObject *Py_BuildValue(const char *, ...);
-void *PyCapsule_GetPointer(PyObject *, const char *);
-void PyErr_Clear(void);
-void Py_DecRef(PyObject *);
-#define Py_DECREF Py_DecRef
-#define NULL ((void *)0)
-#define PyMODINIT_FUNC __attribute__((visibility("default"))) PyObject *
-"""
-"""What of ``Python.h`` the C file of a module uses that only names the library: a fifth of the time
-of a hundred such files."""
-
 SLOWER: Final = "50 to 170 times slower in samples and some ten times on the bus"
 """What the interpreted core is, beside the compiled one."""
 
@@ -126,7 +111,7 @@ class CompiledCore(BuildHookInterface):
         if version == "editable":
             announce(f"vbus: an editable installation runs the interpreted core, {SLOWER}")
             return
-        # Kept until finalize(): the wheel is packed from it.
+        # It stays until finalize(): the wheel is packed from it.
         self._scratch = tempfile.mkdtemp(prefix="vbus-build-")
         scratch = Path(self._scratch)
         need = _set("VBUS_NEED_COMPILED")
@@ -323,7 +308,6 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         sources = [Path(root, source) for source in extension.sources]
         if len(sources) == 1:
             # One library has all code, the others only name it.
-            sources[0].write_text(sources[0].read_text().replace("#include <Python.h>", SHIM, 1))
             shims.append((sources[0], target))
             continue
         library = target
@@ -338,13 +322,13 @@ def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Pa
         options += _header(compiler, scratch / "header", options)
         jobs += [(source, options) for source in sources]
     with ThreadPoolExecutor(os.cpu_count()) as workers:
-        # The longest first, so that none is left alone at the end.
+        # Units, the longest, are the first: none is left alone at the end.
         done = [
             workers.submit(compiler.compile, source, _object(source, scratch), options)
-            for source, options in sorted(jobs, key=lambda job: _size(job[0]), reverse=True)
+            for source, options in jobs
         ]
         done += [
-            workers.submit(compiler.link, [source], target, ["-O0", "-fPIC"])
+            workers.submit(compiler.link, [source], target, [*compiler.options, "-O0"])
             for source, target in shims
         ]
         for job in done:
@@ -363,13 +347,6 @@ def _unit(sources: list[Path], files: tuple[str, ...], unit: Path) -> tuple[Path
         taken += [source for source in sources if not source.stem.startswith("__native")]
     unit.write_text("".join(f'#include "{source.name}"\n' for source in taken))
     return unit, [source for source in sources if source not in taken]
-
-
-def _size(source: Path) -> int:
-    """Return how much C is compiled with a file; of a unit, its files' sum."""
-    text = source.read_text() if source.stem.startswith("unit") else ""
-    names = [line.split('"')[1] for line in text.splitlines()]
-    return sum(source.with_name(name).stat().st_size for name in names or [source.name])
 
 
 def _header(compiler: Compiler, folder: Path, options: list[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Word widths: the one place that knows how numbers wrap, saturate, round and change sign."""
+"""Word widths: the one place that knows how numbers wrap, stop, round and change sign."""
 
 from mypy_extensions import i64
 
@@ -23,16 +23,6 @@ def wrap_word(value: i64, half: i64) -> i64:
     """
     # One addition and one mask: a machine word needs no branch.
     return ((value + half) & (half + half - 1)) - half
-
-
-def saturate(value: int, bits: int) -> int:
-    """Limit ``value`` to the signed range of ``bits`` bits."""
-    top = (1 << (bits - 1)) - 1
-    if value > top:
-        return top
-    if value < -top - 1:
-        return -top - 1
-    return value
 
 
 def clamp(value: int, low: int, high: int) -> int:

@@ -63,15 +63,12 @@ def _only_folders() -> bool:
 
 
 def _from_metadata() -> Iterator[EntryPoint]:
-    from importlib.metadata import distributions
+    from importlib.metadata import entry_points
 
-    seen = set()
-    for package in distributions():
-        name = package.name.lower().replace("_", "-")
-        if name not in seen:
-            seen.add(name)
-            for entry in package.entry_points:
-                yield EntryPoint(entry.name, entry.value, entry.group, package.name)
+    found = entry_points()
+    for group in found.groups:
+        for entry in found.select(group=group):
+            yield EntryPoint(entry.name, entry.value, group, entry.dist.name if entry.dist else "")
 
 
 def _folders(place: Path) -> list[Path]:

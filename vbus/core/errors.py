@@ -11,7 +11,7 @@
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- ReadBackError     a chip says that something else was written
-    +-- PluginError       an entry point is missing or broken
+    +-- PluginError       an entry point is broken, or a package is missing
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
     +-- ProgramError      a program cannot be started
     +-- TimeEndedError    chip time has come to its end
@@ -24,15 +24,19 @@ The kind says whose mistake it was. A host that breaks a *datasheet* raises noth
 does what silicon would do and a :class:`~vbus.core.signals.violation.Violation` is filed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from vbus.core import exit_codes
 from vbus.core.file_kinds import no_text, unreadable, unwritable
 
 
 class VbusError(Exception):
     """Base of every error vbus raises on purpose."""
+
+    exit_code: int = exit_codes.FAILURE
+    """That of a command which the error has ended."""
 
 
 class ConfigError(VbusError):
@@ -42,9 +46,13 @@ class ConfigError(VbusError):
     names the file, the line, the key, what was found and what is allowed.
     """
 
+    exit_code = exit_codes.BAD_BOARD
+
 
 class OptionError(VbusError):
     """An option or argument that makes no sense: by itself, beside others, or for this board."""
+
+    exit_code = exit_codes.USAGE
 
 
 class ProtocolError(VbusError):
@@ -56,6 +64,8 @@ class ProtocolError(VbusError):
 
 class TransportError(VbusError, OSError):
     """A PTY, socket or serial line that cannot be opened, or was lost."""
+
+    exit_code = exit_codes.NO_LINK
 
 
 class NotReadyError(VbusError, TimeoutError):
@@ -75,11 +85,15 @@ class NameInUseError(TransportError):
 
 
 class PluginError(VbusError):
-    """An entry point that is missing or broken; names the distribution and the reason."""
+    """An entry point that is broken, or a package that is missing; says which, and why."""
+
+    exit_code = exit_codes.NO_PLUGIN
 
 
 class CaptureError(VbusError):
     """A capture that is none, is damaged, or lacks what a chip's bus needs."""
+
+    exit_code = exit_codes.BAD_CAPTURE
 
 
 class SnapshotError(VbusError):
@@ -89,17 +103,15 @@ class SnapshotError(VbusError):
 class TimeEndedError(VbusError):
     """Chip time has come to its end; a board in real time ends there, in order."""
 
+    exit_code = exit_codes.TIME_ENDED
+
 
 class ProgramError(VbusError):
-    """A program that cannot be started.
-
-    Attributes:
-        missing: whether there is none of that name; or else it is there and cannot be run.
-    """
+    """A program that cannot be started: there is none, or it is there and cannot be run."""
 
     def __init__(self, message: str, missing: bool) -> None:
         super().__init__(message)
-        self.missing: bool = missing
+        self.exit_code = exit_codes.NO_PROGRAM if missing else exit_codes.NOT_RUNNABLE
 
 
 class NodeError(VbusError):
@@ -134,6 +146,16 @@ def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator
         raise kind(f"{path}: {no_text(path, error.object)}") from error
 
 
+def content(path: str | Path) -> bytes:
+    """Return what a file has.
+
+    Raises:
+        VbusError: it cannot be read.
+    """
+    with read_errors(path):
+        return Path(path).read_bytes()
+
+
 @contextmanager
 def write_errors(path: str | Path) -> Iterator[None]:
     """Raise a :class:`VbusError` where the file cannot be written."""
@@ -143,6 +165,38 @@ def write_errors(path: str | Path) -> Iterator[None]:
         if isinstance(error, VbusError):  # a TransportError, which says more
             raise
         raise VbusError(f"{path}: {unwritable(path, error)}") from error
+
+
+@contextmanager
+def value_errors(kind: Callable[..., Exception], before: str = "", **more: str) -> Iterator[None]:
+    """Raise a ValueError of the block as an error of this kind.
+
+    Args:
+        kind: makes it of the text, and of what else it is to be given (``more``).
+        before: stands in front of the text.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise kind(f"{before}{error}", **more) from None
+
+
+@contextmanager
+def import_errors(
+    lacking: str, install: str, kind: Callable[[str], Exception] = PluginError
+) -> Iterator[None]:
+    """Raise an error of this kind where a package that is no part of vbus is not installed.
+
+    Args:
+        lacking: what needs which package, such as "pictures need matplotlib".
+        install: what pip is to install, such as "matplotlib".
+        kind: makes the error of a sentence.
+    """
+    try:
+        yield
+    except ImportError as error:
+        them = "them" if " " in install else "it"
+        raise kind(f"{lacking}; install {them} with: pip install {install}") from error
 
 
 @contextmanager

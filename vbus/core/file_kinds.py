@@ -16,18 +16,24 @@ class _FileKind(NamedTuple):
         begins: how one begins: a pattern, compiled when a file is in the place of another.
         what: what it is called.
         use: what to do with one, ``{}`` being its name.
+        guarded: whether only an output of this kind may replace one.
     """
 
     begins: bytes
     what: str
     use: str
+    guarded: bool = False
 
 
 _KINDS: Final = (
-    _FileKind(rb"vbus journal ", "a journal of vbus", '"vbus explain {}" reads it'),
-    _FileKind(rb"vbus (machine )?snapshot\n", "a snapshot of vbus", '"vbus snap info {}" reads it'),
+    _FileKind(rb"vbus journal ", "a journal of vbus", '"vbus explain {}" reads it', True),
+    _FileKind(
+        rb"vbus (machine )?snapshot\n", "a snapshot of vbus", '"vbus snap info {}" reads it', True
+    ),
     _FileKind(rb"\d+ \d+ \S[^\n]*\n", "a trace of nodes", '"vbus trace {}" reads it'),
-    _FileKind(rb"\x7fELF", "a program (ELF)", '"vbus exec --board FILE -- {}" runs it on a board'),
+    _FileKind(
+        rb"\x7fELF", "a program (ELF)", '"vbus exec --board FILE -- {}" runs it on a board', True
+    ),
     _FileKind(
         rb"\s*\$(date|version|comment|timescale|scope|var)\b", "a waveform (VCD)",
         '"vbus conform CHIP {}" compares a capture with the model; GTKWave and Surfer show it',
@@ -45,11 +51,11 @@ _KINDS: Final = (
     _FileKind(rb"\s*<(!doctype html|!DOCTYPE html|html)", "a page (HTML)", "a browser shows it"),
     _FileKind(
         rb"(\s|#[^\n]*\n)*\[+(board|chips|plants|hosts|nodes)\b", "a board file (TOML)",
-        '"vbus run {}" runs it, "vbus check {}" names its mistakes',
+        '"vbus run {}" runs it, "vbus check {}" names its mistakes', True,
     ),
     _FileKind(
         rb"(\s|#[^\n]*\n)*\[+suppress\b", "a list of accepted violations (TOML)",
-        "it goes with --suppress",
+        "it goes with --suppress", True,
     ),
     _FileKind(rb"\s*[{\[]", "JSON, or like it", ""),
 )  # fmt: skip
@@ -124,6 +130,23 @@ def is_none(name: object, head: bytes, wanted: str, made: str) -> str:
         made: where such a file comes from.
     """
     return f"{name} is no {wanted}: {looks_like(name, head)}; {made}"
+
+
+def not_replaced(head: bytes, begins: bytes) -> str:
+    """Return why an output does not replace a file; empty if it may.
+
+    Board files, programs, journals and snapshots are not lost to a name given by mistake.
+
+    Args:
+        head: the first :data:`HEAD` bytes of the file, or all there are.
+        begins: how the output begins, if that is known.
+    """
+    kind, new = _kind_of(head), _kind_of(begins)
+    guarded = kind is not None and kind.guarded
+    if not head or kind is new or not (guarded or (new is not None and new.guarded)):
+        return ""
+    seems = f"it looks like {kind.what}" if kind else "it is a file of another kind"
+    return f"{seems}, and is not replaced; give another name, or delete the file first"
 
 
 def unwritable(path: str | Path, error: OSError) -> str:

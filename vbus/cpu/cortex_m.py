@@ -7,8 +7,7 @@ from typing import Final
 from unicorn import arm_const as arm
 
 from vbus.core import exit_codes
-from vbus.cpu.machine import CpuMachine, Processor, Stopped
-from vbus.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.cpu.machine import CpuMachine, IoRegister, Processor, RegisterBlock, Stopped, stored
 
 HARD_FAULT, SVC, PENDSV, SYSTICK, IRQ = 3, 11, 14, 15, 16
 _SWI, _BKPT, _RETURN = 2, 7, 8
@@ -290,9 +289,7 @@ class SystemControl(RegisterBlock):
     def __init__(
         self, machine: CpuMachine, name: str, base: int, processor: CortexM, m4: bool
     ) -> None:
-        super().__init__(machine, name, base)
-        if m4:
-            self.values.update({0x004: 2, 0xD00: 0x410FC241})
+        super().__init__(machine, name, base, {0x004: 2, 0xD00: 0x410FC241} if m4 else None)
         self._processor: Final = processor
         self._counter: Final = machine.counter(base + 0x18, 1, down=True)
         self._seen = 0
@@ -302,23 +299,18 @@ class SystemControl(RegisterBlock):
         """Take what is written; priorities count at once."""
         super().write(offset, size, value)
         # STM32s have the upper four bits of a priority.
-        if 0x400 <= offset < 0x4F0:
-            for place in range(offset, offset + size):
+        for first, end, number in ((0x400, 0x4F0, IRQ), (0xD18, 0xD24, 4)):
+            for place in range(offset, offset + size) if first <= offset < end else ():
                 byte = self.values[place & ~3] >> 8 * (place & 3) & 0xF0
-                self._processor.priorities[IRQ + place - 0x400] = byte
-        if 0xD18 <= offset < 0xD24:
-            for place in range(offset, offset + size):
-                byte = self.values[place & ~3] >> 8 * (place & 3) & 0xF0
-                self._processor.priorities[4 + place - 0xD18] = byte
+                self._processor.priorities[number + place - first] = byte
         self.machine.look()
 
     # -- SysTick ------------------------------------------------------------------------------
 
     def csr(self, _: int) -> int:
         """Control and status; a read clears COUNTFLAG."""
-        counter, control = self._counter, self.of("SYST_CSR")
-        round_ = counter.divider * counter.period
-        count = (self.machine.shared.clock - counter.zero) // round_ if control & 1 else 0
+        control = self.of("SYST_CSR")
+        count = self._counter.rounds(self.machine.shared.clock) if control & 1 else 0
         flag, self._seen = count > self._seen, count
         return control | flag << 16
 
@@ -354,9 +346,8 @@ class SystemControl(RegisterBlock):
         machine, counter = self.machine, self._counter
         machine.events.pop("SysTick", None)
         if counter.on and self.of("SYST_CSR") & 2:
-            round_ = counter.divider * counter.period
-            past = (machine.shared.clock - counter.zero) // round_
-            machine.events["SysTick"] = (counter.zero + (past + 1) * round_, self._tick)
+            coming = counter.rounds(machine.shared.clock) + 1
+            machine.events["SysTick"] = (counter.zero + coming * counter.round, self._tick)
 
     def _tick(self) -> None:
         self._processor.pend(SYSTICK)

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.cpu.cortex_m import IRQ, CortexM
-from vbus.cpu.machine import CpuMachine
-from vbus.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.cpu.machine import CpuMachine, IoRegister, RegisterBlock, stored
 
 _DIR, _CIRC, _PINC, _MINC, _PSIZE, _MSIZE = range(6)
 """Bits of a control register, as :attr:`Dma.BITS` lists them."""

@@ -10,8 +10,7 @@ from typing import Final
 
 from vbus.cpu.cortex_m import IRQ, CortexM
 from vbus.cpu.dma import Dma
-from vbus.cpu.machine import CpuMachine, PortBits
-from vbus.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.cpu.machine import CpuMachine, IoRegister, PortBits, RegisterBlock, stored
 
 PE, START, STOP, ACK, POS, RESET = (1 << bit for bit in (0, 8, 9, 10, 11, 15))
 SB, ADDR, BTF, RXNE, TXE, AF = (1 << bit for bit in (0, 1, 2, 6, 7, 10))

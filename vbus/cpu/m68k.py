@@ -6,8 +6,7 @@ from typing import Final
 from unicorn import m68k_const as m68k
 
 from vbus.core import exit_codes
-from vbus.cpu.machine import INTERRUPTS, CpuMachine, Processor, Stopped
-from vbus.cpu.registers import IoRegister, RegisterBlock
+from vbus.cpu.machine import INTERRUPTS, CpuMachine, IoRegister, Processor, RegisterBlock, Stopped
 
 _SUPERVISOR, _TRACES, _MASK = 0x2000, 0xC000, 0x0700
 _AUTOVECTOR: Final = 24
@@ -138,9 +137,6 @@ class Duart(RegisterBlock):
         IoRegister("IVR", 24, 0x0F), IoRegister("OPCR", 26), IoRegister("SOPBC", 28),
         IoRegister("ROPBC", 30),
     )  # fmt: skip
-
-    def nothing(self, _: int, __: int) -> None:
-        """The clock of the line is accepted."""
 
     def send(self, _: int, value: int) -> None:
         """Send a byte."""

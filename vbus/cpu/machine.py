@@ -3,16 +3,18 @@
 The emulator is unicorn. What happens at each instruction, port bit and bus cycle is C
 (``vbus/native/cpu_link.c``); what is rare is here. Time is counted in clock cycles; everything that
 comes at an instant stands in ``events``, and the emulator stops before the instruction at which the
-next of them is due.
+next of them is due. Registers of peripherals are tables: what firmware finds at their addresses.
 """
 
 import ctypes
 import os
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any, ClassVar, Final
+
+from msgspec import Struct
 
 from vbus.boardfile.sections import CpuSection
 from vbus.core import exit_codes
@@ -48,6 +50,15 @@ class Counter(ctypes.Structure):
         ("address", ctypes.c_uint32), ("on", ctypes.c_uint32), ("zero", ctypes.c_uint64),
         ("divider", ctypes.c_uint64), ("period", ctypes.c_uint64), ("down", ctypes.c_uint64),
     ]  # fmt: skip
+
+    @property
+    def round(self) -> int:
+        """Clock cycles from one beginning of the count to the next."""
+        return int(self.divider) * int(self.period)
+
+    def rounds(self, clock: int) -> int:
+        """Return how often it has begun again."""
+        return (clock - int(self.zero)) // self.round
 
     def now(self, clock: int) -> int:
         """Return the count."""
@@ -102,25 +113,6 @@ class Stopped(Exception):
     def __init__(self, code: int, why: str = "") -> None:
         super().__init__(why)
         self.code: Final = code
-
-
-class Peripheral(ABC):
-    """What answers at addresses.
-
-    Args:
-        base: the first of them.
-    """
-
-    def __init__(self, base: int) -> None:
-        self.base: Final = base
-
-    @abstractmethod
-    def read(self, offset: int, size: int) -> int:
-        """Return what is read at an offset, ``size`` bytes."""
-
-    @abstractmethod
-    def write(self, offset: int, size: int, value: int) -> None:
-        """Take what is written at an offset."""
 
 
 class Processor(ABC):
@@ -185,6 +177,129 @@ class Processor(ABC):
         return self.here()
 
 
+class IoRegister(Struct, frozen=True):
+    """A register of a peripheral, or several of the same kind one behind the other.
+
+    Attributes:
+        name: as the reference manual has it.
+        offset: its distance from the block's base.
+        reset: what it holds after a reset.
+        title: what it does; empty: it is storage.
+        read: method that gives its value; else it is what was written.
+        write: method that takes a value; else the value is stored.
+        count: how many there are.
+    """
+
+    name: str
+    offset: int
+    reset: int = 0
+    title: str = ""
+    read: str = ""
+    write: str = ""
+    count: int = 1
+
+
+def stored(*names: str, first: int = 0) -> tuple[IoRegister, ...]:
+    """Return rows of storage, one behind the other."""
+    return tuple(IoRegister(name, first + 4 * place) for place, name in enumerate(names))
+
+
+class RegisterBlock:
+    """A peripheral: its registers, the lowest byte of each at the lowest address.
+
+    Args:
+        machine: what it is part of.
+        name: as the reference manual has it.
+        base: its address.
+        resets: what registers hold after a reset, by their offsets, where their rows do not say so.
+
+    Attributes:
+        REGISTERS: its rows.
+        SIZE: of one register in bytes.
+        enable: the block, register and bit that turn its clock on; None: it always has one.
+    """
+
+    REGISTERS: ClassVar[tuple[IoRegister, ...]] = ()
+    SIZE: ClassVar[int] = 4
+
+    def __init__(
+        self, machine: "CpuMachine", name: str, base: int, resets: Mapping[int, int] | None = None
+    ) -> None:
+        self.machine: Final = machine
+        self.name: Final = name
+        self.base: Final = base
+        self.enable: tuple[RegisterBlock, str, int] | None = None
+        self.values: Final[dict[int, int]] = {}
+        self._rows: Final[dict[int, IoRegister]] = {}
+        for row in self.REGISTERS:
+            for number in range(row.count):
+                place = row.offset + number * self.SIZE
+                self.values[place] = row.reset
+                self._rows[place] = row
+        self.values.update(resets or {})
+
+    def of(self, name: str) -> int:
+        """Return what a register holds, by its name."""
+        return next(self.values[row.offset] for row in self.REGISTERS if row.name == name)
+
+    def has_clock(self, offset: int) -> bool:
+        """Whether it has its clock; without one a real peripheral does not answer."""
+        if self.enable is None:
+            return True
+        block, register, bit = self.enable
+        on = bool(block.of(register) >> bit & 1)
+        if not on:
+            self.machine.once(
+                f"clock {self.name}",
+                f"{self.name} has no clock (bit {bit} of {block.name} {register} is 0): accesses"
+                f" are lost, reads give 0; the first is at offset {offset:02X}h, by the"
+                f" instruction at {self.machine.at()}",
+            )
+        return on
+
+    def read(self, offset: int, size: int) -> int:
+        """Return what is read at an offset."""
+        if not self.has_clock(offset):
+            return 0
+        place = offset - offset % self.SIZE
+        row = self._rows.get(place)
+        if row is None:
+            self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, False)
+            return 0
+        value = self.values[place]
+        # A method gives the whole register, of which bytes or halves may be read.
+        if row.read:
+            method: Callable[[int], Any] = getattr(self, row.read)
+            value = method(place - row.offset)
+        self.settle()
+        return (value >> 8 * (offset - place)) & ((1 << 8 * size) - 1)
+
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Take what is written at an offset."""
+        if not self.has_clock(offset):
+            return
+        place = offset - offset % self.SIZE
+        row = self._rows.get(place)
+        if row is None:
+            self.machine.missing(f"{self.name}+{offset:02X}h", self.base + offset, True)
+            return
+        shift = 8 * (offset - place)
+        # A method takes a narrow access as one of the whole register, with 0 beside it.
+        if row.write:
+            method: Callable[[int, int], Any] = getattr(self, row.write)
+            method(place - row.offset, value << shift)
+        else:
+            mask = ((1 << 8 * size) - 1) << shift
+            self.values[place] = (self.values[place] & ~mask) | (value << shift & mask)
+        self.settle()
+
+    def nothing(self, _: int, __: int) -> None:
+        """Take what is written to a register that cannot be written."""
+
+    def settle(self) -> None:
+        """Do what an access has led to: interrupt, or ask for a transfer."""
+
+
 class CpuMachine:
     """A processor, its memory and its peripherals, as a session of a board.
 
@@ -235,7 +350,7 @@ class CpuMachine:
         self._uclib: Final = uclib
         self._kept: Final[list[Any]] = []
         self.memories: Final[list[tuple[int, int, Any]]] = []
-        self.blocks: Final[dict[int, Peripheral]] = {}
+        self.blocks: Final[dict[int, RegisterBlock]] = {}
         self.translate: Callable[[int, int, int | None], int | None] = lambda *_: None
         self.events: Final[dict[object, tuple[int, Callable[[], None]]]] = {}
         self.said: Final[set[str]] = set()
@@ -390,7 +505,7 @@ class CpuMachine:
         self.shared.counter_count += 1
         return counter
 
-    def add(self, block: Peripheral, size: int = 0x400) -> None:
+    def add(self, block: RegisterBlock, size: int = 0x400) -> None:
         """Put a peripheral at its address."""
         for place in range(block.base, block.base + size, 0x400):
             self.blocks[place & ~0x3FF] = block

@@ -12,8 +12,7 @@ from msgspec import Struct
 from vbus.cpu.cortex_m import IRQ, CortexM, SystemControl, Trace
 from vbus.cpu.dma import Dma, Dma4
 from vbus.cpu.i2c import I2cMaster
-from vbus.cpu.machine import CpuMachine, PortBits
-from vbus.cpu.registers import IoRegister, RegisterBlock, stored
+from vbus.cpu.machine import CpuMachine, IoRegister, PortBits, RegisterBlock, stored
 
 _NONE: Final = 0xFFFFFFFF
 
@@ -108,10 +107,8 @@ class Port(RegisterBlock):
     RESETS: ClassVar[dict[str, dict[int, int]]] = {}
 
     def __init__(self, machine: CpuMachine, name: str, base: int) -> None:
-        super().__init__(machine, name, base)
         letter = name[-1]
-        for place, value in self.RESETS.get(letter, {}).items():
-            self.values[place] = value
+        super().__init__(machine, name, base, self.RESETS.get(letter))
         self.bits: Final = PortBits(base=base, number=ord(letter) - ord("A"), off=1)
         by_name = {row.name: row.offset for row in self.REGISTERS}
         for field, register in (("input", "IDR"), ("output", "ODR"), ("set", "BSRR"),
@@ -361,11 +358,10 @@ class Stm32Timer(RegisterBlock):
     def _catch_up(self) -> None:
         """Notice updates up to now."""
         counter = self._counter
-        round_ = counter.period * counter.divider
-        past = (self.machine.shared.clock - counter.zero) // round_
+        past = counter.rounds(self.machine.shared.clock)
         if not counter.on or past < 1:
             return
-        counter.zero += past * round_
+        counter.zero += past * counter.round
         self.values[0x10] |= 1
         self._ask()
         # CR1: with OPM the timer clears CEN at its update.
@@ -415,8 +411,7 @@ class Stm32Timer(RegisterBlock):
         self.machine.events.pop(self, None)
         counter = self._counter
         if counter.on and self.of("DIER") & 1:
-            when = counter.zero + counter.period * counter.divider
-            self.machine.events[self] = (when, self._due)
+            self.machine.events[self] = (counter.zero + counter.round, self._due)
             self.machine.look()
 
     def _due(self) -> None:
@@ -446,19 +441,9 @@ class Stm32Timer(RegisterBlock):
 
 
 class Storage(RegisterBlock):
-    """Registers that are accepted, and do nothing.
-
-    Args:
-        resets: what they hold after a reset, by their offsets, where that is not 0.
-    """
+    """Registers that are accepted, and do nothing."""
 
     REGISTERS = (IoRegister("R", 0x00, count=0x100),)
-
-    def __init__(
-        self, machine: CpuMachine, name: str, base: int, resets: dict[int, int] | None = None
-    ) -> None:
-        super().__init__(machine, name, base)
-        self.values.update(resets or {})
 
 
 class Device(RegisterBlock):

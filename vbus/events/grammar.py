@@ -17,25 +17,22 @@ anything.
 """
 
 import re
-from collections.abc import Callable, Iterator
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Final
 
 from msgspec import Struct
-from msgspec.structs import astuple
 
 from vbus.core.values.lexer import (
     END,
     NAME,
     NUMBER,
-    PART,
-    PLAIN,
     QUOTED,
     Token,
     Words,
     name_parts,
     words,
 )
-from vbus.core.values.units import UnitError, parse, show
+from vbus.core.values.units import UnitError, parse
 
 FUNCTIONS: Final = ("rising", "falling", "changed", "previous", "abs")
 SIGNS: Final = ("<=", ">=", "==", "!=", "<", ">", "=")
@@ -43,6 +40,7 @@ KEYWORDS: Final = frozenset({
     "and", "or", "not", "stable", "for", "rises", "falls", "violation", "command", *FUNCTIONS,
 })  # fmt: skip
 LONGEST_NUMBER: Final = 40
+"""Characters; no number with a meaning on a board is as long."""
 _WORDS: Final = words(r"<=|>=|==|!=|[<>=+()-]")
 _UNIT: Final = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)?")
 _COMMAND: Final = re.compile(
@@ -51,7 +49,7 @@ _COMMAND: Final = re.compile(
 )
 
 
-class Form(Struct, frozen=True, eq=False, kw_only=True):
+class Form(Struct, frozen=True, kw_only=True):
     """A piece of a condition.
 
     Attributes:
@@ -60,22 +58,8 @@ class Form(Struct, frozen=True, eq=False, kw_only=True):
 
     at: int = 0
 
-    def __eq__(self, other: object) -> bool:
-        """Whether both say the same, wherever that stands."""
-        return isinstance(other, Form) and self._said() == other._said()
 
-    def __ne__(self, other: object) -> bool:
-        # Not by itself the opposite: a Struct has an inequality of its own, which is of identity.
-        return not self == other
-
-    def __hash__(self) -> int:
-        return hash(self._said())
-
-    def _said(self) -> tuple[Any, ...]:
-        return type(self), *astuple(self)[:-1]  # ``at`` comes last, as all that has a name only
-
-
-class Number(Form, frozen=True, eq=False):
+class Number(Form, frozen=True):
     """A number, perhaps with its unit.
 
     Attributes:
@@ -87,7 +71,7 @@ class Number(Form, frozen=True, eq=False):
     unit: str = ""
 
 
-class Name(Form, frozen=True, eq=False):
+class Name(Form, frozen=True):
     """The name of a pin, a net, a value, a register, a flag or a rule.
 
     Attributes:
@@ -102,20 +86,20 @@ class Name(Form, frozen=True, eq=False):
         return ".".join(self.parts)
 
 
-class Function(Form, frozen=True, eq=False):
+class Function(Form, frozen=True):
     """One of :data:`FUNCTIONS` of a value."""
 
     name: str
     of: Form
 
 
-class Sum(Form, frozen=True, eq=False):
+class Sum(Form, frozen=True):
     """Values that are added, or taken away where the first of a pair says so."""
 
     terms: tuple[tuple[bool, Form], ...]
 
 
-class Compare(Form, frozen=True, eq=False):
+class Compare(Form, frozen=True):
     """Two values and one of :data:`SIGNS`."""
 
     sign: str
@@ -123,27 +107,27 @@ class Compare(Form, frozen=True, eq=False):
     right: Form
 
 
-class Not(Form, frozen=True, eq=False):
+class Not(Form, frozen=True):
     """What holds where ``of`` does not."""
 
     of: Form
 
 
-class Several(Form, frozen=True, eq=False):
+class Several(Form, frozen=True):
     """Conditions joined by ``word``, ``"and"`` or ``"or"``."""
 
     word: str
     parts: tuple[Form, ...]
 
 
-class Stable(Form, frozen=True, eq=False):
+class Stable(Form, frozen=True):
     """What has held for ``span`` ps."""
 
     of: Form
     span: int
 
 
-class EventForm(Form, frozen=True, eq=False):
+class EventForm(Form, frozen=True):
     """Something that happens: ``kind`` is ``"violation"`` or ``"command"``, ``text`` which one."""
 
     kind: str
@@ -177,8 +161,8 @@ class _ConditionReader(Words):
     def whole(self) -> Form:
         """Return the tree of the whole text."""
         node = self._condition()
-        if self._here.kind != END:
-            raise self._expected('"and", "or", a comparison or the end')
+        if self.here.kind != END:
+            raise self.expected('"and", "or", a comparison or the end')
         return node
 
     # -- the grammar ----------------------------------------------------------------------------
@@ -187,107 +171,102 @@ class _ConditionReader(Words):
         return self._joined("or", lambda: self._joined("and", self._lasting))
 
     def _joined(self, word: str, part: Callable[[], Form]) -> Form:
-        at = self._here.at
+        at = self.here.at
         parts = [part()]
-        while self._is(word):
-            self._take()
+        while self.at_word(word):
+            self.take()
             parts.append(part())
         return parts[0] if len(parts) == 1 else Several(word, tuple(parts), at=at)
 
     def _lasting(self) -> Form:
-        at = self._here.at
+        at = self.here.at
         node = self._negation()
-        if self._is("stable"):
-            self._take()
-            self._need("for")
+        if self.at_word("stable"):
+            self.take()
+            self.need("for")
             node = Stable(node, self._span(), at=at)
         return node
 
     def _span(self) -> int:
-        token = self._here
+        token = self.here
         if token.kind != NUMBER:
-            raise self._expected('a time with its unit, such as "2 ms",')
+            raise self.expected('a time with its unit, such as "2 ms",')
         number = self._number()
         try:
             return int(parse(f"{token.text} {number.unit}", "s"))
         except UnitError as error:
-            raise self._error(token.at, "there is no time", str(error)) from None
+            raise self.error(token.at, "there is no time", str(error)) from None
 
     def _negation(self) -> Form:
-        if not self._is("not"):
+        if not self.at_word("not"):
             return self._comparison()
-        at = self._take().at
-        self._deeper()
-        node = Not(self._negation(), at=at)
-        self._depth -= 1
-        return node
+        at = self.take().at
+        return Not(self.nested(self._negation), at=at)
 
     def _comparison(self) -> Form:
-        token = self._here
+        token = self.here
         if token.text == "violation":
-            self._take()
+            self.take()
             name = ""
-            if self._here.kind == NAME and self._here.text not in KEYWORDS:
-                name = _name(self._take()).text
+            if self.here.kind == NAME and self.here.text not in KEYWORDS:
+                name = _name(self.take()).text
             return EventForm("violation", name, at=token.at)
         if token.text == "command":
             return self._command()
         node = self._sum()
-        if self._is("rises", "falls"):
-            word = self._take().text
+        if self.at_word("rises", "falls"):
+            word = self.take().text
             return Function("rising" if word == "rises" else "falling", node, at=token.at)
-        if self._here.text in SIGNS:
-            sign = self._take().text
+        if self.here.text in SIGNS:
+            sign = self.take().text
             return Compare("==" if sign == "=" else sign, node, self._sum(), at=token.at)
         return node
 
     def _command(self) -> Form:
-        at = self._here.at
+        at = self.here.at
         begin = at + len("command")
-        match = _COMMAND.match(self._text, begin)
+        match = _COMMAND.match(self.text, begin)
         words = (match["quoted"] or "")[1:-1] or (match["words"] or "").strip() if match else ""
         if match is None or not words:
-            raise self._error(begin, 'the name of a command is expected, as in "command STT",')
-        self._step(match.end())
+            raise self.error(begin, 'the name of a command is expected, as in "command STT",')
+        self.step(match.end())
         return EventForm("command", words, at=at)
 
     def _sum(self) -> Form:
-        at = self._here.at
+        at = self.here.at
         terms = [(False, self._operand())]
-        while self._is("+", "-"):
-            minus = self._take().text == "-"
+        while self.at_word("+", "-"):
+            minus = self.take().text == "-"
             terms.append((minus, self._operand()))
         return terms[0][1] if len(terms) == 1 else Sum(tuple(terms), at=at)
 
     def _operand(self) -> Form:
-        token = self._here
+        token = self.here
         if token.kind == NUMBER:
             return self._number()
         if token.text in ("-", "+"):
-            self._take()
-            if self._here.kind != NUMBER:
-                raise self._expected("a number")
+            self.take()
+            if self.here.kind != NUMBER:
+                raise self.expected("a number")
             number = self._number()
             value = -number.value if token.text == "-" else number.value
             return Number(value, number.unit, at=token.at)
         if token.text in FUNCTIONS or token.text == "(":
-            function = self._take().text
+            function = self.take().text
             if function != "(":
-                self._need("(")
-            self._deeper()
-            inner = self._condition()
-            self._depth -= 1
-            self._need(")")
+                self.need("(")
+            inner = self.nested(self._condition)
+            self.need(")")
             return inner if function == "(" else Function(function, inner, at=token.at)
         if token.kind != NAME or token.text in KEYWORDS:
-            raise self._expected("a name or a number")
-        return _name(self._take())
+            raise self.expected("a name or a number")
+        return _name(self.take())
 
     def _number(self) -> Number:
-        token = self._take()
+        token = self.take()
         text = token.text
         if len(text) > LONGEST_NUMBER:
-            raise self._error(token.at, "the number is too long that begins")
+            raise self.error(token.at, "the number is too long that begins")
         value: int | float
         try:
             if text.endswith("H"):
@@ -297,70 +276,14 @@ class _ConditionReader(Words):
             else:
                 value = int(text) if text.replace("_", "").isdecimal() else float(text)
         except ValueError:
-            raise self._error(token.at, f'"{text}" is no number') from None
+            raise self.error(token.at, f'"{text}" is no number') from None
         unit = ""
-        if _UNIT.fullmatch(self._here.text) and self._here.text not in KEYWORDS:
-            unit = self._take().text
+        if _UNIT.fullmatch(self.here.text) and self.here.text not in KEYWORDS:
+            unit = self.take().text
         if value == float("inf"):
-            raise self._error(token.at, "the number is too large that begins")
+            raise self.error(token.at, "the number is too large that begins")
         return Number(value, unit, at=token.at)
 
 
 def _name(token: Token) -> Name:
     return Name(name_parts(token), at=token.at)
-
-
-# -- trees to texts -----------------------------------------------------------------------------
-
-_RANKS: Final = {"or": 0, "and": 1}
-
-
-def text_of(node: Form) -> str:
-    """Return a text that reads as this tree."""
-    return _text(node, 0)
-
-
-def _text(node: Form, rank: int) -> str:
-    """Return the text of a part; ``rank`` 0 is a condition, 5 an operand."""
-    match node:
-        case Number(value, unit):
-            own, text = 5, f"{value} {unit}".rstrip()
-        case Name(parts):
-            own, text = 5, _named(parts)
-        case Function(name, of):
-            own, text = 5, f"{name}({_text(of, 0)})"
-        case Sum(terms):
-            own, text = 4, "".join(_terms(terms))
-        case Compare(sign, left, right):
-            own, text = 3, f"{_text(left, 4)} {sign} {_text(right, 4)}"
-        case EventForm(kind, words):
-            own, text = 3, f"{kind} {_named((words,))}" if words else kind
-        case Not(of):
-            own, text = 3, f"not {_text(of, 3)}"
-        case Stable(of, span):
-            own, text = 2, f"{_text(of, 3)} stable for {show(span, 's')}"
-        case Several(word, parts):
-            own = _RANKS[word]
-            text = f" {word} ".join(_text(part, own + 1) for part in parts)
-        case _:
-            raise TypeError(f"{node!r} is no part of a condition")
-    return text if own >= rank else f"({text})"
-
-
-def _terms(terms: tuple[tuple[bool, Form], ...]) -> Iterator[str]:
-    for place, (minus, term) in enumerate(terms):
-        yield ("" if place == 0 else " - " if minus else " + ") + _text(term, 5)
-
-
-def _named(parts: tuple[str, ...]) -> str:
-    shown = [
-        part if re.fullmatch(PART if place else PLAIN, part) else f'"{part}"'
-        for place, part in enumerate(parts)
-    ]
-    if len(parts) == 1 and parts[0] in KEYWORDS:
-        return f'"{parts[0]}"'
-    if any('"' in part for part in parts):
-        shown = [
-            f"'{part}'" if '"' in part else text for part, text in zip(parts, shown, strict=True)
-        ]
-    return ".".join(shown)

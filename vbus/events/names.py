@@ -1,18 +1,20 @@
 """What the names in a condition stand for on a board."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from msgspec import Struct
 
 from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.chips.packets import calls
 from vbus.chips.tables import Bit
 from vbus.circuit import circuit
 from vbus.circuit.circuit import Circuit
+from vbus.circuit.stream import decoder_of
 from vbus.core.signals import Net, Reading, Value
 from vbus.core.signals.values import reader
-from vbus.core.values.settings import listed, suggestion
+from vbus.core.values.settings import among, listed, suggestion
 from vbus.glue.part import GluePart
 
 COUNTS: Final = "counts"
@@ -61,16 +63,20 @@ def net_names(board: Circuit) -> dict[str, Net]:
     return names | {net.name: net for net in names.values()}
 
 
-def rules_of(board: Circuit) -> list[str]:
-    """Return the rules that may be broken on a board."""
-    rules = [rule.name for rule in circuit.RULES]
-    rules += [rule.name for chip in board.chips for rule in type(chip).RULES]
-    return list(dict.fromkeys(rules))
-
-
 def _plain(name: str) -> str:
     """Return a name as it is compared: a blank may be written as ``_``."""
     return name.replace(" ", "_")
+
+
+def unknown_packet(name: str, known: Sequence[str]) -> str:
+    """Return how a sentence ends that a name is none of the known packets'; "" if it is one's.
+
+    Of several words a name may be one that no table has: "reserved command 1AH".
+    """
+    word = name.removeprefix("read ").removeprefix("write ")
+    if " " in word or any(word in calls(one) for one in known):
+        return ""
+    return f'"{name}"; {among(word, known, "there are")}'
 
 
 class Names:
@@ -84,7 +90,8 @@ class Names:
         self._board = board
         self._chips = {chip.name: chip for chip in board.chips}
         self._nets = net_names(board)
-        self.rules: list[str] = rules_of(board)
+        rules = (*circuit.RULES, *(rule for chip in board.chips for rule in type(chip).RULES))
+        self.rules: list[str] = list(dict.fromkeys(rule.name for rule in rules))
         """The rules that may be broken."""
 
     def find(self, parts: tuple[str, ...]) -> Level | None:
@@ -131,6 +138,13 @@ class Names:
                     return []
                 found += names
         return found
+
+    def packets(self, chip: str = "") -> list[str]:
+        """Return the mnemonics, and the names of packets that are in no table; none if not all
+        are known."""
+        known = self.mnemonics(chip)
+        chips = [one for one in self._board.chips if chip in ("", one.name)] if known else []
+        return known + [name for one in chips for name in decoder_of(one.FAMILY).NAMES]
 
     def has_chip(self, name: str) -> bool:
         """Whether there is a chip of this name."""

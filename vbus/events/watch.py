@@ -46,7 +46,7 @@ class Watch(PacketReader):
         self.condition: Condition = Condition(text, board, what)
         self.board: Circuit = board
         self._met: Callable[[], None] | None = met
-        self._timer = self.timer() if met is not None else None
+        self._timer = self.timer(self._look) if met is not None else None
         self._watching = False
         self._anew = anew
         self._held = False
@@ -55,9 +55,9 @@ class Watch(PacketReader):
         self._chips = [board.chip(name) for name in self.condition.chips()]
         self._nets = [one.net for one in self.condition.levels.values() if one.net is not None]
 
-    def timer(self) -> Timer:
+    def timer(self, look: Callable[[], None]) -> Timer:
         """Return the timer by which the board's time looks: what hosts are promised is the same."""
-        return self.board.kernel.onlooker(self._look)
+        return self.board.kernel.onlooker(look)
 
     def begin(self) -> None:
         """Watch from now on."""

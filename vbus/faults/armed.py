@@ -8,7 +8,7 @@ from vbus.core.options import Value
 from vbus.core.state import Names
 from vbus.faults.row import COUNTED, ONCE, Fault
 from vbus.faults.trigger import RATE, Until, When
-from vbus.faults.watch import ConditionWatch
+from vbus.faults.watch import ConditionWatch, Writes
 
 WAITING: Final = "waiting"
 ACTING: Final = "acting"
@@ -19,7 +19,7 @@ ENDED: Final = "ended"
 FAILED: Final = "failed"
 
 
-class Evidence(Struct, frozen=True):
+class Evidence(Struct, frozen=True, rename={"when": "when_ps"}):
     """What a fault did, and when.
 
     Attributes:
@@ -60,6 +60,7 @@ class Armed(Struct):
         cleared: whether an order has cleared it.
         writes: the writes its trigger waits for.
         side: on which side of its trigger's position it was armed.
+        here: the encoder's count when it began, of a fault behind an axis.
         watcher: what its trigger watches with.
     """
 
@@ -77,8 +78,9 @@ class Armed(Struct):
     seen: int = 0
     draws: int = 0
     cleared: bool = False
-    writes: tuple[tuple[int, int], ...] = ()
+    writes: Writes = ()
     side: int = 0
+    here: int = 0
     watcher: ConditionWatch | None = None
 
     @property

@@ -1,5 +1,6 @@
 """Faults of mechanics, encoder and switches: what they do to a plant and its chip."""
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus import plugins
@@ -7,6 +8,7 @@ from vbus.chips.base import Chip
 from vbus.core.options import Value
 from vbus.core.signals import HIGH, Pin, Plant, Switch, Z
 from vbus.core.state import Names
+from vbus.faults.armed import Armed
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
 from vbus.faults.upsets import ChipFaults, upsets_of
 from vbus.plant.shaft import Mechanics, Shaft
@@ -35,9 +37,6 @@ ADDED: Final[dict[str, dict[str, str]]] = {
 }  # fmt: skip
 """Parameters that it adds to numbers of a shaft."""
 
-Acting = tuple[str, dict[str, Value], int]
-"""A fault that acts: its name, its parameters, and the count at which it began."""
-
 
 class AxisFaults:
     """What is broken behind one axis.
@@ -54,13 +53,15 @@ class AxisFaults:
     DERIVED: ClassVar[Names] = ("*",)
     """It is worked out anew from the faults that act, which the board saves."""
 
-    def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
+    def __init__(
+        self, chip: Chip, axis: int, plant: Plant, acting: Callable[[], list[Armed]]
+    ) -> None:
         self.chip: Chip = chip
         self.upsets: ChipFaults = upsets_of(chip)
         self.axis: int = axis
         self.plant: Plant = plant
+        self.acting: Callable[[], list[Armed]] = acting
         self.wrapper: FaultyPlant | None = None
-        self.acting: dict[int, Acting] = {}
         self._nominal: Mechanics | None = None
         self._pins: dict[str, Pin] = {}
         self._open: dict[str, tuple[int, int]] = {}
@@ -73,33 +74,22 @@ class AxisFaults:
 
     # -- beginning and ending -----------------------------------------------------------------
 
-    def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
+    def begin(self, armed: Armed) -> str:
         """Let a fault act; return what it changes."""
         # What was before this instant was without the fault.
         self.chip.advance()
-        here = int(self.plant.count)
-        text = self._describe(name, values)
-        if name == "offset_jump":
-            self._wrap().jump(int(values["counts"]))
-        else:
-            self.acting[number] = (name, values, here)
-        self._apply(name)
+        armed.here = int(self.plant.count)
+        text = self._describe(armed.name, armed.values)
+        if armed.name == "offset_jump":
+            self._wrap().jump(int(armed.values["counts"]))
+        self._apply(armed.name)
         return text
 
-    def end(self, number: int) -> str:
-        """Let it act no more; there is nothing to say of it."""
-        acting = self.acting.pop(number, None)
-        if acting is not None:
-            self.chip.advance()
-            self._apply(acting[0])
-        return ""
-
-    def toggle(self, number: int, closed: bool) -> None:
-        """A switch that bounces closes or opens."""
-        name, values, _ = self.acting[number]
-        self.acting[number] = (name, {**values, "state": "closed" if closed else "open"}, 0)
+    def end(self, armed: Armed) -> str:
+        """It acts no more, or the switch that it lets bounce moves; there is nothing to say."""
         self.chip.advance()
-        self._apply(name)
+        self._apply(armed.name)
+        return ""
 
     def _apply(self, name: str) -> None:
         if name in SHAFT:
@@ -108,7 +98,7 @@ class AxisFaults:
             self._switches()
         else:
             self._between()
-        self.upsets.disturb()
+        self.upsets.invalidate()
 
     def _describe(self, name: str, values: dict[str, Value]) -> str:
         if name == "offset_jump":
@@ -157,7 +147,8 @@ class AxisFaults:
         wrapper.frozen, wrapper.powered, wrapper.index = False, True, True
         wrapper.drive_sign, wrapper.mode, wrapper.share = 1, SHARE, WHOLE
         wrapper.lose_every = wrapper.second_index = 0
-        for name, values, _ in self.acting.values():
+        for armed in self.acting():
+            name, values = armed.name, armed.values
             for attribute, value in FIXED.get(name, {}).items():
                 setattr(wrapper, attribute, value)
             for attribute, key in GIVEN.get(name, {}).items():
@@ -177,9 +168,9 @@ class AxisFaults:
         """A pulse on A that is longer than the filter moves the count by one, and back."""
         least = self.upsets.filter_ps(self.axis)
         long = sum(
-            1 for name, values, _ in self.acting.values()
-            if name == "glitch" and int(values["width"]) >= least
-        )  # fmt: skip
+            armed.name == "glitch" and int(armed.values["width"]) >= least
+            for armed in self.acting()
+        )
         if long != wrapper.pulsed:
             wrapper.jump(long - wrapper.pulsed)
             wrapper.pulsed = long
@@ -193,16 +184,18 @@ class AxisFaults:
         if self._nominal is None:
             self._nominal = shaft.mechanics()
         # Always from the nominal ones: faults may end in any order.
-        numbers = self._nominal.copy()
-        for name, values, here in self.acting.values():
+        numbers = self._nominal
+        for armed in self.acting():
+            name, values = armed.name, armed.values
             for attribute, key in ADDED.get(name, {}).items():
-                setattr(numbers, attribute, getattr(numbers, attribute) + float(values[key]))
+                more = getattr(numbers, attribute) + float(values[key])
+                numbers = numbers._replace(**{attribute: more})
             if name == "supply_sag":
-                numbers.supply = min(numbers.supply, float(values["supply"]))
+                numbers = numbers._replace(supply=min(numbers.supply, float(values["supply"])))
             elif name == "overheated":
-                numbers.torque *= float(values["torque"])
+                numbers = numbers._replace(torque=numbers.torque * float(values["torque"]))
             elif name == "end_stop":
-                _stop(numbers, here, int(values["ahead"]))
+                numbers = _stopped(numbers, armed.here, int(values["ahead"]))
         shaft.refit(numbers)
 
     # -- switches -----------------------------------------------------------------------------
@@ -211,12 +204,15 @@ class AxisFaults:
         """Closed: the input is driven. Open: the switch on the axis' way closes nowhere."""
         closed: dict[str, int] = {}
         opened: set[str] = set()
-        for name, values, _ in self.acting.values():
-            if name == "home_never":
+        for armed in self.acting():
+            if armed.name == "home_never":
                 opened.add("home")
-            elif name in ("limit_stuck", "limit_bouncing"):
-                which = str(values["switch"])
-                if values.get("state", "closed") == "closed":
+            elif armed.name in ("limit_stuck", "limit_bouncing"):
+                which = str(armed.values["switch"])
+                # A switch that bounces is open at each second look.
+                if armed.values.get("state") == "closed" or (
+                    armed.name == "limit_bouncing" and not armed.seen
+                ):
                     switch = self.plant.switches.get(which)
                     # Where no switch is wired, the family says which level means closed.
                     closed[which] = self.upsets.LIMIT_CLOSED if switch is None else switch.active
@@ -248,27 +244,23 @@ class AxisFaults:
 
     # -- state --------------------------------------------------------------------------------
 
-    def restore(self, acting: dict[int, Acting], wrapped: bool, pulsed: int) -> None:
-        """Let these faults act, as a saved state has it; the plant's own state comes after."""
-        self.acting = acting
-        self._refit_if_needed()
+    def restore(self, wrapped: bool, pulsed: int) -> None:
+        """Let faults act, as a saved state has it; the plant's own state comes after."""
+        if self._nominal is not None or any(armed.name in SHAFT for armed in self.acting()):
+            self._refit()
         self._switches()
         self.wrap_as(wrapped)
         if self.wrapper is not None:
             self.wrapper.pulsed = pulsed
             self.set_up(self.wrapper)
 
-    def _refit_if_needed(self) -> None:
-        if self._nominal is not None or any(name in SHAFT for name, _, _ in self.acting.values()):
-            self._refit()
 
-
-def _stop(numbers: Mechanics, here: int, ahead: int) -> None:
-    """Put an end stop ``ahead`` of the count at which its fault began."""
+def _stopped(numbers: Mechanics, here: int, ahead: int) -> Mechanics:
+    """Return a shaft's numbers with an end stop ``ahead`` of the count at which its fault began."""
     # A stop in front of another one is the one that is met.
     low, high = (numbers.low, numbers.high) if numbers.stopped else (-NOWHERE, NOWHERE)
     if ahead >= 0:
         high = min(high, here + ahead)
     else:
         low = max(low, here + ahead)
-    numbers.low, numbers.high, numbers.stopped = low, high, True
+    return numbers._replace(low=low, high=high, stopped=True)

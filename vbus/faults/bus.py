@@ -1,6 +1,7 @@
 """Faults of a host bus: what they do to data lines and strobes."""
 
 from collections.abc import Callable
+from typing import Final
 
 from vbus.chips.base import Chip
 from vbus.core.options import Value
@@ -8,6 +9,8 @@ from vbus.core.signals import HIGH, LOW, Net, Observer, Pin
 
 Later = Callable[[int, Callable[[], None]], None]
 """Calls back at an instant (ps)."""
+_HELD: Final = ("byte_flipped", "bit_stuck")
+"""Faults whose levels stay on data lines after a strobe until a driver moves."""
 
 
 class BusFault(Observer):
@@ -28,6 +31,7 @@ class BusFault(Observer):
         self._values: dict[str, Value] = values
         self._later: Later = later
         self._pin: Pin | None = None
+        self._bent: list[tuple[Net, Callable[[int], int]]] = []
         self._inside: bool = False
         self._gap: bool = False
         self._before: int = 0
@@ -56,13 +60,13 @@ class BusFault(Observer):
         text = f"{chip.bus_net.name}"
         if self._name == "bit_stuck":
             text = f"D{values['bit']} at {values['level']}"
-            chip.bus_net.bend(self._stuck)
+            self._bend(chip.bus_net, self._stuck)
         elif self._name == "byte_flipped":
             text = f"bits {int(values['mask']):02X}H of {self._way} cycles inverted"
-            chip.bus_net.bend(self._flip)
+            self._bend(chip.bus_net, self._flip)
         elif self._name == "answer_late":
             text = f"{chip.bus_net.name} has the answer after the host has taken it"
-            chip.bus_net.bend(self._late)
+            self._bend(chip.bus_net, self._late)
         elif self._name == "bus_pulled":
             text += f" shows {values['level']} where nothing drives it"
             # Pulled up or down, and no keeper: a floating line shows the resistor.
@@ -76,7 +80,7 @@ class BusFault(Observer):
             text = f"{', '.join(net.name for net in self.strobes)}"
             text += " stays high" if lost else " is broken in two"
             for net in self.strobes:
-                net.bend(self._high if lost else self._broken)
+                self._bend(net, self._high if lost else self._broken)
         if not again:
             self._work_out()
         return text
@@ -84,7 +88,10 @@ class BusFault(Observer):
     def end(self) -> None:
         """Let the nets be as they are driven."""
         self._loosen()
-        self._work_out()
+        # A byte holds after its strobe for as long as its driver does: a level that went with the
+        # strobe would break the chip's hold time.
+        held = self._name in _HELD and not self._inside and self._chip.bus_net.driven
+        self._work_out(lines=not held)
         self._look_away()
 
     def leave(self) -> None:
@@ -94,17 +101,17 @@ class BusFault(Observer):
 
     def _loosen(self) -> None:
         self._chip.bus_net.rest = self._rest
-        for bend in (self._stuck, self._flip, self._late):
-            if bend in self._chip.bus_net.bends:
-                self._chip.bus_net.unbend(bend)
-        for net in self.strobes:
-            for strobe_bend in (self._high, self._broken):
-                if strobe_bend in net.bends:
-                    net.unbend(strobe_bend)
+        for net, bend in self._bent:
+            net.unbend(bend)
+        self._bent.clear()
         if self._pin is not None:
             self._pin.release()
             self._chip.bus_net.unsolder(self._pin)
             self._pin = None
+
+    def _bend(self, net: Net, bend: Callable[[int], int]) -> None:
+        net.bend(bend)
+        self._bent.append((net, bend))
 
     def _look_away(self) -> None:
         self._chip.bus_net.unobserve(self)
@@ -115,8 +122,9 @@ class BusFault(Observer):
         """Whether it acts on this kind of bus cycle."""
         return self._way == "both" or (self._way == "write") == write
 
-    def _work_out(self) -> None:
-        self._chip.bus_net.resolve()
+    def _work_out(self, lines: bool = True) -> None:
+        if lines:
+            self._chip.bus_net.resolve()
         for net in self.strobes:
             net.resolve()
         self._chip.kernel.settle()
@@ -148,7 +156,8 @@ class BusFault(Observer):
             self._before = self._chip.bus_net.value
         if self._name in ("byte_flipped", "answer_late") and net != self._chip.bus_net.name:
             self._inside = level == LOW
-            self._chip.bus_net.resolve()
+            if self._inside or self._name not in _HELD:
+                self._chip.bus_net.resolve()
         elif self._name == "strobe_doubled" and level == LOW and not self._gap:
             if net in [strobe.name for strobe in self.strobes] and not self._inside:
                 self._inside = True

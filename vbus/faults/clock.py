@@ -1,12 +1,13 @@
 """Faults of a chip's oscillator: it stands, or is off its frequency."""
 
+from collections.abc import Callable
 from typing import Final
 
 from vbus.chips.base import Chip
 from vbus.core.kernel import HELD, NEVER
 from vbus.core.kernel.clock import Course
-from vbus.core.options import Value
 from vbus.core.signals import Plant
+from vbus.faults.armed import Armed
 from vbus.faults.upsets import ChipFaults, upsets_of
 
 STOPPED: Final = "clock_stopped"
@@ -26,49 +27,39 @@ class ClockFaults:
         plants: what it drives.
     """
 
-    def __init__(self, chip: Chip, plants: list[Plant]) -> None:
+    def __init__(self, chip: Chip, plants: list[Plant], acting: Callable[[], list[Armed]]) -> None:
         self.chip: Chip = chip
-        self.acting: dict[int, tuple[str, dict[str, Value]]] = {}
+        self._acting: Callable[[], list[Armed]] = acting
         self._plants: list[Plant] = plants
         self._upsets: ChipFaults = upsets_of(chip)
 
-    def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
-        """Let a fault act; return what it changes."""
-        self.acting[number] = (name, values)
-        return self._apply()
-
-    def end(self, number: int) -> str:
-        """Let it act no more; return how the clock goes on."""
-        if self.acting.pop(number, None) is None:
-            return ""
-        return self._apply()
-
-    def _apply(self) -> str:
+    def begin(self, armed: Armed) -> str:
+        """A fault acts, or acts no more; return how the clock goes on."""
         chip, clock, now = self.chip, self.chip.clock, self.chip.kernel.now
         chip.advance()
         stood = clock.stopped
-        if any(name == STOPPED for name, _ in self.acting.values()):
+        off = [one for one in self._acting() if one.name in CLOCKS]
+        if any(one.name == STOPPED for one in off):
             clock.stop(now)
             text = f"CLK stands in cycle {clock.cycle_at(now)}"
         else:
-            ppm = sum(int(values["ppm"]) for _, values in self.acting.values())
+            ppm = sum(int(one.values["ppm"]) for one in off)
             clock.run(now, ppm)
             text = f"CLK runs at {clock.frequency:.12g} Hz from cycle {clock.cycle_at(now)} on"
         if clock.frequency:
             self._upsets.set_frequency(clock.frequency, self._plants)
         shift = _held if clock.stopped else _resumed
         chip.clock_changed(shift if clock.stopped != stood else None)
-        self._upsets.disturb()
+        self._upsets.invalidate()
         chip.kernel.settle()
         return text
 
+    end = begin
+
     # -- state --------------------------------------------------------------------------------
 
-    def restore(
-        self, acting: dict[int, tuple[str, dict[str, Value]]], courses: list[Course]
-    ) -> None:
+    def restore(self, courses: list[Course]) -> None:
         """Take back the clock a saved state has; the chip's own state comes after."""
-        self.acting = acting
         self.chip.clock.courses = courses
         if not self.chip.clock.stopped:
             self._upsets.restore_frequency(self.chip.clock.frequency)

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from functools import partial
 from typing import ClassVar, Final
 
 from vbus.circuit.circuit import Circuit
 from vbus.core.kernel.clock import Course
-from vbus.core.options import Value
 from vbus.core.signals.wire import WireEnd
 from vbus.core.state import Names
 from vbus.faults.armed import ACTING, Armed
@@ -44,7 +44,7 @@ class FaultEffects:
         "courses: list[(str, list[(i64, i64, int, int), ...]), ...]",
         "axes: list[(str, bool, i64, list[(i64, i64), ...]), ...]",
     )
-    WIRING: ClassVar[Names] = ("_armed", "_board", "_later", "links")
+    WIRING: ClassVar[Names] = ("_armed", "links")
     DERIVED: ClassVar[Names] = ("_axes", "_clocks", "placed")
 
     def __init__(self, board: Circuit, later: Later, armed: dict[int, Armed]) -> None:
@@ -61,8 +61,10 @@ class FaultEffects:
         found = self._axes.get(place)
         if found is None:
             chip, _, number = place.partition(".")
-            found = AxisFaults(self._board.chip(chip), int(number) - 1, self._board.axes[place])
-            self._axes[place] = found
+            found = self._axes[place] = AxisFaults(
+                self._board.chip(chip), int(number) - 1, self._board.axes[place],
+                partial(self._acting_on, place),
+            )  # fmt: skip
         return found
 
     def clock(self, name: str) -> ClockFaults:
@@ -72,7 +74,7 @@ class FaultEffects:
             chip = self._board.chip(name)
             places = [f"{name}.{axis + 1}" for axis in range(chip.axis_count)]
             plants = [self._board.axes[place] for place in places if place in self._board.axes]
-            found = self._clocks[name] = ClockFaults(chip, plants)
+            found = self._clocks[name] = ClockFaults(chip, plants, partial(self._acting_on, name))
         return found
 
     def begin(self, armed: Armed) -> str:
@@ -83,7 +85,7 @@ class FaultEffects:
         """
         fault, group = armed.fault, self._group(armed)
         if group is not None:
-            return group.begin(armed.number, armed.name, armed.values)
+            return group.begin(armed)
         if fault.target == LINK:
             if self.links is None:
                 raise ValueError("no link is served: this board has no server, or none yet")
@@ -100,7 +102,7 @@ class FaultEffects:
         """Let a fault act no more; return what there is to say about it."""
         fault, group = armed.fault, self._group(armed)
         if group is not None:
-            return group.end(armed.number)
+            return group.end(armed)
         if fault.target == LINK:
             if self.links is not None:
                 self.links.end(armed.number)
@@ -146,22 +148,20 @@ class FaultEffects:
             (
                 place, axis.wrapper is not None,
                 0 if axis.wrapper is None else axis.wrapper.pulsed,
-                [(number, here) for number, (_, _, here) in axis.acting.items()],
+                [(one.number, one.here) for one in axis.acting()],
             )
             for place, axis in sorted(self._axes.items())
-            if axis.acting or axis.wrapper is not None
+            if axis.acting() or axis.wrapper is not None
         ]  # fmt: skip
 
     @axes.setter
     def axes(self, axes: list[AxisRow]) -> None:
         wrapped = {place: (is_wrapped, pulsed) for place, is_wrapped, pulsed, _ in axes}
         begun = {number: here for _, _, _, heres in axes for number, here in heres}
+        for armed in self._armed.values():
+            armed.here = begun.get(armed.number, 0)
         for place in sorted({*wrapped, *self._axes}):
-            acting = {
-                one.number: (one.name, _values_now(one), begun.get(one.number, 0))
-                for one in self._acting_on(place)
-            }
-            self.axis(place).restore(acting, *wrapped.get(place, (False, 0)))
+            self.axis(place).restore(*wrapped.get(place, (False, 0)))
 
     @property
     def courses(self) -> list[tuple[str, list[Course]]]:
@@ -173,18 +173,16 @@ class FaultEffects:
     def courses(self, clocks: list[tuple[str, list[Course]]]) -> None:
         courses = dict(clocks)
         for name in sorted({*courses, *self._clocks}):
-            off = {
-                one.number: (one.name, one.values)
-                for one in self._acting_on(name)
-                if one.name in CLOCKS
-            }
-            self.clock(name).restore(off, courses.get(name, []))
+            self.clock(name).restore(courses.get(name, []))
 
     def leave(self) -> None:
-        """Another state is being loaded: nothing is wrong with a bus, a wire or a part any more."""
+        """Another state is being loaded: nothing is wrong with a bus, a link or a part any more."""
         for placed in self.placed.values():
             placed.leave()
         self.placed.clear()
+        for armed in self._armed.values():
+            if armed.fault.target == LINK and self.links is not None:
+                self.links.end(armed.number)
 
     def _acting_on(self, target: str) -> list[Armed]:
         return [one for one in self._armed.values() if one.target == target and one.state == ACTING]
@@ -216,12 +214,4 @@ class FaultEffects:
             if one.fault.family in _PLACED:
                 placed = self.placed[one.number] = self._place(one)
                 placed.begin(again=True)
-        if self.links is not None:
-            self.links.end_all()
-            self.serve(self.links)
-
-
-def _values_now(armed: Armed) -> dict[str, Value]:
-    if armed.name == "limit_bouncing":
-        return {**armed.values, "state": "open" if armed.seen else "closed"}
-    return armed.values
+        self.serve(self.links)

@@ -17,7 +17,7 @@ from vbus.core.values.units import DIMENSIONS
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence
 from vbus.faults.bus import BusFault
 from vbus.faults.effects import FaultEffects
-from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault, LinkActs
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
@@ -34,7 +34,7 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import ConditionWatch, write_of
+from vbus.faults.watch import ConditionWatch, begins, write_of
 
 
 def check_parameters(fault: Fault, given: Mapping[str, object]) -> dict[str, Value]:
@@ -76,7 +76,7 @@ def _fits(fault: Fault, values: dict[str, Value]) -> None:
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
-KEPT: Final = 1000
+LONGEST_LOG: Final = 1000
 """Pieces of evidence that are stored."""
 
 _BEGIN: Final = 0
@@ -105,12 +105,12 @@ class Faults(Observer):
         "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
         "acts: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_board", "_timer", "log")
+    WIRING: ClassVar[Names] = ("log",)
     DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
 
     def __init__(self, board: Circuit) -> None:
         self._board: Circuit = board
-        self.log: deque[Evidence] = deque(maxlen=KEPT)
+        self.log: deque[Evidence] = deque(maxlen=LONGEST_LOG)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
         self.acts: FaultEffects = FaultEffects(board, self.later, self._armed)
@@ -119,15 +119,6 @@ class Faults(Observer):
         self._serial: int = 0
         self._timer = board.kernel.timer(self._due, saved=False)
         self._watching: bool = False
-
-    @property
-    def links(self) -> LinkActs | None:
-        """What does the faults of links; None on a board without a server."""
-        return self.acts.links
-
-    @links.setter
-    def links(self, links: LinkActs | None) -> None:
-        self.acts.serve(links)
 
     # -- what people call ---------------------------------------------------------------------
 
@@ -155,7 +146,7 @@ class Faults(Observer):
                 the message says what there is.
         """
         fault = self.find(name)
-        place = find_target(self._board, fault, target, self.links)
+        place = find_target(self._board, fault, target, self.acts.links)
         trigger = read_when(when)
         end = read_until(until, trigger, fault)
         armed = Armed(
@@ -325,9 +316,8 @@ class Faults(Observer):
                 early = armed.fault.of_cycles
                 if armed.seen == armed.when.number - early:
                     self._met(armed)
-            elif armed.when.kind == COMMAND and write:
-                if (address, data) in armed.writes or (address, -1) in armed.writes:
-                    self._met(armed)
+            elif armed.when.kind == COMMAND and write and begins(armed.writes, address, data):
+                self._met(armed)
 
     def _met(self, armed: Armed) -> None:
         """A bus cycle has met a trigger. A fault of cycles must be there for the next one."""
@@ -379,18 +369,17 @@ class Faults(Observer):
             else:
                 self._push(self._board.now + LOOK, _LOOK, armed.number)
         elif kind == _TOGGLE and armed.state == ACTING:
-            self._toggle(armed)
-
-    def _toggle(self, armed: Armed) -> None:
-        armed.seen ^= 1
-        self.acts.axis(armed.target).toggle(armed.number, not armed.seen)
-        self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
+            armed.seen ^= 1
+            self.acts.axis(armed.target).end(armed)
+            self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
 
     # -- beginning and ending -----------------------------------------------------------------
 
     def _begin(self, armed: Armed) -> None:
         fault = armed.fault
         armed.state = ACTING
+        if armed.name == "limit_bouncing":  # whatever its trigger has counted
+            armed.seen = 0
         try:
             text = self.acts.begin(armed)
         except ValueError as error:
@@ -403,7 +392,6 @@ class Faults(Observer):
             self._tell(armed, BEGUN, text)
         self._unwatch(armed)
         if armed.name == "limit_bouncing":
-            armed.seen = 0
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
         rated = armed.when.kind == RATE
         if fault.acts == ONCE or (fault.target == LINK and armed.single):

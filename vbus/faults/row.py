@@ -122,6 +122,3 @@ class LinkActs:
 
     def end(self, number: int) -> None:
         """Let it act no more."""
-
-    def end_all(self) -> None:
-        """Let none act any more."""

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from vbus.circuit.circuit import Circuit
 from vbus.core.errors import SnapshotError
-from vbus.core.state import Saved, plan
+from vbus.core.state import Saved, validate
 from vbus.core.state.kinds import Load
 from vbus.faults.armed import Armed
 from vbus.faults.row import LINK, Fault
@@ -66,7 +66,7 @@ def prepare(part: Any, board: Circuit, saved: Any) -> tuple[Load, Callable[[], N
         SnapshotError: they are none, or not of this board; nothing is changed.
     """
     state: Any = saved or NOTHING
-    found = plan(part, state, "the state.faults")
+    found = validate(part, state, "the state.faults")
     acts = state["acts"]
     for what, names, there in (
         ("fault", {row[1] for row in state["records"]}, faults() if saved else ()),

@@ -6,7 +6,6 @@ from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.core.options import Value
 from vbus.core.signals import LOW, Plant
-from vbus.core.state import Names
 from vbus.faults.row import Fault
 
 
@@ -25,8 +24,6 @@ class ChipFaults:
     LIMIT_CLOSED: ClassVar[int] = LOW
     """Level of a limit input whose switch is closed, where no switch is wired to it."""
 
-    WIRING: ClassVar[Names] = ("chip",)
-
     def __init__(self, chip: Chip) -> None:
         self.chip: Chip = chip
 
@@ -41,9 +38,9 @@ class ChipFaults:
         self.chip.advance()
         self.chip.exchange_plant(axis, plant)
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """Tell the chip that something behind it is different now: rest is over."""
-        self.chip.touched()
+        self.chip.input_changed()
 
     def filter_ps(self, axis: int) -> int:
         """Return the shortest level at an encoder input the chip believes (ps); 0 if unknown."""
@@ -55,7 +52,7 @@ class ChipFaults:
         """Let a fault act; return what it changes."""
         self.chip.advance()
         text = self.start(name, values)
-        self.chip.touched()
+        self.chip.input_changed()
         self.chip.kernel.settle()
         return text
 
@@ -63,7 +60,7 @@ class ChipFaults:
         """Let it act no more."""
         self.chip.advance()
         self.stop(name, values)
-        self.chip.touched()
+        self.chip.input_changed()
         self.chip.advance()
         self.chip.kernel.settle()
 

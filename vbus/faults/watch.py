@@ -11,6 +11,9 @@ from vbus.core.values.settings import among
 from vbus.events.condition import COMMAND
 from vbus.events.watch import Watch
 
+Writes = tuple[tuple[int, int], ...]
+"""Addresses and bytes; byte -1 stands for any."""
+
 
 class ConditionWatch(Watch):
     """A watch to which a command has come with its first byte.
@@ -37,7 +40,7 @@ class ConditionWatch(Watch):
                 f'when = "{text}": a fault waits for what is, and for edges of pins and values:'
                 ' no "stable for", "previous", or edge of a flag or a comparison'
             )
-        self._writes: list[tuple[str, str, tuple[tuple[int, int], ...]]] = []
+        self._writes: list[tuple[str, str, Writes]] = []
         for name, wanted in self.condition.commands:
             of = board.chip(name) if name else chip
             if of is None:
@@ -48,29 +51,31 @@ class ConditionWatch(Watch):
         """Read no packets: commands are known by their first byte."""
         return False
 
-    def timer(self) -> Timer:
+    def timer(self, look: Callable[[], None]) -> Timer:
         """Return a timer that hosts' promises heed: what a fault does, they notice."""
-        return self.board.kernel.timer(self._look, saved=False)
+        return self.board.kernel.timer(look, saved=False)
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Take down the commands that begin."""
         for name, wanted, writes in self._writes if write else ():
-            if name in chip.split("+") and ((address, data) in writes or (address, -1) in writes):
+            if name in chip.split("+") and begins(writes, address, data):
                 self.happen(COMMAND, name, wanted)
         super().bus_cycle(when, host, chip, write, address, data)
 
 
-def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:
+def begins(writes: Writes, address: int, data: int) -> bool:
+    """Tell whether a write is the beginning of a command, as :func:`write_of` gives it."""
+    return (address, data) in writes or (address, -1) in writes
+
+
+def write_of(chip: Chip, name: str) -> Writes:
     """Return the writes that are a command's beginning, or go to a register.
 
     Args:
         chip: the chip.
         name: the mnemonic, or the register's name, or its address in hexadecimal ("R05H").
-
-    Returns:
-        Addresses and bytes; byte -1 stands for any.
 
     Raises:
         ValueError: the chip has none of that name.

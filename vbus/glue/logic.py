@@ -48,22 +48,17 @@ def decoder(select: int, enables: Levels) -> Function:
     return function
 
 
-def multiplexer(select: int, width: int, inverted: bool) -> Function:
-    """Selecting inputs, an enable that is low, and sources; the outputs follow the selected ones.
+def multiplexer(select: int, inverted: bool) -> Function:
+    """Selecting inputs, an enable that is low, and sources; the output follows the selected one.
 
     Args:
         select: how many inputs select.
-        width: how many outputs there are; each has its sources side by side.
         inverted: whether a second output is the first one inverted.
     """
 
     def function(now: Levels, was: Levels, state: int) -> Outcome:
-        chosen, sources = number(now[:select]), now[select + 1 :]
-        each = 1 << select
-        levels = 0
-        if not now[select]:
-            levels = number([sources[chosen + place * each] for place in range(width)])
-        return state, levels | (~levels & 1) << 1 if inverted else levels, ALL
+        level = 0 if now[select] else now[select + 1 + number(now[:select])]
+        return state, level | (~level & 1) << 1 if inverted else level, ALL
 
     return function
 

@@ -35,7 +35,7 @@ class GlueBlock:
     STATE: ClassVar[Names] = (
         "state", "levels", "driven", "queue: list[(i64, i64, i64), ...]",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_kernel", "_timer", "delay", "inputs", "outputs", "row")
+    WIRING: ClassVar[Names] = ("_timer", "delay", "inputs", "outputs")
     DERIVED: ClassVar[Names] = ("_was", "asleep")
 
     def __init__(
@@ -151,7 +151,7 @@ class GluePart:
     """
 
     STATE: ClassVar[Names] = ("blocks: parts",)
-    WIRING: ClassVar[Names] = ("name", "pin_rows", "pins")
+    WIRING: ClassVar[Names] = ("name", "pins")
 
     def __init__(
         self,
@@ -179,10 +179,8 @@ class GluePart:
         """Return where a pin is: by itself, or a wire of a bundle such as D0-D7."""
         if name in self.pins:
             return self.pins[name], 0
-        for row in self.pin_rows:
-            if row.width > 1 and name in bundled(row.name):
-                return self.pins[row.name], bundled(row.name).index(name)
-        raise ValueError(f"{self.name} has no pin {name!r}")
+        bundle = next(row.name for row in self.pin_rows if name in bundled(row.name))
+        return self.pins[bundle], bundled(bundle).index(name)
 
     def ends(self, outputs: bool) -> set[int]:
         """Return which nets its blocks drive, or listen to."""
@@ -203,7 +201,7 @@ class Glue:
     """
 
     STATE: ClassVar[Names] = ("parts: parts",)
-    WIRING: ClassVar[Names] = ("_kernel", "_swings", "_watcher", "blocks", "order", "pins")
+    WIRING: ClassVar[Names] = ("blocks", "order", "pins")
     DERIVED: ClassVar[Names] = ("_batch", "_turns")
 
     def __init__(self, kernel: Kernel, swings: Callable[[str], None]) -> None:

@@ -44,7 +44,7 @@ static void must(int error)
         fail("link", vbus_strerror(error));
 }
 
-/* What is still kept back goes out: polls answered from a lease, writes. */
+/* What is still held back goes out: polls answered from a lease, writes. */
 static void leave(void)
 {
     inside++;

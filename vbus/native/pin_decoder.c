@@ -353,7 +353,8 @@ static void begin_reads(struct pin_decoder *decoder, unsigned begun)
         for (other = first; other < decoder->chip_count; other++)
             if (together >> other & 1) {
                 decoder->chips[other].byte = (unsigned char)data;
-                show_byte(decoder, &decoder->chips[other]);
+                if (decoder->chips[other].reading)
+                    show_byte(decoder, &decoder->chips[other]);
             }
     }
 }
@@ -361,7 +362,7 @@ static void begin_reads(struct pin_decoder *decoder, unsigned begun)
 void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive, unsigned level)
 {
     unsigned short old_drive, old_level;
-    unsigned turn, ended = 0, begun = 0, unread = 0;
+    unsigned turn, ended = 0, begun = 0, unread = 0, again = 0;
 
     if (port >= PIN_PORTS)
         return;
@@ -379,8 +380,23 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
         writing = selected && at(decoder, &chip->write) == 0;
         reading = selected && at(decoder, &chip->read) == 0 && !writing;
         latching = at(decoder, &chip->latch) == 0;
-        ended |= (unsigned)(chip->writing && !writing) << turn;
-        begun |= (unsigned)(reading && !chip->reading) << turn;
+        if (chip->latch.kind) {
+            int strobed = reading && !(chip->reading && chip->selected);
+            int rises = chip->selected && !selected;
+
+            reading = at(decoder, &chip->read) == 0 && !writing;
+            ended |= (unsigned)(chip->writing && rises) << turn;
+            strobed |= rises && !chip->writing && chip->selected != 2;
+            begun |= (unsigned)strobed << turn;
+            again |= (unsigned)(reading && !chip->reading && !strobed) << turn;
+            if (!selected || !chip->selected)
+                chip->selected = (unsigned char)selected;
+            if (selected && strobed)
+                chip->selected = 2;
+        } else {
+            ended |= (unsigned)(chip->writing && !writing) << turn;
+            begun |= (unsigned)(reading && !chip->reading) << turn;
+        }
         unread |= (unsigned)(chip->reading && !reading) << turn;
         if (chip->latching && !latching) {
             decoder->drive[port] = old_drive; /* the pins before this edge */
@@ -417,6 +433,9 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
                                                & ~(drive & ~decoder->driven[port]))
                                               | (level & drive & ~decoder->driven[port]));
     let_go(decoder, unread);
+    for (turn = 0; turn < decoder->chip_count; turn++)
+        if (again >> turn & 1)
+            show_byte(decoder, &decoder->chips[turn]);
     begin_reads(decoder, begun);
     move_lines(decoder, 1);
     for (turn = 0; turn < decoder->side_count; turn++) {

@@ -7,6 +7,8 @@
  *   the pins as they were before that edge: data may change while the strobe is low;
  * - a read begins when (select AND read strobe) begins, and the byte stays on the data bus until it
  *   ends;
+ * - where an address is latched, select alone carries a cycle out: as it rises, the write strobe (R/W)
+ *   says which, and the read strobe (/OE), then or later, shows what the last read gave;
  * - a strobe or select that the microcontroller does not drive is idle;
  * - a floating data bus keeps its last value, unless the port has its pull-ups on;
  * - a byte that the microcontroller takes before the read strobe, or after it, is told if it differs.
@@ -40,6 +42,7 @@ struct pin_source {
 struct pin_chip {
     struct pin_source select, read, write, latch, address[8], data[8], bus[8];
     unsigned char reading, writing, latching, latched, byte;
+    unsigned char selected; /* 2: and it has read, where an address is latched */
     unsigned char looked;   /* at its data lines, since the last strobe, or within this one */
     unsigned char early;    /* looked, when this strobe began */
     unsigned char saw;      /* there, outside a strobe */

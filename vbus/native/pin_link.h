@@ -52,7 +52,7 @@ struct pin_link {
  * or an error. Set `clock` before the first pin moves. */
 int pin_link_open(struct pin_link *link, const char *where, unsigned bits);
 
-/* Send what is still kept back and close the session; the first error, or 0. Bytes that the host took
+/* Send what is still held back and close the session; the first error, or 0. Bytes that the host took
  * outside their strobes are listed in the file that $VBUS_MISSED names. */
 int pin_link_close(struct pin_link *link);
 

@@ -271,6 +271,10 @@ static int open_once(struct vbus *bus, const char *where)
     int error;
 
     begin(bus);
+    if (where == NULL) { /* a variable that is not set */
+        bus->pause_mark[0] = '\0';
+        return VBUS_E_WHERE;
+    }
     error = open_link(bus, where);
     if (error < 0 || strncmp(where, "tcp:", 4) == 0 || !beside(bus->pause_mark, where, ".paused"))
         bus->pause_mark[0] = '\0';
@@ -399,7 +403,7 @@ static int make_room(struct vbus *bus, size_t size)
 
 static void with_u64(unsigned char *request, unsigned char code, uint64_t value);
 
-/* Queue a time stamp that was kept back. */
+/* Queue a time stamp that was held back. */
 static int tell_stamp(struct vbus *bus)
 {
     int error;
@@ -474,7 +478,7 @@ static int tell_polls(struct vbus *bus)
     return 0;
 }
 
-/* Queue a request; send it unless requests are kept back or its reply is waited for anyway. */
+/* Queue a request; send it unless requests are held back or its reply is waited for anyway. */
 static int put(struct vbus *bus, const unsigned char *head, size_t size, const unsigned char *tail,
                size_t tail_size, int asks)
 {

@@ -136,7 +136,8 @@ struct vbus {
 
 /* Open a session. `where` is "pty:PATH" (or just the path), "unix:PATH" or "tcp:ADDRESS:PORT" with
  * a numeric IPv4 address or "localhost". A terminal is put into raw mode. A board that has begun to
- * start, as the lock of its name shows, is waited for up to 5 s. */
+ * start, as the lock of its name shows, is waited for up to 5 s. NULL, as getenv() returns it where
+ * VBUS_LINK is not set, is no link: VBUS_E_WHERE. */
 int vbus_open(struct vbus *bus, const char *where);
 
 /* The same for a board that may still have to come: tries again for `wait_ms`; 0: once. */

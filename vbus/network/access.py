@@ -11,6 +11,7 @@ from vbus.network import keys
 from vbus.network.security import Security, expand
 
 ASK_SECONDS: Final = 1.0
+"""How long a board may take to say why it refuses; then a general message says it. Not measured."""
 
 log = logging.getLogger("vbus")
 
@@ -45,17 +46,14 @@ def refusal(security: Security, name: str, key: str) -> str:
             f'the holder of the certificate "{name}" may use nothing here, and so not {key}; see'
             " [zenoh.allow] of the process that listens there"
         )
-    if any(_includes(f"{keys.ROOT}/{right}", key) for right in expand(rights)):
+    asked = zenoh.KeyExpr(key)
+    if any(zenoh.KeyExpr(f"{keys.ROOT}/{right}").includes(asked) for right in expand(rights)):
         return ""
     shown = ", ".join(rights) or "nothing"
     return (
         f'the holder of the certificate "{name}" may use {shown} here, but not {key}; see'
         " [zenoh.allow] of the process that listens there"
     )
-
-
-def _includes(pattern: str, key: str) -> bool:
-    return zenoh.KeyExpr(pattern).includes(zenoh.KeyExpr(key))
 
 
 def answer_access(session: zenoh.Session, security: Security) -> zenoh.Queryable[None]:

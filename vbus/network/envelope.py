@@ -35,9 +35,9 @@ END: Final = 1
 EVENTS: Final = 2
 
 LARGEST: Final = 1 << 16
-"""Bytes of requests in one message."""
+"""Bytes of requests in one message: a bound of memory."""
 WINDOW: Final = 256
-"""Messages of one host that may be under way."""
+"""Messages of one host that may be under way; not measured."""
 
 _LAYOUT: Final = struct.Struct(">BB16sQQ")
 

@@ -11,7 +11,7 @@ Refuse = Callable[[str, str], None]
 """Sends a refusal: a code and a sentence."""
 
 MOST_STORED: Final = 16 << 20
-"""Bytes of replies stored for a host that does not acknowledge them."""
+"""Bytes of replies stored for a host that does not acknowledge them: a bound of memory."""
 
 
 class _Received(NamedTuple):
@@ -39,7 +39,8 @@ class Exchange:
         self._arrived: dict[int, _Received] = {}
         self._current: _Received | None = None
         self._stored: dict[int, bytes] = {}
-        self._stored_bytes: int = 0
+        self.unacknowledged: int = 0
+        """Bytes of replies that the host has not acknowledged."""
         self._running: bool = False
         self._ended: str = ""
 
@@ -67,11 +68,6 @@ class Exchange:
             self._arrived[number] = message
             self._run()
 
-    @property
-    def unacknowledged(self) -> int:
-        """Bytes of replies that the host has not acknowledged."""
-        return self._stored_bytes
-
     def missing(self, end: int) -> str:
         """Say which messages before number ``end`` have not come, "message 3 has"; else nothing."""
         numbers = range(self.following, min(end, self.following + WINDOW))
@@ -85,7 +81,7 @@ class Exchange:
     def _forget(self, acknowledged: int) -> None:
         if self._stored and acknowledged:
             for number in [number for number in self._stored if number < acknowledged]:
-                self._stored_bytes -= len(self._stored.pop(number))
+                self.unacknowledged -= len(self._stored.pop(number))
 
     def _run(self) -> None:
         """Carry out what is next, as long as it is here."""
@@ -111,11 +107,11 @@ class Exchange:
             return
         self._current = None
         self._stored[self.following - 1] = reply
-        self._stored_bytes += len(reply)
+        self.unacknowledged += len(reply)
         # The newest stays whatever its size: the host may have to ask for it again.
-        while self._stored_bytes > MOST_STORED and len(self._stored) > 1:
+        while self.unacknowledged > MOST_STORED and len(self._stored) > 1:
             first = next(iter(self._stored))
-            self._stored_bytes -= len(self._stored.pop(first))
+            self.unacknowledged -= len(self._stored.pop(first))
         message.answer(reply)
         self._run()
 

@@ -13,6 +13,7 @@ from vbus.core.errors import TransportError
 from vbus.network.keys import ACCESS, ROOT
 
 DIAGNOSE_SECONDS: Final = 2.0
+"""How long a connection made only to find what is wrong may take; not measured."""
 
 _MESSAGES: Final = (
     "put",

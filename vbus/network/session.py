@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     import zenoh
 
 LEASE_MS: Final = 1000
-"""A computer that has gone silent is given up after this long; a dead process at once."""
+"""A computer that has gone silent is given up after this long; a dead process at once. It
+trades the time until a loss is seen for stalls of a machine that are no loss. Not measured."""
 RETRY_MS: Final = 1000
-"""How long after a link was lost, and how often, it is tried again."""
+"""How long after a link was lost, and how often, it is tried again; not measured."""
 OPEN_SECONDS: Final = 3.0
-"""How long opening a session waits for an endpoint, where it waits at all."""
+"""How long opening a session waits for an endpoint, where it waits at all: a router that is
+started beside it needs less. Not measured."""
 LARGEST_MESSAGE: Final = 128 << 20
 """Bytes of a message beyond which it is dropped unseen (Zenoh's own limit: 1 GiB)."""
 MODES: Final = ("client", "peer", "router")
@@ -93,7 +95,8 @@ def open_session(
         security: certificates and rights; needed by endpoints that begin with ``tls/``.
         wait: seconds to wait for an endpoint of ``connect``; without one the session is not
             opened. 0: open at once, connect when an endpoint is there, and again whenever it was
-            lost (never so for a client). None: 3 s for a client, else 0.
+            lost; a client tries once, and has no session if none of them answers. None: 3 s for a
+            client, else 0.
         remote: other computers may be let in without certificates.
         lease_ms: how long this session may be silent before others give it up.
 
@@ -141,7 +144,7 @@ def _settings(
         "listen/exit_on_failure": True,
         "connect/endpoints": list(connect),
         "connect/exit_on_failure": waits,
-        "connect/timeout_ms": max(1, int(wait * 1000)) if waits else -1,
+        "connect/timeout_ms": int(wait * 1000) if waits else -1,
         "connect/retry": {
             "period_init_ms": RETRY_MS,
             "period_max_ms": RETRY_MS,
@@ -229,15 +232,27 @@ def _reason(text: str) -> str:
     return text.partition(" at /")[0]
 
 
-def free_endpoint(protocol: str = "tcp", host: str = "127.0.0.1") -> str:
-    """Return an endpoint on a port that is free now; the first process to listen has it."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
+def free_endpoint(
+    protocol: str = "tcp", host: str = "127.0.0.1", *, held: contextlib.ExitStack | None = None
+) -> str:
+    """Return an endpoint on a port that is free now.
+
+    Args:
+        protocol: its protocol.
+        host: an address of this computer.
+        held: until it is closed nobody is given the port who asks for any, and a router that has
+            yet to start may listen there; without it the first process to listen has it.
+    """
+    with contextlib.ExitStack() as over:
+        probe = (held or over).enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+        # As Zenoh's own: of two such the system lets one listen where the other is only bound.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind((host, 0))
         return f"{protocol}/{host}:{probe.getsockname()[1]}"
 
 
 ASK_SECONDS: Final = 1.0
-"""How long tokens, and what each board tells of itself, are waited for."""
+"""How long tokens, and what each board tells of itself, are waited for; not measured."""
 
 
 def boards_on(connect: Sequence[str], security: Security | None = None) -> list[dict[str, Any]]:
@@ -248,7 +263,8 @@ def boards_on(connect: Sequence[str], security: Security | None = None) -> list[
     Raises:
         TransportError: none of the endpoints can be reached.
     """
-    session = open_session(connect=connect, mode="client", security=security)
+    # One that looks does not wait for a router that may come.
+    session = open_session(connect=connect, mode="client", security=security, wait=0)
     try:
         tokens = session.liveliness().get(keys.OWNERS, timeout=ASK_SECONDS)
         owners = {str(token.ok.key_expr).split("/")[1] for token in tokens if token.ok is not None}

@@ -10,7 +10,7 @@ from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
 
 SLICE: Final = 20 * MS
-"""Chip time that is computed in one go."""
+"""Chip time that is computed in one go; not measured."""
 
 RUNS: Final = "runs"
 WAITS: Final = "waits"

@@ -14,7 +14,7 @@ rank, level the node drives (-1: none), and whether by open-drain pins only."""
 VERSION: Final = 1
 MOST_WIRES: Final = 1 << 16
 LARGEST: Final = 16 << 20
-"""Longest message that is looked at (bytes)."""
+"""Longest message that is looked at (bytes): a bound of memory."""
 
 
 class NodeMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):

@@ -13,7 +13,7 @@ from vbus.core.errors import SnapshotError
 from vbus.core.kernel import Timer
 from vbus.core.signals import TraceHash
 from vbus.core.signals.wire import Drive, WireEnd
-from vbus.core.state import Names, Saved, plan, save
+from vbus.core.state import Names, Saved, save, validate
 from vbus.core.state.kinds import Load
 from vbus.nodes.messages import Edge
 from vbus.nodes.plan import Plan, Wire
@@ -267,7 +267,7 @@ class Node(Beyond):
         """
         if self.agreed is not None and not self.agreed.log:
             self._check_scenario(saved)
-        loading = plan(self, saved, f"node {self.name}")
+        loading = validate(self, saved, f"node {self.name}")
         if self.agreed is not None:
             self.agreed.check(saved["agreed"])
         return loading

@@ -88,10 +88,11 @@ def plan_of(file: BoardFile) -> Plan:
             for pin in net.pins:
                 ends.setdefault(homes[pin.partition(".")[0]], []).append(pin)
             frozen = {rank: tuple(ends[rank]) for rank in sorted(ends)}
-            rest, width = _as_first_pin(file, net.pins[0])
-            rest_level = rest_of(net)
+            name, _, row = net.pins[0].partition(".")
+            first = next(_alone(chip) for chip in file.chips if chip.name == name).pins[row].net
+            rest = rest_of(net)
             wires.append(
-                Wire(net.name, net.delay, rest if rest_level is None else rest_level, width, frozen)
+                Wire(net.name, net.delay, first.rest if rest is None else rest, first.width, frozen)
             )
     return Plan(
         file.board.name,
@@ -102,13 +103,6 @@ def plan_of(file: BoardFile) -> Plan:
         file.board.time,
         next((rank for rank, node in enumerate(file.nodes) if node.listen), -1),
     )
-
-
-def _as_first_pin(file: BoardFile, pin: str) -> tuple[int, int]:
-    """Return resting level and width of the net at ``pin``, which may be on any node."""
-    name, _, row = pin.partition(".")
-    net = next(_alone(chip) for chip in file.chips if chip.name == name).pins[row].net
-    return net.rest, net.width
 
 
 def _alone(chip: ChipSection) -> Chip:

@@ -8,8 +8,8 @@ from vbus.core.kernel import END, NEVER
 from vbus.core.state import Names, Saved
 from vbus.nodes.messages import MOST_WIRES, Edge, NodeReport, decode, encode
 
-KEPT: Final = 1 << 16
-"""Reports of its own that a node keeps for nodes that rejoin."""
+LONGEST_LOG: Final = 1 << 16
+"""Reports of its own that a node stores for nodes that rejoin: a bound of memory."""
 
 
 class Participant:
@@ -77,7 +77,7 @@ class Participant:
         )
         self.reported = True
         self.log[self.round] = report
-        self.log.pop(self.round - KEPT, None)
+        self.log.pop(self.round - LONGEST_LOG, None)
         self._heard.setdefault(self.round, {})[self.me] = report
         return report
 

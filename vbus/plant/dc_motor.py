@@ -20,7 +20,7 @@ CORNERS: Final = 64
 """Straight pieces that the course of a period is drawn in, if the motor changes in its midst."""
 _PARTS: Final = 17179869184.0
 """Ticks of a period."""
-_STANDS: Final = Travel(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+_STANDS: Final = Travel(Motor(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0))
 """The way of a motor whose numbers are not known yet: none."""
 
 
@@ -53,12 +53,10 @@ class DcMotor(Shaft):
         LOAD_TORQUE,
     )
     STATE: ClassVar[Names] = (
-        "current: float", *Shaft.STATE, "_volts: float", "_began: float", "_departed: float",
-        "_solved: bool",
+        "current: float", *Shaft.STATE, "_volts: float", "_began: float",
+        "departed: float", "_solved: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_supply", "_amplifier", "_resistance", "_inductance", "_torque_constant", "_back_emf",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_supply", "_torque_constant")
     DERIVED: ClassVar[Names] = ("_other_period", "_response", "_other_response", "_travel")
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -87,7 +85,7 @@ class DcMotor(Shaft):
         """Refuse a current that cannot be; the shaft does the rest."""
         super().after_load()
         # A stop takes the speed at once; the current that the speed has driven fades.
-        driving = float(self.settings["supply"]) + self._back_emf * self._fastest
+        driving = float(self.settings["supply"]) + self._back_emf * self.fastest
         if abs(self.current) * self._resistance > MOST_DRIVEN * driving:
             raise ValueError(f"a motor that takes {self.current:g} A")
 
@@ -95,7 +93,7 @@ class DcMotor(Shaft):
         """Set the length of a period in seconds."""
         # Chips that change their drive twice a sample have two lengths by turns. Fast way: a period
         # and its length take half as long as with each length worked out anew (fast_ways.py).
-        before = self._period
+        before = self.seconds
         again = period == self._other_period
         response = self._response
         self._response = self._other_response
@@ -107,10 +105,7 @@ class DcMotor(Shaft):
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
-        mechanics = super().mechanics()
-        mechanics.torque = self._torque_constant
-        mechanics.supply = self._supply
-        return mechanics
+        return super().mechanics()._replace(torque=self._torque_constant, supply=self._supply)
 
     def refit(self, mechanics: Mechanics) -> None:
         """Turn with other numbers from the next period on; the one under way keeps its course."""
@@ -125,33 +120,29 @@ class DcMotor(Shaft):
         self._other_period = 0.0
         motor = Motor(
             self._resistance, self._inductance, self._torque_constant, self._back_emf,
-            self._inertia, self._viscous, self._counts / TWO_PI,
+            self.inertia, self.viscous, self.revolution / TWO_PI,
         )  # fmt: skip
-        self._response = response_of(motor, self._period)
-        travel = Travel(
-            self._resistance, self._inductance, self._torque_constant, self._back_emf,
-            self._inertia, self._viscous,
-        )  # fmt: skip
-        travel.load, travel.coulomb, travel.static = self._load, self._coulomb, self._static
-        self._travel = travel
+        self._response = response_of(motor, self.seconds)
+        travel = self._travel = Travel(motor)
+        travel.load, travel.coulomb, travel.static = self.load, self.coulomb, self.static
 
     def drive(self, command: float, error: i64) -> i64:
         """Run one period with ``command`` of full scale (-1.0 to 1.0) at the amplifier."""
-        self._depart()
+        self.depart()
         volts = command * self._amplifier
         supply = self._supply
         if volts > supply:
             volts = supply
         elif volts < -supply:
             volts = -supply
-        self._volts, self._began, self._departed = volts, self.current, self.velocity
-        self._untraced = True
+        self._volts, self._began, self.departed = volts, self.current, self.velocity
+        self.untraced = True
         self._solved = True
-        here = self._settled(self._leap(volts))
-        self._resting = (
-            here == self._first and self.velocity == self._departed and self.current == self._began
+        here = self.settled(self._leap(volts))
+        self.rests = (
+            here == self.first and self.velocity == self.departed and self.current == self._began
         )
-        return self._arrive(here)
+        return self.arrive(here)
 
     def _leap(self, volts: float) -> float:
         """Run the period in one, if nothing happens in it; return where it leads."""
@@ -160,8 +151,8 @@ class DcMotor(Shaft):
             return self._go(TICKS)
         span = self._response.whole
         way = 1.0 if speed > 0.0 else -1.0
-        torque = -self._load - way * self._coulomb
-        constant, viscous = self._torque_constant, self._viscous
+        torque = -self.load - way * self.coulomb
+        constant, viscous = self._torque_constant, self.viscous
         pull = constant * current - viscous * speed + torque
         after = current + (
             span.current_of_current * current + span.current_of_speed * speed
@@ -179,13 +170,12 @@ class DcMotor(Shaft):
             travel.volts = volts
             if not travel.clear(way, current, speed, torque, span.seconds):
                 return self._go(TICKS)
-        here = self._first + (
+        here = self.first + (
             span.place_of_current * current + span.place_of_speed * speed
             + (span.place_of_volts * volts + span.place_of_torque * torque)
         )  # fmt: skip
-        if self._stopped and (
-            here >= float(self._high - self._base) + 0.5
-            or here <= float(self._low - self._base) + 0.5
+        if self.has_stops and (
+            here >= float(self.high - self.base) + 0.5 or here <= float(self.low - self.base) + 0.5
         ):
             return self._go(TICKS)
         self.current = after
@@ -209,11 +199,11 @@ class DcMotor(Shaft):
         travel.response = self._response
         travel.volts = self._volts
         travel.current = self._began
-        travel.speed = self._departed
-        travel.place = self._first
-        if self._stopped:
-            travel.low = float(self._low - self._base) + 0.5
-            travel.high = float(self._high - self._base) + 0.5
+        travel.speed = self.departed
+        travel.place = self.first
+        if self.has_stops:
+            travel.low = float(self.low - self.base) + 0.5
+            travel.high = float(self.high - self.base) + 0.5
         else:
             travel.low, travel.high = -NOWHERE, NOWHERE
 
@@ -226,14 +216,14 @@ class DcMotor(Shaft):
         self._from_the_beginning()
         tick: i64 = int(fraction * _PARTS)
         self._travel.go(tick, 0.0, 0.0)
-        return self._base + floor(self._travel.place)
+        return self.base + floor(self._travel.place)
 
     def fraction_at(self, count: i64) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``."""
         if not self._solved:
             return super().fraction_at(count)
-        away = count - self._base
-        start = floor(self._first)
+        away = count - self.base
+        start = floor(self.first)
         if away == start:
             return 0.0
         rising = away > start
@@ -244,33 +234,34 @@ class DcMotor(Shaft):
         ):
             return 1.0
         fraction = float(self._travel.tick) / _PARTS
-        return self._reached(count, fraction, rising)
+        return self.reached(count, fraction, rising)
 
-    def _course(self) -> list[float]:
+    def course(self) -> list[float]:
         """Return the course of the last period in straight pieces, and keep it so.
 
         Callers that change the motor within a period call it first: the course so far must stay.
         """
         if self._solved:
-            places = [self._first]
+            places = [self.first]
             tick: i64 = 0
             while tick < TICKS:
                 tick += TICKS // CORNERS
                 self._from_the_beginning()
                 self._travel.go(tick, 0.0, 0.0)
                 places.append(bounded(self._travel.place))
-            places[CORNERS] = self._last
+            places[CORNERS] = self.last
             self._solved = False
-            self._write_pieces(CORNERS, self._first)[:] = places
-        return super()._course()
+            self.write_pieces(CORNERS, self.first)[:] = places
+        return super().course()
 
-    def _forget_course(self) -> None:
+    def forget_course(self) -> None:
+        """Nor is the motor solved any more."""
         self._solved = False
-        super()._forget_course()
+        super().forget_course()
 
     def before_save(self) -> None:
         """Write the course down that the state has; a solved one follows from its beginning."""
         if self._solved:
-            self._write_pieces(1, self._first)[1] = self._last
+            self.write_pieces(1, self.first)[1] = self.last
         else:
             super().before_save()

@@ -39,8 +39,7 @@ class Encoder:
         index_offset: a count at which the index lies; the others are whole revolutions away.
     """
 
-    WIRING: ClassVar[Names] = ("_turn", "counts", "index", "index_offset")
-    DERIVED: ClassVar[Names] = ("_above", "_below")
+    WIRING: ClassVar[Names] = ("counts", "index")
 
     def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
         if index_offset % 4:
@@ -52,10 +51,8 @@ class Encoder:
         """Counts a revolution."""
         self.index: bool = index
         self.index_offset: int = index_offset % self.counts
-        self._turn: i64 = self.counts  # the same as a word
-        # The indices about the count that was asked for last; a division takes its time.
-        self._below: i64 = self.index_offset
-        self._above: i64 = self._below + self._turn
+        self._turn: i64 = self.counts  # the same as words
+        self._offset: i64 = self.index_offset
 
     def levels(self, count: int) -> tuple[int, int, int]:
         """Return the levels of A, B and index at ``count``.
@@ -74,23 +71,18 @@ class Encoder:
         """
         if not self.index or start == end:
             return False, 0
-        if not self._below <= start < self._above:
-            self._seek(start)
+        into = (start - self._offset) % self._turn
+        count = start - into
         if start < end:
-            if self._above <= end:
-                return True, self._above
-            return False, 0
-        count = self._below
-        if count == start:
-            count -= self._turn
-        if count >= end:
-            return True, count
-        return False, 0
-
-    def _seek(self, count: i64) -> None:
-        """Find the indices about a count."""
-        self._below = count - (count - self._below) % self._turn
-        self._above = self._below + self._turn
+            count += self._turn
+            if count > end:
+                return False, 0
+        else:
+            if into == 0:
+                count -= self._turn
+            if count < end:
+                return False, 0
+        return True, count
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -103,10 +95,11 @@ class EncodedPlant(Plant):
     """
 
     OPTIONS: ClassVar[tuple[Option, ...]] = ENCODER_OPTIONS
-    STATE: ClassVar[Names] = ("count", "_base", "_pieces", "_points: list[float, ...]")
-    WIRING: ClassVar[Names] = ("encoder",)
+    STATE: ClassVar[Names] = (
+        "count", "base", "_pieces", "points: list[float, ...]",
+    )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_first", "_forgotten", "_last", "_next", "_part", "_untraced",
+        "first", "_forgotten", "last", "_next", "_part", "untraced",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -118,38 +111,38 @@ class EncodedPlant(Plant):
         )
         # Count at the start of the last period, and the shaft's position at its start, at its
         # end, and at the end of each of its pieces, counted from there.
-        self._base: i64 = 0
+        self.base: i64 = 0
         self._next: i64 = 0
         """The count at its end: :attr:`count`, which a compiled core looks for in a plug-in too."""
         self._pieces: i64 = 1
         # At power-on the shaft stands in the middle of count 0.
-        self._first: float = 0.5
-        self._last: float = 0.5
+        self.first: float = 0.5
+        self.last: float = 0.5
         self._part: float = 0.5
         """The position at the end, counted from the count there: 0.0 to below 1.0."""
-        self._points: list[float] = [0.5, 0.5]
-        self._untraced: bool = False
-        """The pieces of the last period have not been written down: _trace() does."""
+        self.points: list[float] = [0.5, 0.5]
+        self.untraced: bool = False
+        """The pieces of the last period have not been written down: trace() does."""
         self._forgotten: bool = False
         """Nor will they be: the period is over for good."""
 
-    # A plant either writes its pieces down, between _begin() and _end(), or leaves that to
-    # _trace(), between _depart() and _arrive(): most periods are never asked for their course.
+    # A plant either writes its pieces down, between begin() and end(), or leaves that to
+    # trace(), between depart() and arrive(): most periods are never asked for their course.
 
-    def _depart(self) -> float:
+    def depart(self) -> float:
         """Begin a period where the last one has ended; return that position."""
-        self._base = self._next
+        self.base = self._next
         self._forgotten = False
-        self._first = self._part
+        self.first = self._part
         return self._part
 
-    def _arrive(self, position: float) -> i64:
+    def arrive(self, position: float) -> i64:
         """End the period at ``position``; return the count there."""
-        self._last = position
+        self.last = position
         if 0.0 <= position < 1.0:
             self._part = position
-            self.count = self._next = self._base
-            return self._base
+            self.count = self._next = self.base
+            return self.base
         whole: i64 = int(position)
         back = float(whole)
         if position < back:
@@ -158,67 +151,63 @@ class EncodedPlant(Plant):
         # A position just below a count may round up to it.
         part = position - back
         self._part = part if part < 1.0 else _ALMOST_ONE
-        count = self._base + whole
+        count = self.base + whole
         self.count = self._next = count
         return count
 
-    def _begin(self, pieces: i64) -> None:
+    def begin(self, pieces: i64) -> None:
         """Begin a period of ``pieces`` pieces where the last one has ended."""
-        self._write_pieces(pieces, self._depart())
+        self.write_pieces(pieces, self.depart())
 
-    def _write_pieces(self, pieces: i64, first: float) -> list[float]:
+    def write_pieces(self, pieces: i64, first: float) -> list[float]:
         """Make room for the pieces of a period; return it."""
-        points = self._points
+        points = self.points
         if pieces != self._pieces:
             self._pieces = pieces
-            self._points = points = [first] * (pieces + 1)
+            self.points = points = [first] * (pieces + 1)
         points[0] = first
-        self._untraced = False
+        self.untraced = False
         return points
 
-    def _end(self) -> i64:
+    def end(self) -> i64:
         """End the period: the count is where its last piece has led."""
-        return self._arrive(self._points[self._pieces])
-
-    def _moved(self) -> bool:
-        """Whether the last period has ended elsewhere than it began."""
-        return self._first != self._last
+        return self.arrive(self.points[self._pieces])
 
     @property
     def place(self) -> float:
         """Where the shaft is at the end of the period, in counts and parts of one."""
         return float(self.count) + self._part
 
-    def _trace(self) -> None:
+    def trace(self) -> None:
         """Write the pieces of the last period down; state stays as it is."""
         raise NotImplementedError
 
-    def _course(self) -> list[float]:
+    def course(self) -> list[float]:
         """Return where each piece of the last period begins, and the last one ends."""
-        if self._untraced:
+        if self.untraced:
             if self._forgotten:
-                self._write_pieces(1, self._last)[1] = self._last
+                self.write_pieces(1, self.last)[1] = self.last
             else:
-                self._trace()
-        return self._points
+                self.trace()
+        return self.points
 
-    def _forget_course(self) -> None:
+    def forget_course(self) -> None:
         """The period is over for good: what is left of its course is where it ended."""
-        self._untraced = True
+        self.untraced = True
         self._forgotten = True
 
     def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
         if fraction <= 0.0:
-            return self._base + floor(self._first)
-        points = self._course()
+            return self.base + floor(self.first)
+        points = self.course()
         place = fraction * float(self._pieces)
         piece: i64 = int(place)
         if piece >= self._pieces:
             return self.count
         start = points[piece]
         end = points[piece + 1]
-        return self._base + floor(start + (end - start) * (place - float(piece)))
+        return self.base + floor(start + (end - start) * (place - float(piece)))
 
     def fraction_at(self, count: i64) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``.
@@ -226,8 +215,8 @@ class EncodedPlant(Plant):
         :meth:`count_at` at that fraction has reached it. A count the shaft stood at or has
         not reached gives 0.0 or 1.0.
         """
-        points = self._course()
-        away = count - self._base
+        points = self.course()
+        away = count - self.base
         start = floor(points[0])
         if away == start:
             return 0.0
@@ -239,10 +228,10 @@ class EncodedPlant(Plant):
             if (end >= border) if rising else (end < border):
                 begin = points[piece]
                 fraction = (float(piece) + (border - begin) / (end - begin)) / float(self._pieces)
-                return self._reached(count, fraction, rising)
+                return self.reached(count, fraction, rising)
         return 1.0
 
-    def _reached(self, count: i64, fraction: float, rising: bool) -> float:
+    def reached(self, count: i64, fraction: float, rising: bool) -> float:
         """Return the first fraction from ``fraction`` on at which ``count`` is reached."""
         # The border itself may be missed by a rounding error.
         step = 2.220446049250313e-16
@@ -260,18 +249,18 @@ class EncodedPlant(Plant):
 
     def before_save(self) -> None:
         """Write the course down that the state has."""
-        self._course()
+        self.course()
 
     def after_load(self) -> None:
         """Work out where the course begins and ends."""
         self._next = self.count
-        self._first = self._points[0]
-        self._last = self._points[self._pieces]
-        part = self._last - float(self.count - self._base)
-        if not -1.0 < part < 2.0 or not max(map(abs, self._points)) <= MOST_TURNED:
-            raise ValueError(f"a shaft that has turned to {self._points} is not at {self.count}")
+        self.first = self.points[0]
+        self.last = self.points[self._pieces]
+        part = self.last - float(self.count - self.base)
+        if not -1.0 < part < 2.0 or not max(map(abs, self.points)) <= MOST_TURNED:
+            raise ValueError(f"a shaft that has turned to {self.points} is not at {self.count}")
         self._part = part if part < 1.0 else _ALMOST_ONE
-        self._untraced = False
+        self.untraced = False
 
 
 def bounded(place: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.core.errors import PluginError
+from vbus.core.errors import PluginError, import_errors
 from vbus.core.kernel import SECOND
 from vbus.core.options import Option, Settings
 from vbus.core.signals import Value, ValueTable
@@ -88,12 +88,8 @@ class FmuPlant(EncodedPlant):
 
     def _open(self) -> None:
         """Unpack the unit, load its library and initialise it."""
-        try:
+        with import_errors(f"{self._name}: units of FMI need FMPy", "'vbus[fmi]'"):
             import fmpy
-        except ImportError:
-            raise PluginError(
-                f"{self._name}: units of FMI need FMPy; install it with: pip install 'vbus[fmi]'"
-            ) from None
         about = fmpy.read_model_description(self._name)
         if about.coSimulation is None or not about.fmiVersion.startswith(("2.", "3.")):
             raise ValueError(
@@ -167,7 +163,7 @@ class FmuPlant(EncodedPlant):
             place = self._read()
             # The shaft begins in the middle of count 0, as that of any plant.
             counts = (place - self._origin) * float(self.settings["counts_per_unit"]) + 0.5
-            if not abs(counts - float(self._base)) <= MOST_TURNED:
+            if not abs(counts - float(self.base)) <= MOST_TURNED:
                 raise ValueError(f"it has gone to {place:g}")
         except Exception as error:  # of FMPy: the unit returned an error
             self._failed = True
@@ -178,14 +174,14 @@ class FmuPlant(EncodedPlant):
             )  # fmt: skip
             return
         self._place = place
-        self._points[1] = counts - float(self._base)
+        self.points[1] = counts - float(self.base)
         self._steps += 1
 
     # -- periods ------------------------------------------------------------------------------
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
-        self._forget_course()
+        self.forget_course()
         self._period = round(period * SECOND)
         self._step = self._step or self._period
 
@@ -208,15 +204,15 @@ class FmuPlant(EncodedPlant):
         """Run the steps that end in this period; ``given`` is what drives each, by its end."""
         if kind not in self.TAKES:
             raise TypeError(f"{self._name} takes {self.TAKES}, not {kind}")
-        self._begin(1)
-        self._points[1] = self._first
+        self.begin(1)
+        self.points[1] = self.first
         begun = self._now
         self._now += self._period
         while not self._failed and (end := (self._steps + 1) * self._step) <= self._now:
             for one, value in zip(self._in, given(end - begun), strict=False):
                 self._set(one, value * float(self.settings["full_drive"]))
             self._make_step()
-        return self._end()
+        return self.end()
 
     # -- state --------------------------------------------------------------------------------
 

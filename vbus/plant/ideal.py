@@ -8,7 +8,7 @@ from vbus.core.options import Option, Settings
 from vbus.core.state import Names
 from vbus.plant.angle import turns_of
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant, bounded
-from vbus.plant.windings import STEP_OPTIONS, field
+from vbus.plant.stepper import STEP_OPTIONS, field
 
 MICROSTEPS: Final = 256
 """Steps of an electrical cycle in which phase currents are followed."""
@@ -29,7 +29,6 @@ class IdealPlant(EncodedPlant):
     )
 
     STATE: ClassVar[Names] = ("_steps", "_three: bool", "_resting: bool", *EncodedPlant.STATE)
-    WIRING: ClassVar[Names] = ("_steps_per_rev", "_microsteps_per_rev")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -67,9 +66,9 @@ class IdealPlant(EncodedPlant):
 
     def _move(self, counts: i64, still: bool) -> i64:
         self._resting = still and counts == 0
-        self._begin(1)
-        self._points[1] = bounded(self._first + float(counts))
-        return self._end()
+        self.begin(1)
+        self.points[1] = bounded(self.first + float(counts))
+        return self.end()
 
     def resting(self) -> bool:
         """Whether the last period has asked for no motion."""

@@ -30,6 +30,6 @@ class OutsidePlant(EncodedPlant):
     def drive(self, command: float, error: i64) -> i64:
         """Take the drive down and go to the count that was given."""
         self.command = command
-        self._begin(1)
-        self._points[1] = bounded(self._first + float(self.given - self.count))
-        return self._end()
+        self.begin(1)
+        self.points[1] = bounded(self.first + float(self.given - self.count))
+        return self.end()

@@ -25,6 +25,10 @@ _SHORT: Final = 1 / 65536.0
 _TERMS: Final = 9
 """Its terms: those left out are below 1e-22."""
 _MOST_HALVINGS: Final = 1000
+_COARSEST: Final = 12
+"""Halvings of a period, at most, for a motor that swings in it. One that swings more than 2,000
+times in a period, which none does that is built, has its events at the ends of such spans: a span
+for each half of a swing would be 2^34 of them, and a board file could hold a server for ever."""
 _SHORT_LIVED: Final = 1e-12
 """Periods below which a current's time constant is none."""
 
@@ -136,7 +140,7 @@ class Motor:
             apart = self.resistance / self.inductance - self.viscous / self.inertia
         squared = swing - 0.25 * apart * apart
         span = period
-        while squared * span * span > 9.0 and found.coarsest < LEVELS:
+        while squared * span * span > 9.0 and found.coarsest < _COARSEST:
             span *= 0.5
             found.coarsest += 1
         return found
@@ -244,6 +248,7 @@ NONE: Final = Response()
 
 _KNOWN: Final[dict[tuple[float, ...], Response]] = {}
 _MOST_KNOWN: Final = 256
+"""Responses remembered at once; a board has few motors that differ. Not measured."""
 
 
 def response_of(motor: Motor, period: float) -> Response:

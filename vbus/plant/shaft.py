@@ -1,6 +1,6 @@
 """A motor's shaft and what hangs on it: inertia, friction, load, end stops."""
 
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from mypy_extensions import i64
 
@@ -23,7 +23,7 @@ MOST_COUNTS: Final = 1e9
 """Counts a second that a shaft turns at most: 500 times what a chip can count."""
 TWO_PI: Final = 6.283185307179586
 
-LOAD_TORQUE: Final = Value("load torque", "_load", unit="N*m", key="load", lane="load", step=1e-6)
+LOAD_TORQUE: Final = Value("load torque", "load", unit="N*m", key="load", lane="load", step=1e-6)
 
 
 def mass_options(
@@ -38,7 +38,7 @@ def mass_options(
     )
 
 
-class Mechanics:
+class Mechanics(NamedTuple):
     """The numbers of a motor and its shaft that may change while it turns.
 
     Attributes:
@@ -53,28 +53,15 @@ class Mechanics:
         stopped: whether there are end stops.
     """
 
-    DERIVED: ClassVar[Names] = ("*",)
-
-    def __init__(
-        self, load: float, coulomb: float, static: float, viscous: float, torque: float,
-        supply: float, low: i64, high: i64, stopped: bool,
-    ) -> None:  # fmt: skip
-        self.load: float = load
-        self.coulomb: float = coulomb
-        self.static: float = static
-        self.viscous: float = viscous
-        self.torque: float = torque
-        self.supply: float = supply
-        self.low: i64 = low
-        self.high: i64 = high
-        self.stopped: bool = stopped
-
-    def copy(self) -> "Mechanics":
-        """Return the same numbers once more."""
-        return Mechanics(
-            self.load, self.coulomb, self.static, self.viscous, self.torque, self.supply,
-            self.low, self.high, self.stopped,
-        )  # fmt: skip
+    load: float
+    coulomb: float
+    static: float
+    viscous: float
+    torque: float
+    supply: float
+    low: int
+    high: int
+    stopped: bool
 
 
 class Shaft(EncodedPlant):
@@ -89,48 +76,47 @@ class Shaft(EncodedPlant):
 
     VALUES: ClassVar[ValueTable] = ValueTable(LOAD_TORQUE)
     STATE: ClassVar[Names] = (
-        "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
+        "period: float", "velocity: float", "rests: bool", *EncodedPlant.STATE,
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_inertia", "_viscous", "_coulomb", "_static", "_load", "_low", "_high", "_counts",
-        "_stopped", "_fastest",
+        "viscous", "coulomb", "static", "load", "low", "high", "has_stops",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_period", "_departed")
+    DERIVED: ClassVar[Names] = ("seconds", "departed")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         self.velocity: float = 0.0
         """Speed of the shaft in rad/s."""
-        self._inertia: float = float(self.settings["inertia"])
-        self._viscous: float = float(self.settings["viscous_friction"])
-        self._coulomb: float = float(self.settings["coulomb_friction"])
-        self._static: float = float(self.settings["static_friction"])
-        self._load: float = float(self.settings["load_torque"])
-        self._low: i64 = int(self.settings["stop_low"])
-        self._high: i64 = int(self.settings["stop_high"])
-        self._counts: float = float(self.encoder.counts)
-        self._stopped: bool = self._low != self._high
-        self._fastest: float = MOST_COUNTS * TWO_PI / self._counts
+        self.inertia: float = float(self.settings["inertia"])
+        self.viscous: float = float(self.settings["viscous_friction"])
+        self.coulomb: float = float(self.settings["coulomb_friction"])
+        self.static: float = float(self.settings["static_friction"])
+        self.load: float = float(self.settings["load_torque"])
+        self.low: i64 = int(self.settings["stop_low"])
+        self.high: i64 = int(self.settings["stop_high"])
+        self.revolution: float = float(self.encoder.counts)
+        self.has_stops: bool = self.low != self.high
+        self.fastest: float = MOST_COUNTS * TWO_PI / self.revolution
         """Speed beyond which nothing drives the shaft (rad/s)."""
-        if self._static < self._coulomb:
+        if self.static < self.coulomb:
             raise ValueError(
-                f"static_friction = {self._static:g} N*m is below coulomb_friction ="
-                f" {self._coulomb:g} N*m; a shaft is never easier to start than to keep going"
+                f"static_friction = {self.static:g} N*m is below coulomb_friction ="
+                f" {self.coulomb:g} N*m; a shaft is never easier to start than to keep going"
             )
-        if self._low > self._high or (self._stopped and not self._low <= 0 <= self._high):
+        if self.low > self.high or (self.has_stops and not self.low <= 0 <= self.high):
             raise ValueError(
-                f"stop_low = {self._low}, stop_high = {self._high}: the shaft starts at count 0,"
+                f"stop_low = {self.low}, stop_high = {self.high}: the shaft starts at count 0,"
                 " which must lie between them"
             )
-        self._period: float = 0.0
-        self._resting: bool = False
+        self.seconds: float = 0.0
+        self.rests: bool = False
         # Speed at the start of the last period.
-        self._departed: float = 0.0
+        self.departed: float = 0.0
 
     @property
     def period(self) -> float:
         """The length of a period in seconds; it is prepared for before the rest is loaded."""
-        return self._period
+        return self.seconds
 
     @period.setter
     def period(self, period: float) -> None:
@@ -138,13 +124,13 @@ class Shaft(EncodedPlant):
 
     def after_load(self) -> None:
         """Refuse a speed that no shaft has, and work out where the course begins and ends."""
-        if abs(self.velocity) > self._fastest:
+        if abs(self.velocity) > self.fastest:
             raise ValueError(f"a shaft that turns at {self.velocity:g} rad/s")
         super().after_load()
 
-    def _settled(self, here: float) -> float:
+    def settled(self, here: float) -> float:
         """Return where a period ends that would lead to ``here``; its speed has a bound too."""
-        fastest = self._fastest
+        fastest = self.fastest
         speed = self.velocity
         if -fastest <= speed <= fastest and -MOST_TURNED <= here <= MOST_TURNED:
             return here
@@ -153,33 +139,33 @@ class Shaft(EncodedPlant):
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
-        self._forget_course()
-        self._resting = False
-        self._period = period
+        self.forget_course()
+        self.rests = False
+        self.seconds = period
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
         return Mechanics(
-            self._load, self._coulomb, self._static, self._viscous, 0.0, -1.0,
-            self._low, self._high, self._stopped,
+            self.load, self.coulomb, self.static, self.viscous, 0.0, -1.0,
+            self.low, self.high, self.has_stops,
         )  # fmt: skip
 
     def refit(self, mechanics: Mechanics) -> None:
         """Turn with other numbers from the next period on; the one under way keeps its course."""
-        self._course()
-        self._load = mechanics.load
-        self._coulomb = mechanics.coulomb
-        self._static = mechanics.static
-        self._viscous = mechanics.viscous
-        self._low, self._high = mechanics.low, mechanics.high
-        self._stopped = mechanics.stopped
-        self._resting = False
+        self.course()
+        self.load = mechanics.load
+        self.coulomb = mechanics.coulomb
+        self.static = mechanics.static
+        self.viscous = mechanics.viscous
+        self.low, self.high = mechanics.low, mechanics.high
+        self.has_stops = mechanics.stopped
+        self.rests = False
 
     def jam(self) -> None:
         """Stand still from now on, until a torque breaks the shaft away again."""
-        self._course()
+        self.course()
         self.velocity = 0.0
 
     def resting(self) -> bool:
         """Whether the last period has left every bit of state as it was."""
-        return self._resting
+        return self.rests

@@ -11,11 +11,37 @@ from vbus.plant.encoder import bounded
 from vbus.plant.response import TICKS
 from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import MOST_EVENTS, NOWHERE
-from vbus.plant.windings import STEP_OPTIONS, field, torque
+
+STEP_OPTIONS: Final = (
+    Option("full_steps", "count", 200, "full steps a revolution, four for each electrical cycle"
+           " of the phase currents", low=4, high=1 << 16),
+    Option("steps_per_rev", "count", 200, "step pulses a revolution; more than the full steps if"
+           " the driver makes microsteps", low=1, high=1 << 24),
+)  # fmt: skip
 
 MOST_PIECES: Final = 4096
 """Steps a period is cut into at most; pulses that come faster move the field in leaps."""
 SIXTH: Final = 1.0 / 6.0
+_ROOT_THREE: Final = 1.7320508075688772
+
+
+def field(a: float, b: float, c: float, three: bool) -> tuple[float, float, bool]:
+    """Return the sine and cosine part of the field that phase currents make.
+
+    With two phases A is the sine and B the cosine; with three, B leads A by 120 degrees and C
+    lags it. A third current tells them apart; where A, B and C add up to 0 without it, ``three``,
+    the last answer, still holds.
+
+    Returns:
+        ``(sine part, cosine part, three phases)``
+    """
+    if c != 0.0:
+        three = True
+    elif a + b != 0.0:
+        three = False
+    if three:
+        return a, (b - c) / _ROOT_THREE, True
+    return a, b, False
 
 
 class StepperMotor(Shaft):
@@ -46,9 +72,7 @@ class StepperMotor(Shaft):
     )  # fmt: skip
 
     STATE: ClassVar[Names] = ("_steps", "_three: bool", *Shaft.STATE)
-    WIRING: ClassVar[Names] = (
-        "_cycles", "_steps_per_rev", "_holding", "_detent", "_turns", "_whole_turn", "_stiffness",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_holding",)
     DERIVED: ClassVar[Names] = (
         "_gain", "_turn_counts", "_finest", "_divided", "_ran", "_across", "_along", "_pulsed",
         "_issued", "_issued_from", "_due", "_explicit", "_whole", "_whole_of",
@@ -102,14 +126,14 @@ class StepperMotor(Shaft):
 
     def _cut(self) -> None:
         """Find how many steps a period takes."""
-        period = self._period
+        period = self.seconds
         # Eight steps to a radian of the rotor's swing at its natural frequency, and as many to
         # what friction leaves of its speed.
         stiffness = self._stiffness
         pieces: i64 = 1
-        while pieces < MOST_PIECES and 8.0 * self._viscous * period > self._inertia * float(pieces):
+        while pieces < MOST_PIECES and 8.0 * self.viscous * period > self.inertia * float(pieces):
             pieces *= 2
-        while pieces < MOST_PIECES and 64.0 * stiffness * period * period > self._inertia * float(
+        while pieces < MOST_PIECES and 64.0 * stiffness * period * period > self.inertia * float(
             pieces
         ) * float(pieces):
             pieces = 2 * pieces if 2 * pieces < MOST_PIECES else MOST_PIECES
@@ -119,9 +143,7 @@ class StepperMotor(Shaft):
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
-        mechanics = super().mechanics()
-        mechanics.torque = self._holding
-        return mechanics
+        return super().mechanics()._replace(torque=self._holding)
 
     def refit(self, mechanics: Mechanics) -> None:
         """Turn with other numbers from the next period on; the one under way keeps its course."""
@@ -143,32 +165,33 @@ class StepperMotor(Shaft):
         self._pulsed = True
         here = self._run(pieces)
         self._steps = (self._steps + steps) % self._steps_per_rev
-        self._resting = steps == 0 and self._departed == self.velocity and here == self._first
-        return self._arrive(here)
+        self.rests = steps == 0 and self.departed == self.velocity and here == self.first
+        return self.arrive(here)
 
     def phases(self, a: float, b: float, c: float) -> i64:
         """Run one period with phase currents, each -1.0 to 1.0 (``c`` is 0 with two phases)."""
         self._across, self._along, self._three = field(a, b, c, self._three)
         self._pulsed = False
         here = self._run(self._finest)
-        self._resting = self._departed == self.velocity and here == self._first
-        return self._arrive(here)
+        self.rests = self.departed == self.velocity and here == self.first
+        return self.arrive(here)
 
     def _run(self, pieces: i64) -> float:
         """Run a period in so many pieces; return where it leads."""
         if pieces != self._divided:
             self._divided = pieces
-            step = self._period / float(pieces)
-            self._gain = step / self._inertia
-            self._turn_counts = step * self._counts / TWO_PI
+            step = self.seconds / float(pieces)
+            self._gain = step / self.inertia
+            self._turn_counts = step * self.revolution / TWO_PI
         self._ran = pieces
-        self._departed = self.velocity
-        self._depart()
-        self._untraced = True
-        return self._settled(self._spin(None))
+        self.departed = self.velocity
+        self.depart()
+        self.untraced = True
+        return self.settled(self._spin(None))
 
-    def _trace(self) -> None:
-        points = self._write_pieces(self._ran, self._first)
+    def trace(self) -> None:
+        """Write the pieces of the last period down: run it once more."""
+        points = self.write_pieces(self._ran, self.first)
         speed = self.velocity
         self._spin(points)
         self.velocity = speed
@@ -176,33 +199,33 @@ class StepperMotor(Shaft):
 
     def _spin(self, points: list[float] | None) -> float:
         """Run the period from its beginning; return where it leads, and note its pieces."""
-        if self._base != self._whole_of:
-            self._whole_of = self._base
-            self._whole = float(self._base * self._cycles % self._whole_turn)
+        if self.base != self._whole_of:
+            self._whole_of = self.base
+            self._whole = float(self.base * self._cycles % self._whole_turn)
         return self._integrate(points) if self._explicit else self._follow(points)
 
     def _borders(self) -> tuple[float, float]:
         """Return where the end stops are, beside the place."""
-        if not self._stopped:
+        if not self.has_stops:
             return -NOWHERE, NOWHERE
-        return float(self._low - self._base) + 0.5, float(self._high - self._base) + 0.5
+        return float(self.low - self.base) + 0.5, float(self.high - self.base) + 0.5
 
     def _follow(self, points: list[float] | None) -> float:
         """Run it by implicit steps of first order, which no friction makes unstable."""
         low, high = self._borders()
         gain, turn = self._gain, self._turn_counts
         # What viscous friction leaves of a speed in a step, and what dry friction takes of it.
-        ease = 1.0 / (1.0 + gain * self._viscous)
-        loss = gain * self._coulomb * ease
-        speed = self._departed
-        here = self._first
+        ease = 1.0 / (1.0 + gain * self.viscous)
+        loss = gain * self.coulomb * ease
+        speed = self.departed
+        here = self.first
         piece: i64 = 0
         while piece < self._ran:
             if self._pulsed:
                 self._see_pulse(piece)
             # The middle of count 0 is angle 0.
-            pull = self._pull(self._whole + (here - 0.5) * self._turns) - self._load
-            if speed != 0.0 or pull < -self._static or pull > self._static:
+            pull = self._pull(self._whole + (here - 0.5) * self._turns) - self.load
+            if speed != 0.0 or pull < -self.static or pull > self.static:
                 speed = (speed + gain * pull) * ease
                 if speed > loss:
                     speed -= loss
@@ -226,13 +249,13 @@ class StepperMotor(Shaft):
         low, high = self._borders()
         # What an N*m adds to the speed in a step, and what a rad/s to the place.
         gain, turn = self._gain, self._turn_counts
-        holding, detent, damping = self._holding, self._detent, self._viscous
+        holding, detent, damping = self._holding, self._detent, self.viscous
         # The electrical angle of a place: the middle of count 0 is angle 0.
-        rate = self._turns / self._counts
-        start = self._whole / self._counts - 0.5 * rate
+        rate = self._turns / self.revolution
+        start = self._whole / self.revolution - 0.5 * rate
         arc = TWO_PI * rate
-        speed = self._departed
-        here = self._first
+        speed = self.departed
+        here = self.first
         piece: i64 = 0
         while piece < self._ran:
             if self._pulsed:
@@ -251,15 +274,15 @@ class StepperMotor(Shaft):
             events: i64 = 0
             while tick < TICKS:
                 if speed == 0.0 and way == 0.0:
-                    pull = self._pull(self._whole + (here - 0.5) * self._turns) - self._load
-                    most = NOWHERE if here >= high else self._static
-                    least = -NOWHERE if here <= low else -self._static
+                    pull = self._pull(self._whole + (here - 0.5) * self._turns) - self.load
+                    most = NOWHERE if here >= high else self.static
+                    least = -NOWHERE if here <= low else -self.static
                     if least <= pull <= most or events >= MOST_EVENTS:
                         break
                     way = 1.0 if pull > 0.0 else -1.0
                 elif way == 0.0:
                     way = 1.0 if speed > 0.0 else -1.0
-                against = -self._load - way * self._coulomb
+                against = -self.load - way * self.coulomb
                 # Of the part of a step: half of it, and all.
                 half, full = 0.5 * part * turn, part * turn
                 gained = part * gain
@@ -330,8 +353,8 @@ class StepperMotor(Shaft):
 
     def _pull(self, place: float) -> float:
         """Return the torque of the field on a rotor at ``place`` (cycles, times encoder counts)."""
-        turns = place / self._counts
-        pull = torque(turns, self._across, self._along, self._holding)
+        turns = place / self.revolution
+        pull = self._holding * (self._across * sine(turns + 0.25) - self._along * sine(turns))
         if self._detent > 0.0:
             pull -= self._detent * sine(4.0 * turns)
         return pull

@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.core.state import Names
-from vbus.plant.response import LEVELS, NONE, TICKS, Response
+from vbus.plant.response import LEVELS, NONE, TICKS, Motor, Response
 
 MOST_EVENTS: Final = 64
 """Events in a period; a shaft that stops and starts more often is held for what is left of it."""
@@ -35,17 +35,9 @@ class Travel:
 
     DERIVED: ClassVar[Names] = ("*",)
 
-    def __init__(
-        self, resistance: float, inductance: float, torque_constant: float, back_emf: float,
-        inertia: float, viscous: float,
-    ) -> None:  # fmt: skip
+    def __init__(self, motor: Motor) -> None:
+        self.motor: Final[Motor] = motor
         self.response: Response = NONE
-        self.resistance: float = resistance
-        self.inductance: float = inductance
-        self.torque_constant: float = torque_constant
-        self.back_emf: float = back_emf
-        self.inertia: float = inertia
-        self.viscous: float = viscous
         self.load: float = 0.0
         self.coulomb: float = 0.0
         self.static: float = 0.0
@@ -60,12 +52,15 @@ class Travel:
         self.tick: i64 = 0
         """How far it has gone."""
         # The speed at which it settles, and the square of that which an ampere can turn into.
-        damping = viscous + torque_constant * back_emf / resistance
+        per_ohm = motor.torque_constant / motor.resistance
+        damping = motor.viscous + motor.torque_constant * motor.back_emf / motor.resistance
         self._speed_of_torque: float = 1.0 / damping if damping > 0.0 else 0.0
-        self._speed_of_volts: float = torque_constant / resistance * self._speed_of_torque
+        self._speed_of_volts: float = per_ohm * self._speed_of_torque
         self._swing: float = 0.0
-        if back_emf > 0.0:
-            self._swing = inductance * torque_constant / (inertia * back_emf)
+        if motor.back_emf > 0.0:
+            self._swing = (
+                motor.inductance * motor.torque_constant / (motor.inertia * motor.back_emf)
+            )
         else:
             self._speed_of_volts = self._speed_of_torque = 0.0
 
@@ -84,21 +79,21 @@ class Travel:
         if self.response.instant:
             # Speed has no extremum: what seemed one is rounding.
             return True
+        motor = self.motor
         # It settles at a speed, and swings about that no further than it was from it, in energy.
         goal = self._speed_of_volts * self.volts + self._speed_of_torque * torque
         if way * goal > 0.0:
             off = speed - goal
-            astray = current - (self.volts - self.back_emf * goal) / self.resistance
+            astray = current - (self.volts - motor.back_emf * goal) / motor.resistance
             if goal * goal > off * off + self._swing * astray * astray:
                 return True
         # It falls less and less, if it does so at the beginning.
-        pull = self.torque_constant * current - self.viscous * speed + torque
-        if way * (self.inertia * speed + pull * seconds) <= 0.0:
+        pull = motor.torque_constant * current - motor.viscous * speed + torque
+        if way * (motor.inertia * speed + pull * seconds) <= 0.0:
             return False
-        driving = self.volts - self.resistance * current - self.back_emf * speed
-        eases = (
-            self.torque_constant * driving - self.viscous * self.inductance * pull / self.inertia
-        )
+        driving = self.volts - motor.resistance * current - motor.back_emf * speed
+        drag = motor.viscous * motor.inductance * pull / motor.inertia
+        eases = motor.torque_constant * driving - drag
         return way * eases >= 0.0
 
     def go(self, until: i64, border: float, way: float) -> bool:
@@ -115,12 +110,12 @@ class Travel:
         response = self.response
         spans = response.spans
         coarsest = response.coarsest
-        constant, viscous, load = self.torque_constant, self.viscous, self.load
+        constant, viscous, load = self.motor.torque_constant, self.motor.viscous, self.load
         volts, low, high = self.volts, self.low, self.high
-        settled = volts / self.resistance
+        settled = volts / self.motor.resistance
         current, speed, place = self.current, self.speed, self.place
         if response.instant:
-            current = (volts - self.back_emf * speed) / self.resistance
+            current = (volts - self.motor.back_emf * speed) / self.motor.resistance
         if place <= low:
             place = low
             if speed < 0.0:

@@ -24,7 +24,7 @@ class Protocol:
     STATE: ClassVar[Names] = ()
     """What stands between this request and the next: half of one, counts, promises. Bytes not yet
     sent are no part of it."""
-    WIRING: ClassVar[Names] = ("port", "out")
+    WIRING: ClassVar[Names] = ("out",)
 
     def __init__(self, port: HostPort) -> None:
         self.port: HostPort = port

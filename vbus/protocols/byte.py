@@ -30,12 +30,12 @@ _DATA: Final = [b"D" + bytes((value,)) for value in range(256)]
 """What answers a read, by the byte read."""
 
 SIZES: Final = bytes(
-    row.size if (row := REQUESTS.by_code(code)) is not None else 1 for code in range(256)
+    row.size if (row := REQUESTS.at(code)) is not None else 1 for code in range(256)
 )
 """Bytes of the fixed part of a request, by its first byte."""
 
 COUNTED: Final = bytes(
-    (row := REQUESTS.by_code(code)) is not None and row.layout.counted for code in range(256)
+    (row := REQUESTS.at(code)) is not None and row.layout.counted for code in range(256)
 )
 """Whether the fixed part ends with the length of a run of bytes, by the first byte."""
 
@@ -61,15 +61,15 @@ class ByteProtocol(Protocol):
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
         self.reset()
-        self._handlers: list[Callable[[bytes, int], bool]] = [
+        self._handlers: list[Callable[[bytes, int], None]] = [
             self._handler(code) for code in range(256)
         ]
 
-    def _handler(self, code: int) -> Callable[[bytes, int], bool]:
-        row = REQUESTS.by_code(code)
+    def _handler(self, code: int) -> Callable[[bytes, int], None]:
+        row = REQUESTS.at(code)
         if row is None or row.code == _READ4:  # which never gets here
             return self._do_unknown
-        handler: Callable[[bytes, int], bool] = getattr(self, "_do_" + row.name.lower())
+        handler: Callable[[bytes, int], None] = getattr(self, "_do_" + row.name.lower())
         return handler
 
     def reset(self) -> None:
@@ -111,10 +111,6 @@ class ByteProtocol(Protocol):
         end = len(data)
         while position < end and not port.held:
             code = data[position]
-            if code & 0xF0 == _READ4 and not self._watching and not self._leasing:
-                # Nearly all traffic is a driver polling its status.
-                position = self._read_run(data, position)
-                continue
             following = position + SIZES[code]
             if following > end:
                 break
@@ -131,8 +127,7 @@ class ByteProtocol(Protocol):
                         following += data[following - 1]
                         if following > end:
                             break
-                    if not self._handlers[code](data, position + 1):
-                        break
+                    self._handlers[code](data, position + 1)
             except NotYet:
                 break
             except PortError as error:
@@ -147,31 +142,6 @@ class ByteProtocol(Protocol):
                 self._insert_events(mark)
             if self._refusal:
                 break
-        return position
-
-    def _read_run(self, data: bytes, position: int) -> int:
-        """Run READ4 requests one after the other; return where the first other one stands."""
-        port = self.port
-        replies: list[bytes] = []
-        end = len(data)
-        while position < end and not port.held:
-            code = data[position]
-            if code & 0xF0 != _READ4:
-                break
-            try:
-                value = port.read(code & 15)
-            except NotYet:
-                break
-            except PortError as error:
-                self.out += b"".join(replies)
-                replies = []
-                self._partial.clear()
-                self.out += self._refuse(error.code)
-            else:
-                replies.append(_DATA[value])
-            self._number += 1
-            position += 1
-        self.out += b"".join(replies)
         return position
 
     def half(self) -> int:
@@ -222,12 +192,12 @@ class ByteProtocol(Protocol):
             self._told = paused
             self.out += b"H\x01" if paused else b"H\x00"
 
-    # -- one method for each row of the table; False: not now, make the same call when resumed --
+    # -- one method for each row of the table; NotYet: the same call is made again when resumed --
 
-    def _do_unknown(self, data: bytes, start: int) -> bool:
+    def _do_unknown(self, data: bytes, start: int) -> None:
         raise PortError(codes.UNKNOWN_REQUEST, f"unknown request {data[start - 1]:02x}")
 
-    def _do_hello(self, data: bytes, start: int) -> bool:
+    def _do_hello(self, data: bytes, start: int) -> None:
         if data[start] == 0:
             raise PortError(codes.BAD_VERSION, f"version 0; allowed are 1 to {VERSION}")
         version = min(data[start], VERSION)
@@ -236,34 +206,27 @@ class ByteProtocol(Protocol):
             raise PortError(codes.BAD_LENGTH, "the session's description is over 65535 bytes")
         self.out += b"V" + len(hello).to_bytes(2, "big") + hello
         self._greeted = True
-        return True
 
-    def _do_echo(self, data: bytes, start: int) -> bool:
+    def _do_echo(self, data: bytes, start: int) -> None:
         self.out += bytes((ord("E"), data[start]))
-        return True
 
-    def _do_select(self, data: bytes, start: int) -> bool:
+    def _do_select(self, data: bytes, start: int) -> None:
         self.port.select(data[start] << 8 | data[start + 1])
-        return True
 
-    def _do_claim(self, data: bytes, start: int) -> bool:
+    def _do_claim(self, data: bytes, start: int) -> None:
         if not self.port.claim():
-            return False
+            raise NotYet
         self.out += b"C\x01"
-        return True
 
-    def _do_unclaim(self, data: bytes, start: int) -> bool:
+    def _do_unclaim(self, data: bytes, start: int) -> None:
         self.port.unclaim()
-        return True
 
-    def _do_write4(self, data: bytes, start: int) -> bool:
+    def _do_write4(self, data: bytes, start: int) -> None:
         self.port.write(data[start - 1] & 15, data[start])
-        return True
 
-    def _do_read(self, data: bytes, start: int) -> bool:
+    def _do_read(self, data: bytes, start: int) -> None:
         value = self.port.read(data[start])
         self.out += self._read_reply(data[start], value)
-        return True
 
     def _read_reply(self, address: int, value: int) -> bytes:
         """Return what answers a read: with a lease if one can be given and was asked for."""
@@ -279,11 +242,10 @@ class ByteProtocol(Protocol):
         then, until = following
         return _LEASE_AHEAD(_M, value, outputs & _U32, instant, end, then, until)
 
-    def _do_write(self, data: bytes, start: int) -> bool:
+    def _do_write(self, data: bytes, start: int) -> None:
         self.port.write(data[start], data[start + 1])
-        return True
 
-    def _do_reads(self, data: bytes, start: int) -> bool:
+    def _do_reads(self, data: bytes, start: int) -> None:
         address = data[start]
         count = data[start + 1]
         if count == 0:
@@ -294,9 +256,8 @@ class ByteProtocol(Protocol):
             values.append(port.read(address))
         self.out += bytes((ord("B"), count)) + values
         values.clear()
-        return True
 
-    def _do_writes(self, data: bytes, start: int) -> bool:
+    def _do_writes(self, data: bytes, start: int) -> None:
         address = data[start]
         count = data[start + 1]
         if count == 0:
@@ -307,61 +268,51 @@ class ByteProtocol(Protocol):
             port.write(address, data[start + 2 + len(done)])
             done.append(0)
         done.clear()
-        return True
 
-    def _do_wait(self, data: bytes, start: int) -> bool:
+    def _do_wait(self, data: bytes, start: int) -> None:
         answer = self.port.wait(_u64(data, start))
         if answer is None:
-            return False
+            raise NotYet
         ready, instant = answer
         self.out += b"R\x01" if ready else b"R\x00"
         self.out += instant.to_bytes(8, "big")
-        return True
 
-    def _do_lines(self, data: bytes, start: int) -> bool:
+    def _do_lines(self, data: bytes, start: int) -> None:
         mask = data[start] << 8 | data[start + 1]
         self.port.lines(mask, data[start + 2] << 8 | data[start + 3])
-        return True
 
-    def _do_drive(self, data: bytes, start: int) -> bool:
+    def _do_drive(self, data: bytes, start: int) -> None:
         self.port.drive(data[start])
-        return True
 
-    def _do_release(self, data: bytes, start: int) -> bool:
+    def _do_release(self, data: bytes, start: int) -> None:
         self.port.release()
-        return True
 
-    def _do_sample(self, data: bytes, start: int) -> bool:
+    def _do_sample(self, data: bytes, start: int) -> None:
         value, outputs = self.port.sample()
         self.out += b"P" + bytes((value,)) + (outputs & _U32).to_bytes(4, "big")
-        return True
 
-    def _do_pin(self, data: bytes, start: int) -> bool:
+    def _do_pin(self, data: bytes, start: int) -> None:
         self.port.pin(data[start], data[start + 1])
-        return True
 
-    def _do_getpin(self, data: bytes, start: int) -> bool:
+    def _do_getpin(self, data: bytes, start: int) -> None:
         self.out += _DATA[self.port.getpin(data[start])]
-        return True
 
-    def _do_delay(self, data: bytes, start: int) -> bool:
-        return self.port.delay(_u64(data, start))
+    def _do_delay(self, data: bytes, start: int) -> None:
+        if not self.port.delay(_u64(data, start)):
+            raise NotYet
 
-    def _do_at(self, data: bytes, start: int) -> bool:
+    def _do_at(self, data: bytes, start: int) -> None:
         self.port.at(_u64(data, start))
-        return True
 
-    def _do_now(self, data: bytes, start: int) -> bool:
+    def _do_now(self, data: bytes, start: int) -> None:
         self.out += b"T" + self.port.now().to_bytes(8, "big")
-        return True
 
-    def _do_sync(self, data: bytes, start: int) -> bool:
+    def _do_sync(self, data: bytes, start: int) -> None:
         outputs, edge = self.port.sync()
         self.out += b"S" + (outputs & _U32).to_bytes(4, "big")
         self.out += (NO_EDGE if edge >= NEVER else edge).to_bytes(8, "big")
-        return True
 
-    def _do_pass(self, data: bytes, start: int) -> bool:
+    def _do_pass(self, data: bytes, start: int) -> None:
         port = self.port
         slaved = port.info().policy == "slaved"
         longest = _u64(data, start)
@@ -376,7 +327,7 @@ class ByteProtocol(Protocol):
                 else:
                     port.delay(step)
                 if port.held:
-                    return False
+                    raise NotYet
                 now += step
             outputs, edge = port.sync()
             self._partial.clear()
@@ -391,30 +342,29 @@ class ByteProtocol(Protocol):
             # No further than the next possible edge, so that an event is found at its own instant.
             step = min(max(edge - now, 1), longest - (now - begun))
         self.out += b"W" + (outputs & _U32).to_bytes(4, "big") + (now - begun).to_bytes(8, "big")
-        return True
 
-    def _do_polled(self, data: bytes, start: int) -> bool:
-        return self.port.polled(data[start], data[start + 1] << 8 | data[start + 2])
+    def _do_polled(self, data: bytes, start: int) -> None:
+        if not self.port.polled(data[start], data[start + 1] << 8 | data[start + 2]):
+            raise NotYet
 
-    def _do_polled_at(self, data: bytes, start: int) -> bool:
+    def _do_polled_at(self, data: bytes, start: int) -> None:
         size = data[start + 9]
         if size & 3:
             raise PortError(codes.BAD_LENGTH, f"POLLED_AT with {size} bytes of steps of 4 bytes")
         steps = _STEPS[size >> 2](data, start + 10)
-        return self.port.polled_at(data[start], _u64(data, start + 1), steps)
+        if not self.port.polled_at(data[start], _u64(data, start + 1), steps):
+            raise NotYet
 
-    def _do_leases(self, data: bytes, start: int) -> bool:
+    def _do_leases(self, data: bytes, start: int) -> None:
         if data[start] > 2:
             raise PortError(codes.NO_SUCH, f"leases {data[start]}; allowed are 0, 1 and 2")
         self._leasing = data[start]
-        return True
 
-    def _do_events(self, data: bytes, start: int) -> bool:
+    def _do_events(self, data: bytes, start: int) -> None:
         mask = int.from_bytes(data[start : start + 4], "big")
         self.port.events(mask)
         self.report_events()
         self._watching = mask != 0
-        return True
 
 
 def _u64(data: bytes, start: int) -> int:

@@ -6,9 +6,9 @@ picoseconds.
 """
 
 import struct
-from collections.abc import Iterator
 from typing import Final, NamedTuple
 
+from vbus.core.row_table import RowTable
 from vbus.protocols import codes
 
 VERSION: Final = 1
@@ -101,6 +101,13 @@ class PayloadLayout:
         result: tuple[int, ...] = self._struct.unpack_from(data, offset)
         return result
 
+    def end(self, data: bytes | bytearray, offset: int) -> int:
+        """Return where what starts at ``offset`` ends; 0 if it is not whole."""
+        end = offset + self.size
+        if self.counted and end <= len(data):
+            end += self.unpack_from(data, offset)[-1]
+        return end if end <= len(data) else 0
+
 
 class Reply(NamedTuple):
     """One kind of reply.
@@ -141,6 +148,11 @@ class Request(NamedTuple):
     span: int = 1
 
     @property
+    def codes(self) -> range:
+        """Its opcodes."""
+        return range(self.code, self.code + self.span)
+
+    @property
     def size(self) -> int:
         """Bytes of the request up to a run of bytes, opcode included."""
         return 1 + self.layout.size
@@ -161,35 +173,6 @@ def _layout(text: str) -> PayloadLayout:
     return PayloadLayout(*(Field(name, kind) for name, kind in parts))
 
 
-class RequestTable:
-    """The requests by opcode and by name; refuses an opcode or a name given twice."""
-
-    __slots__ = ("_by_code", "_by_name", "rows")
-
-    def __init__(self, *rows: Request) -> None:
-        self.rows: tuple[Request, ...] = rows
-        self._by_name: dict[str, Request] = {}
-        self._by_code: dict[int, Request] = {}
-        for row in rows:
-            if row.name in self._by_name:
-                raise ValueError(f"{row.name} stands in the table twice")
-            self._by_name[row.name] = row
-            for code in range(row.code, row.code + row.span):
-                if code in self._by_code:
-                    raise ValueError(f"{code:02x} is {row.name} and {self._by_code[code].name}")
-                self._by_code[code] = row
-
-    def __iter__(self) -> Iterator[Request]:
-        return iter(self.rows)
-
-    def __getitem__(self, name: str) -> Request:
-        return self._by_name[name]
-
-    def by_code(self, code: int) -> Request | None:
-        """Return the row with this opcode, or None."""
-        return self._by_code.get(code)
-
-
 REPLIES: Final = {
     reply.tag: reply
     for reply in (
@@ -197,16 +180,10 @@ REPLIES: Final = {
         Reply("E", _layout("n:u8"), "the barrier's number"),
         Reply("C", _layout("held:u8"), "1: the bus is yours"),
         Reply("D", _layout("d:u8"), "a byte read, or a level"),
-        Reply(
-            "L",
-            _layout("d:u8 outputs:u32 instant:u64 until:u64"),
-            "a byte read and the output lines, when that was, and before when neither changes",
-        ),
-        Reply(
-            "M",
-            _layout("d:u8 outputs:u32 instant:u64 until:u64 then:u8 end:u64"),
-            "the same; from the instant until on the byte is then, up to the end; the lines stay",
-        ),
+        Reply("L", _layout("d:u8 outputs:u32 instant:u64 until:u64"),
+              "a byte read and the output lines, when that was, and before when neither changes"),
+        Reply("M", _layout("d:u8 outputs:u32 instant:u64 until:u64 then:u8 end:u64"), "the same;"
+              " from the instant until on the byte is then, up to the end; the lines stay"),
         Reply("B", _layout("data:bytes8"), "bytes read"),
         Reply("R", _layout("ready:u8 instant:u64"), "ready (1) or not (0), and when that was"),
         Reply("P", _layout("d:u8 outputs:u32"), "D0-D7 as they stand, and the output lines"),
@@ -217,21 +194,17 @@ REPLIES: Final = {
         Reply("H", _layout("paused:u8"), "1: the board is paused; 0: it goes on"),
         Reply("X", _layout("code:u8 number:u16"), "refused: why, and which request"),
     )
-}
+}  # fmt: skip
 """The replies by tag."""
 
 UNASKED: Final = "IH"
 """Tags of those that answer nothing: they may stand between any two replies."""
 
-REQUESTS: Final = RequestTable(
+REQUESTS: Final = RowTable(
     Request("HELLO", 0x01, "agree on a version; tell what is attached", _layout("version:u8"), "V"),
     Request("ECHO", 0x02, "barrier: everything before it is done", _layout("n:u8"), "E"),
-    Request(
-        "SELECT",
-        0x03,
-        "the following cycles go to these chips; bit 0 is the first, which is selected at start",
-        _layout("mask:u16"),
-    ),
+    Request("SELECT", 0x03, "the following cycles go to these chips; bit 0 is the first, which is"
+            " selected at start", _layout("mask:u16")),
     Request("CLAIM", 0x04, "hold the selected chips' bus for a packet; waits its turn", reply="C"),
     Request("UNCLAIM", 0x05, "let the bus go; the end of the session does so too"),
     Request("READ4", 0x10, "one read cycle at address 0 to 15", reply="D", span=16),
@@ -240,67 +213,32 @@ REQUESTS: Final = RequestTable(
     Request("WRITE", 0x31, "one write cycle", _layout("a:u8 d:u8")),
     Request("READS", 0x32, "n read cycles at one address", _layout("a:u8 n:u8"), "B"),
     Request("WRITES", 0x33, "write cycles at one address", _layout("a:u8 data:bytes8")),
-    Request(
-        "WAIT",
-        0x34,
-        "let time pass until the chip can take the next cycle, at most this long",
-        _layout("longest:u64"),
-        "R",
-    ),
-    Request(
-        "LINES",
-        0x40,
-        "put the control lines of the mask to these levels, all at one instant",
-        _layout("mask:u16 levels:u16"),
-    ),
+    Request("WAIT", 0x34, "let time pass until the chip can take the next cycle, at most this long",
+            _layout("longest:u64"), "R"),
+    Request("LINES", 0x40, "put the control lines of the mask to these levels, all at one instant",
+            _layout("mask:u16 levels:u16")),
     Request("DRIVE", 0x41, "drive D0-D7", _layout("d:u8")),
     Request("RELEASE", 0x42, "let D0-D7 float"),
     Request("SAMPLE", 0x43, "look at D0-D7 and the output lines", reply="P"),
     Request("PIN", 0x44, "drive side pin p to 0 or 1; 2 lets it go", _layout("p:u8 level:u8")),
     Request("GETPIN", 0x45, "look at side pin p", _layout("p:u8"), "D"),
     Request("DELAY", 0x50, "let this much time pass for this host", _layout("duration:u64")),
-    Request(
-        "AT",
-        0x51,
-        "the host's own clock (slaved boards); never earlier than the AT before",
-        _layout("instant:u64"),
-    ),
+    Request("AT", 0x51, "the host's own clock (slaved boards); never earlier than the AT before",
+            _layout("instant:u64")),
     Request("NOW", 0x52, "tell chip time", reply="T"),
-    Request(
-        "SYNC",
-        0x53,
-        "bring the chips up to the host's time; tell output lines and the next possible edge",
-        reply="S",
-    ),
-    Request(
-        "POLLED",
-        0x54,
-        "this host polled address a n times more, a cycle time apart, and knew the byte by a lease",
-        _layout("a:u8 n:u16"),
-    ),
-    Request(
-        "POLLED_AT",
-        0x55,
-        "as POLLED, on slaved boards: a poll at the first instant, one more each step (u32) later",
-        _layout("a:u8 first:u64 steps:bytes8"),
-    ),
-    Request(
-        "PASS",
-        0x56,
-        "let time pass until an edge of a line of EVENTS, at most this long",
-        _layout("longest:u64"),
-        "W",
-    ),
-    Request(
-        "EVENTS", 0x60, "report each edge of these output lines from now on", _layout("mask:u32")
-    ),
-    Request(
-        "LEASES",
-        0x61,
-        "answer reads without side effects by 'L' where the board can tell; 2: or 'M'; 0: no more",
-        _layout("on:u8"),
-    ),
-)
+    Request("SYNC", 0x53, "bring the chips up to the host's time; tell output lines and the next"
+            " possible edge", reply="S"),
+    Request("POLLED", 0x54, "this host polled address a n times more, a cycle time apart, and knew"
+            " the byte by a lease", _layout("a:u8 n:u16")),
+    Request("POLLED_AT", 0x55, "as POLLED, on slaved boards: a poll at the first instant, one more"
+            " each step (u32) later", _layout("a:u8 first:u64 steps:bytes8")),
+    Request("PASS", 0x56, "let time pass until an edge of a line of EVENTS, at most this long",
+            _layout("longest:u64"), "W"),
+    Request("EVENTS", 0x60, "report each edge of these output lines from now on",
+            _layout("mask:u32")),
+    Request("LEASES", 0x61, "answer reads without side effects by 'L' where the board can tell;"
+            " 2: or 'M'; 0: no more", _layout("on:u8")),
+)  # fmt: skip
 """The requests."""
 
 LEASED: Final = "L"

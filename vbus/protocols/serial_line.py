@@ -74,7 +74,6 @@ class SerialLine(Protocol):
         "_inner: part", "_coming: bytearray[...]", "_going: bytearray[...]", "_host_due",
         "_board_due", "_waits: bool", "_lines",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_frame", "_duplex", "modem")
 
     def __init__(
         self, port: HostPort, inner: Protocol, frame: int, modem: ModemPins | None = None

@@ -68,7 +68,7 @@ class TerminalProtocol(Protocol):
 
     def resume(self) -> None:
         """Go on after a wait; it need not have been for an answer."""
-        if self._inner.kept:
+        if self._inner.half():
             self._inner.resume()
             self._answered()
         self.receive(b"")

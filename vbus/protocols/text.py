@@ -22,7 +22,6 @@ _BYTES: Final = [f"{value:02x}" for value in range(256)]
 
 _WAITS: Final = (b"wait", b"step", b"clock_step", b"claim")
 """Verbs that do nothing but wait."""
-_LF: Final = 0x0A
 _CR: Final = 0x0D
 
 
@@ -63,14 +62,8 @@ VERBS: Final = {
         Verb("select", "NAME ...|all|none", 1, _MANY, "ok", "cycles go to these chips"),
         Verb("claim", "", 0, 0, "ok", "hold the selected chips' bus for a packet"),
         Verb("unclaim", "", 0, 0, "ok", "let the bus go"),
-        Verb(
-            "wait",
-            "DURATION",
-            1,
-            2,
-            "ready 15us",
-            'until the chip takes the next cycle, at most this long; else "busy", and when',
-        ),
+        Verb("wait", "DURATION", 1, 2, "ready 15us",
+             'until the chip takes the next cycle, at most this long; else "busy", and when'),
         Verb("pin", "NAME [0|1|z]", 1, 2, "ok", "drive a pin, or let it go; alone: its level"),
         Verb("lines", "NAME=LEVEL ...", 1, _MANY, "ok", "control lines, all at one instant"),
         Verb("drive", "DATA", 1, 1, "ok", "drive D0-D7"),
@@ -87,7 +80,7 @@ VERBS: Final = {
         Verb("writeb", "ADDRESS DATA", 2, 2, "OK", "write a card's memory", True),
         Verb("clock_step", "[NS]", 0, 1, "OK 1000000", "let time pass; tells ns", True),
     )
-}
+}  # fmt: skip
 """Everything that can be typed."""
 
 
@@ -124,11 +117,6 @@ class TextProtocol(Protocol):
         self._mask: int = 1
         self._partial: list[str] = []
         """What a line of several cycles has done that had to stop in between."""
-
-    @property
-    def kept(self) -> int:
-        """How many bytes wait: half a line, or lines that cannot be answered yet."""
-        return len(self._kept)
 
     def half(self) -> int:
         """Return how many characters of a line wait for its end."""
@@ -196,8 +184,8 @@ class TextProtocol(Protocol):
     # -- one method for each row of the table; None: not now, make the same call when resumed -----
 
     def _do_r(self, arguments: list[str]) -> str | None:
-        address = _hex(arguments[0], "address", 0xFF)
-        count = _hex(arguments[1], "count", 0xFF) if len(arguments) > 1 else 1
+        address = _byte(arguments[0], "address")
+        count = _byte(arguments[1], "count") if len(arguments) > 1 else 1
         if count == 0:
             raise _Mistake("count 0; allowed are 1 to FF")
         values = self._partial
@@ -208,8 +196,8 @@ class TextProtocol(Protocol):
         return answer
 
     def _do_w(self, arguments: list[str]) -> str | None:
-        address = _hex(arguments[0], "address", 0xFF)
-        bytes_ = [_hex(word, "data", 0xFF) for word in arguments[1:]]
+        address = _byte(arguments[0], "address")
+        bytes_ = [_byte(word, "data") for word in arguments[1:]]
         done = self._partial
         while len(done) < len(bytes_):
             self.port.write(address, bytes_[len(done)])
@@ -267,7 +255,7 @@ class TextProtocol(Protocol):
         return "ok"
 
     def _do_drive(self, arguments: list[str]) -> str | None:
-        self.port.drive(_hex(arguments[0], "data", 0xFF))
+        self.port.drive(_byte(arguments[0], "data"))
         return "ok"
 
     def _do_release(self, arguments: list[str]) -> str | None:
@@ -377,16 +365,16 @@ def _duration(words: list[str]) -> int:
         raise _Mistake(str(error)) from error
 
 
-def _hex(text: str, what: str, most: int) -> int:
-    """Return a hexadecimal number; ``0x`` in front and ``h`` behind are allowed."""
+def _byte(text: str, what: str) -> int:
+    """Return a byte from a hexadecimal number; ``0x`` in front and ``h`` behind are allowed."""
     digits = text
     if text.strip(_HEX_DIGITS):  # which leaves what is no digit, and what is between two of these
         digits = text.lower().removeprefix("0x").removesuffix("h")
     if not digits or digits.strip(_HEX_DIGITS):
-        raise _Mistake(f"{what} {text!r} is no hexadecimal number; allowed are 0 to {most:X}")
+        raise _Mistake(f"{what} {text!r} is no hexadecimal number; allowed are 0 to FF")
     value = int(digits, 16)
-    if value > most:
-        raise _Mistake(f"{what} {text}; allowed are 0 to {most:X}")
+    if value > 0xFF:
+        raise _Mistake(f"{what} {text}; allowed are 0 to FF")
     return value
 
 

@@ -48,7 +48,7 @@ ORDERED: Final = ""
 class Findings(Observer):
     """Violations, and cycles that came of orders: what the journal has and what the run has.
 
-    Each is kept until it is matched; a chip finds its own in their order.
+    Each waits until it is matched; a chip finds its own in their order.
 
     Args:
         making: knows which entry is played.
@@ -116,8 +116,8 @@ def line_of(found: Any) -> str:
     if isinstance(found, Violation):
         v = found
         return f"{v.rule} at {v.when} ps, measured {v.measured}, limit {v.limit}: {v.detail}"
-    when, _, _, write, address, data = found
-    return f"{'w' if write else 'r'} {address:X} {data:02X} at {when} ps"
+    when, _, _, *cycle = found
+    return f"{Cycle(when, *cycle)} at {when} ps"
 
 
 def _differs(number: int, what: str, found: Any, recorded: str, now: str) -> Divergence:

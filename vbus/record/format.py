@@ -225,7 +225,10 @@ class JournalReader:
             self.damage = f"cut in the block at byte {self.position}"
             return None
         if zlib.crc32(body) != int.from_bytes(head[4:], "big"):
-            raise JournalError(f"{self._name()}: the block at byte {self.position} is damaged")
+            raise JournalError(
+                f"{self._name()}: the block at byte {self.position} is damaged; record"
+                f' the run again, or see with "vbus explain" what is before it'
+            )
         try:
             unpacking = zlib.decompressobj()
             # Bounded: a few bytes of zlib can stand for gigabytes.

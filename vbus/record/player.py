@@ -37,10 +37,8 @@ class Player:
         self.board: Board = board
         self.ports: dict[int, HostBus] = {}
         """Sessions by their number in the journal; also of those that have ended."""
-        if board.broken:
-            # Links of the recorded run are not here; their faults are in the journal as what they
-            # did.
-            board.faults.links = LinkActs()
+        # Links of the recorded run are not here; their faults are in the journal as what they did.
+        board.serve_links(LinkActs())
 
     def run_to(self, entry: Entry) -> None:
         """Let time pass to the instant of an entry."""
@@ -68,8 +66,6 @@ class Player:
             return None, 0
         if entry.op == "arm":
             name, target, when, until, values = entry.args
-            if self.board.faults.links is None:
-                self.board.faults.links = LinkActs()
             self.board.faults.arm(name, target, when, until, **values)
             return None, 0
         if entry.op == "clear":

@@ -181,7 +181,7 @@ class RecordedBus(HostBus):
 
     def read(self, address: int) -> int:
         """Run one read cycle and write it down."""
-        kernel = self._kernel
+        kernel = self.kernel
         when = kernel.now
         try:
             data = HostBus.read(self, address)
@@ -193,7 +193,7 @@ class RecordedBus(HostBus):
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle and write it down."""
-        kernel = self._kernel
+        kernel = self.kernel
         when = kernel.now
         try:
             HostBus.write(self, address, data)
@@ -206,48 +206,48 @@ class RecordedBus(HostBus):
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels."""
-        when = self._kernel.now
+        when = self.kernel.now
         try:
             HostBus.lines(self, mask, levels)
         except (NotYet, PortError) as error:
             self._notes.refused(when, "lines", [mask, levels], error)
             raise
-        self._rows.call(self._key | LINES, 2, mask, levels, 0, 0, when, self._kernel.now)
+        self._rows.call(self._key | LINES, 2, mask, levels, 0, 0, when, self.kernel.now)
 
     def drive(self, data: int) -> None:
         """Drive D0-D7."""
-        when = self._kernel.now
+        when = self.kernel.now
         try:
             HostBus.drive(self, data)
         except (NotYet, PortError) as error:
             self._notes.refused(when, "drive", [data], error)
             raise
-        self._rows.call(self._key | DRIVE, 1, data, 0, 0, 0, when, self._kernel.now)
+        self._rows.call(self._key | DRIVE, 1, data, 0, 0, 0, when, self.kernel.now)
 
     def release(self) -> None:
         """Let D0-D7 float."""
-        when = self._kernel.now
+        when = self.kernel.now
         try:
             HostBus.release(self)
         except (NotYet, PortError) as error:
             self._notes.refused(when, "release", [], error)
             raise
-        self._rows.call(self._key | RELEASE, 0, 0, 0, 0, 0, when, self._kernel.now)
+        self._rows.call(self._key | RELEASE, 0, 0, 0, 0, 0, when, self.kernel.now)
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
-        when = self._kernel.now
+        when = self.kernel.now
         try:
             data, outputs = HostBus.sample(self)
         except (NotYet, PortError) as error:
             self._notes.refused(when, "sample", [], error)
             raise
-        self._rows.call(self._key | SAMPLE, PAIR << 2, 0, 0, data, outputs, when, self._kernel.now)
+        self._rows.call(self._key | SAMPLE, PAIR << 2, 0, 0, data, outputs, when, self.kernel.now)
         return data, outputs
 
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
-        when = self._kernel.now
+        when = self.kernel.now
         # Beyond 62 bits the number is no machine word of a compiled core.
         if duration > LARGEST:
             return self._notes.call(self, "delay", [duration], HostBus.delay)
@@ -258,7 +258,7 @@ class RecordedBus(HostBus):
             raise
         if passed:
             self._rows.call(
-                self._key | DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when, self._kernel.now
+                self._key | DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when, self.kernel.now
             )
         else:
             self._notes.note(when, "delay", [duration], False, 0, self.board.limit)

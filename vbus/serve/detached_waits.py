@@ -10,11 +10,12 @@ from typing import Final
 from vbus.core.kernel import NEVER, SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.time.time_source import TimeSource
+from vbus.serve.time.pacer import TimeSource
 from vbus.transports.base import Link, ignore
 
 LONGEST: Final = 60 * SECOND
-"""A wait longer than this (ps) is given up where another host has come meanwhile."""
+"""A wait longer than this (ps) is given up where another host has come meanwhile.
+It is about as long as a person waits for a terminal; not measured."""
 
 log = logging.getLogger("vbus")
 
@@ -144,7 +145,7 @@ def report_half(peer: str, protocol: Protocol) -> None:
 
 
 class _Arrival:
-    """A host that has come meanwhile: what its transport reads is kept for its session."""
+    """A host that has come meanwhile: what its transport reads is buffered for its session."""
 
     def __init__(
         self, link: Link, begin: Callable[[Link], None], forget: Callable[["_Arrival"], None]

@@ -12,6 +12,7 @@ from selectors import SelectorKey
 from typing import Final
 
 _MOST_EVENTS: Final = 64
+"""Descriptors that one look takes; the others are found by the next look. Not measured."""
 _OUT: Final = select.EPOLLOUT
 
 

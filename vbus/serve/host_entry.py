@@ -1,21 +1,18 @@
 """Host entries of a board while it runs: where hosts come from, and which are there."""
 
 import asyncio
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 from msgspec import Struct, field
 
 from vbus import plugins
 from vbus.board.card.cards import Card
 from vbus.boardfile.sections import NO_HOST, HostSection, PinMapSection
-from vbus.core.errors import PluginError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.serve.session import Session
 from vbus.transports.base import Link, Transport, split_url
-
-_Base = TypeVar("_Base")
 
 
 class LinkSpec(Struct):
@@ -51,11 +48,13 @@ class HostEntry:
         scheme, path, options = split_url(spec.transport)
         self.spec: LinkSpec = spec
         self.label: str = label
-        self.transport: Transport = plug_in(plugins.TRANSPORTS, scheme, Transport)(path, options)
+        self.transport: Transport = plugins.class_of(plugins.TRANSPORTS, scheme, Transport)(
+            path, options
+        )
         self.transport.remote = spec.remote
         self.transport.line = spec.line
         self.protocol: str = spec.protocol or self.transport.PROTOCOL
-        self.wire: type[Protocol] = plug_in(plugins.PROTOCOLS, self.protocol, Protocol)
+        self.wire: type[Protocol] = plugins.class_of(plugins.PROTOCOLS, self.protocol, Protocol)
         self.transport.no_room = self.wire.NO_ROOM
         self.sessions: list[Session] = []
         self.served: int = 0
@@ -117,22 +116,3 @@ class HostEntry:
             "received": self.received,
             "sent": self.sent,
         }
-
-
-def sessions_of(hosts: Iterable[HostEntry]) -> Iterator[Session]:
-    """Give every session that is open, host by host."""
-    for host in hosts:
-        yield from host.sessions
-
-
-def plug_in(group: str, name: str, base: type[_Base]) -> type[_Base]:
-    """Return the class an entry point names.
-
-    Raises:
-        PluginError: there is none, or it is no such class.
-    """
-    found = plugins.load(group, name)
-    if not isinstance(found, type) or not issubclass(found, base):
-        kind = base.__name__
-        raise PluginError(f'{kind.lower()} "{name}" is not a subclass of {kind}')
-    return found

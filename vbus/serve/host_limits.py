@@ -8,43 +8,47 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.board.snapshot import fork
 from vbus.chips.base import Chip
-from vbus.chips.packets import Cycle, Packet
-from vbus.circuit.stream import LatestLines, PacketStream
+from vbus.chips.packets import Packet
+from vbus.circuit.stream import LatestLines, PacketReader
 from vbus.core.errors import SnapshotError
 from vbus.core.kernel import END, MS, NEVER, SECOND
-from vbus.core.signals import Observer, Violation
+from vbus.core.signals import Violation
 from vbus.core.wall_clock import monotonic, process_time
 from vbus.faults.armed import BEGUN
 from vbus.protocols.quantities import format_instant
 from vbus.views.findings.report import NoEffect
 
-KEPT: Final = 40
-"""Lines of a transcript that are stored."""
+LAST_LINES: Final = 40
+"""Lines of a transcript that are stored: a screen of them."""
 AGAIN: Final = "the same polls again"
 """The line for several polls in turn that read nothing new, so that they hide no other line."""
 UNBOUNDED: Final = 1 << 62
 """More than any host does."""
 IN_VAIN: Final = 10_000
-"""Polls that read nothing new, after which a host hangs if nothing on its board can change."""
+"""Polls that read nothing new, after which a host hangs if nothing on its board can change. Not
+measured."""
 POLLING: Final = 10.0
-"""Seconds of wall time after which one hangs that might be, where time is the wall clock's."""
+"""Seconds of wall time after which one hangs that might be, where time is the wall clock's: far
+above the stalls of a busy machine."""
 PATIENCE: Final = 120.0
 """The same where time is virtual: a machine that has not come to a verdict by then is too slow."""
 LOOK: Final = 1000
-"""Polls after which the wall clock is looked at."""
+"""Polls after which the wall clock is looked at: a look costs a fraction of one poll."""
 FOREKNOWN: Final = 10
 """Times as many polls are allowed where something moves: a host may pass time by polls."""
 LOOKS_AHEAD: Final = 16
-"""Looks at a twin of the board, each twice as far ahead as the one before."""
+"""Looks at a twin of the board, each twice as far ahead as the one before; not measured."""
 GRACE: Final = 10_000
-"""Bus cycles, and milliseconds of chip time, that are left to a host that hung and is to end."""
+"""Bus cycles, and milliseconds of chip time, that are left to a host that hung and is to end; not
+measured."""
 
 
 KINDS: Final = 16
 """Packets that a loop of polls may consist of: fewer would miss loops over several axes, and each
 more is compared with every packet."""
 COMMANDS: Final = 8
-"""Packets before the polls that a message shows: what the host waits for is among them."""
+"""Packets before the polls that a message shows: what the host waits for is among them.
+Not measured."""
 
 
 class Polls:
@@ -95,11 +99,6 @@ class Polls:
             self._known.add(text)
         self._since = packet.end
         return False
-
-    @property
-    def left(self) -> int:
-        """How many more it takes at least until the next look."""
-        return self._look_at - self.count
 
     def reset(self) -> None:
         """Count anew."""
@@ -158,7 +157,7 @@ class Limits:
     wall: float = 60.0
 
 
-class HostWatch(Observer):
+class HostWatch(PacketReader):
     """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
 
     Args:
@@ -182,8 +181,6 @@ class HostWatch(Observer):
         over: Callable[[str], None] | None = None,
         times: bool = False,
     ) -> None:
-        self._stream: PacketStream = PacketStream.of(board.chips)
-        """Of its own: bus cycles are read late, and perhaps never."""
         self._connectors: set[str] = {chip.name for chip in board.chips if chip.CONNECTOR}
         self._reached: int = -1
         """Instant of the latest cycle at a chip: the access on a card's bus that has made it comes
@@ -198,10 +195,11 @@ class HostWatch(Observer):
         self.violations: list[Violation] = []
         self.faulted: dict[str, int] = {}
         """Instant at which a fault first began, by chip; "" is a link, and so every chip."""
-        self._no_effect: NoEffect = NoEffect()
+        self.no_effect: NoEffect = NoEffect()
+        """Which bus cycles had no effect."""
         self._board: Board = board
         self._chips: list[str] = [chip.name for chip in board.chips]
-        self._lines: LatestLines = LatestLines(maxlen=KEPT)
+        self._lines: LatestLines = LatestLines(maxlen=LAST_LINES)
         self._limits: Limits = limits
         self._most: int = limits.cycles
         self._news_at: int = 0
@@ -210,14 +208,10 @@ class HostWatch(Observer):
         """How the chips would be when the chip time is over, if the polls are in vain till then."""
         self._judged: int = 0
         """Bus cycles before the stretch of polls that has not been looked at yet."""
-        self._kept: list[tuple[int, str, str, bool, int, int] | Violation] = []
-        """Bus cycles and violations that have not been read yet: a test that passes soon, and asks
-        for nothing, is spared what reading them costs."""
-        self._read: int = 0
         self._until: int = limits.chip_time
         self._polls: Polls = Polls(min(limits.polls, LOOK))
-        self._read_at: int = self._polls.left
-        """Number of the bus cycle that may be the first after which to have a look at polls."""
+        self._to_look: bool = False
+        """Whether the packet before the next cycle asks for a look at the polls."""
         self._times: bool = times
         self._timer = board.kernel.onlooker(self._late)
         """Runs when the chip time is over, also of a host that makes no bus cycle."""
@@ -229,42 +223,23 @@ class HostWatch(Observer):
     @property
     def lines(self) -> list[str]:
         """The latest packets and violations."""
-        self._read_kept()
         return [
             f"{format_instant(line.when)} {line.counted()}" if self._times else line.counted()
             for line in self._lines
         ]
 
-    @property
-    def no_effect(self) -> NoEffect:
-        """Which bus cycles had no effect."""
-        self._read_kept()
-        return self._no_effect
-
-    def _read_kept(self) -> None:
-        """Read what the bus cycles say that have not been read yet."""
-        kept, self._kept = self._kept, []
-        for one in kept:
-            if isinstance(one, Violation):
-                self._show(one)
-            else:
-                self._read += 1
-                when, _, names, write, address, data = one
-                cycle = Cycle(when, write, address, data)
-                for chip, packet in self._stream.decoded(names, cycle):
-                    self._packet(chip, packet)
-        self._read_at = self.cycles + self._polls.left
-
-    def _packet(self, chip: str, packet: Packet) -> None:
-        self._no_effect.add(packet)
+    def packet(self, chip: str, packet: Packet) -> None:
+        """Note what bus cycles say."""
+        if chip in self._connectors and packet.end == self._reached:
+            return
+        self.no_effect.add(packet)
         text = f"{chip} {packet.text}"
         polls, lines = self._polls, self._lines
-        look = polls.take(packet, text)
+        # One strobe may reach several chips: any of their packets may ask for it.
+        self._to_look = polls.take(packet, text) or self._to_look
         if not polls.count:
-            self._judged = self._read
+            self._judged = self.cycles + 1  # the cycle itself comes after its packets
         lines.add(packet.end, AGAIN if polls.count and lines[-1].text != text else text)
-        if look:
-            self._look()
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -276,9 +251,9 @@ class HostWatch(Observer):
         else:
             self._reached = when
         self.cycles += 1
-        self._kept.append((when, host, chip, write, address, data))
-        if self.cycles >= self._read_at:
-            self._read_kept()
+        if self._to_look:
+            self._to_look = False
+            self._look()
         if self.cycles > self._most:
             beside = self._most - self._limits.cycles
             but = f", beside {beside} of polls that gave it nothing new" if beside > 0 else ""
@@ -316,8 +291,8 @@ class HostWatch(Observer):
                 f" {polls}"
             )
         elif limits.polling < float("inf"):
-            self._most += self._read - self._judged
-            self._judged = self._read
+            self._most += self.cycles - self._judged
+            self._judged = self.cycles
 
     def _unchanging(self) -> bool:
         """Whether the board knows that nothing changes unless this host does something else."""
@@ -369,13 +344,10 @@ class HostWatch(Observer):
         return True
 
     def violation(self, violation: Violation) -> None:
-        """Keep a violation."""
+        """Note a violation; the packet of a cycle that is lost for it says so itself."""
         self.violations.append(violation)
-        self._kept.append(violation)
-
-    def _show(self, violation: Violation) -> None:
-        self._stream.violation(violation)
-        if self._stream.loses(violation):  # its cycle says so
+        stream = self._board.stream
+        if stream is not None and stream.loses(violation):
             return
         text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
         self._lines.add(violation.when, text)
@@ -407,7 +379,6 @@ class HostWatch(Observer):
         self.ended = True
         self._most = min(self._most, self.cycles)
         if not self.stuck:
-            self._read_kept()
             self.stuck = sentence
             self.details = [*threads, *self._detailed()]
             self._named = bool(threads)
@@ -472,12 +443,10 @@ class HostWatch(Observer):
         """Let a host that hung put its machine in order: it may do a little more."""
         if self.ended:
             self.ended = False
-            self._read_kept()
             self._most = self.cycles + GRACE
             self._until = self._board.now + GRACE * MS
             self._set_timer()
             self._polls.reset()
-            self._read_at = self.cycles + self._polls.left
 
 
 def _values(chip: Chip) -> str:

@@ -14,9 +14,11 @@ from vbus.faults.row import LinkActs, misfit
 from vbus.faults.table import faults
 from vbus.protocols.byte import ByteProtocol
 from vbus.serve.host_limits import HostWatch
+from vbus.transports.traffic import AnswerFault
 
 _ASKED: Final = 100
-"""Requests in turn without an answer, after which a host is said to hang: no chip time passes."""
+"""Requests in turn without an answer, after which a host is said to hang: no chip time passes.
+Not measured."""
 
 
 class HostTurn:
@@ -65,14 +67,13 @@ class InProcessLink(BoardLink):
         # Always readable: what else a call waits for, an event, is here when it looks.
         super().__init__(f"board {board.name}", os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC))
         self._turn: Final = turn or HostTurn(board)
-        self._watches: Final = [one for one in board.observers if isinstance(one, HostWatch)]
+        readers = board.stream.readers if board.stream is not None else ()
+        self._watches: Final = [one for one in readers if isinstance(one, HostWatch)]
         self._port = board.open_port(label, chips or None)
         self._port.promises = False
         self._protocol = ByteProtocol(self._port)
-        self.acting: Final[dict[int, str]] = {}
+        self.acting: Final[dict[int, AnswerFault]] = {}
         """Faults that act on it, by number."""
-        self._once: set[int] = set()
-        """Those that are over with one answer."""
         self._late: bytes = b""
         """Answers that come later."""
         self._asked: int = 0
@@ -103,22 +104,16 @@ class InProcessLink(BoardLink):
     def read(self) -> bytes:
         """Return the replies that are here."""
         self._protocol.report_events()
-        replies = self._protocol.take()
+        replies = bytearray(self._protocol.take())
         if not self.acting:
             late, self._late = self._late, b""
             return late + replies
-        for number, name in tuple(self.acting.items()) if replies else ():
-            if name == "link_closed":
-                continue
-            if name == "answers_late":
-                self._late += replies
-            # Of half an answer a byte at least, or it would be a lost one; then silence.
-            replies = replies[: max(1, len(replies) // 2)] if name == "half_answer" else b""
-            self.acting[number] = name if name != "half_answer" else "answer_lost"
-            self.silent = True
-            if number in self._once:
-                del self.acting[number]
-        return replies
+        for number, fault in tuple(self.acting.items()) if replies else ():
+            if fault.name != "link_closed":
+                self.silent = True
+                if fault.bend(replies):
+                    del self.acting[number]
+        return bytes(replies)
 
     def _dead(self) -> bool:
         """Tell whether a fault keeps all from the board.
@@ -127,7 +122,7 @@ class InProcessLink(BoardLink):
             TransportError: the link is closed.
             HostStuck: the host goes on all the same, and no chip time can pass.
         """
-        names = self.acting.values()
+        names = {fault.name for fault in self.acting.values()}
         self._asked += 1
         if "link_closed" in names:
             raise TransportError(f"{self.where}: closed by the other end")
@@ -138,10 +133,13 @@ class InProcessLink(BoardLink):
 
     def broken(self, number: int, name: str, once: bool) -> None:
         """Have a fault from now on: with ``once`` it is over with one answer."""
-        self.acting[number], self._asked = name, 0
-        if once:
-            self._once.add(number)
+        self.acting[number], self._asked = AnswerFault(name, once), 0
         self.silent = self.silent or name == "link_dead"
+
+    def mended(self, number: int) -> None:
+        """Have a fault no more: what it held back comes when none acts."""
+        fault = self.acting.pop(number, None)
+        self._late += fault.held_back if fault is not None else b""
 
     def replied(self) -> None:
         """End a host that has passed a bound of a :class:`HostWatch`.
@@ -192,11 +190,7 @@ class InProcessFaults(LinkActs):
 
     def end(self, number: int) -> None:
         """Let it act no more."""
-        self._link.acting.pop(number, None)
-
-    def end_all(self) -> None:
-        """Let none act any more."""
-        self._link.acting.clear()
+        self._link.mended(number)
 
 
 def connect_in_process(

@@ -15,27 +15,31 @@ import logging
 import os
 import select
 import socket
-import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from vbus.core.errors import VbusError
+from vbus.core.wall_clock import monotonic
+from vbus.serve.time.turns import Turns, process_behind
 from vbus.transports.base import Link
 from vbus.transports.sockets import UnixTransport
 
 READ_SIZE: Final = 1 << 16
 LONGEST_LINE: Final = 1 << 24
-"""Bytes of a request."""
+"""Bytes of a request at most: a bound of memory."""
 EVERY_SECONDS: Final = 0.05
 """How often news are sent: a person sees no more."""
 MOST_FRAMES: Final = 1 << 24
-"""Bytes stored for a watcher that does not read."""
+"""Bytes stored for a watcher that does not read: a bound of memory."""
 MOST_ANSWERS: Final = 2 * MOST_FRAMES
 """The same with answers among them."""
 LAST_SECONDS: Final = 1.0
-"""How long a board that ends waits for a watcher that reads nothing (s)."""
+"""How long a board that ends waits for a watcher that reads nothing (s); not measured."""
+# Twice so long may pass, and who has ordered the end waits for it.
+LAST_TURNS: Final = 4.0
+"""The same for one that has no turn in which it could read."""
 
 Order = Callable[[dict[str, Any]], Any]
 """Is given a request; returns what JSON can hold, or raises ValueError or VbusError."""
@@ -45,8 +49,6 @@ Answered = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
 
 PUBLIC: Final = ("status", "watch")
 """Orders that change nothing: every user who gets to the socket may give them."""
-
-_CREDENTIALS: Final = struct.Struct("3i")
 
 log = logging.getLogger("vbus")
 
@@ -135,11 +137,9 @@ class Control:
 
 
 def user_behind(fd: int) -> int:
-    """Return the user whose process has connected to a Unix socket, as the system knows it."""
+    """Return the user whose process has connected to a Unix socket."""
     with socket.socket(fileno=os.dup(fd)) as link:
-        found = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    _, user, _ = _CREDENTIALS.unpack(found)
-    return int(user)
+        return process_behind(link)[1]
 
 
 class Connection:
@@ -251,8 +251,13 @@ class Connection:
         room = select.poll()
         room.register(self._link.fd, select.POLLOUT)
         with suppress(OSError):  # the other end has gone
-            while self.pending and room.poll(LAST_SECONDS * 1000):
-                del self.pending[: os.write(self._link.fd, self.pending)]
+            with socket.socket(fileno=os.dup(self._link.fd)) as link:
+                turns, last = Turns(process_behind(link)[0]), monotonic() + LAST_TURNS
+            while self.pending:
+                if room.poll(LAST_SECONDS * 1000):
+                    del self.pending[: os.write(self._link.fd, self.pending)]
+                elif monotonic() > last or not turns.lacking():
+                    break
 
     def end_with_board(self) -> None:
         """Send what is left, for a run that was short may end with most of it; then end."""
@@ -291,7 +296,7 @@ class WatchView:
     over: bool = False
 
     def __init__(self, connection: Connection) -> None:
-        self._connection: Connection = connection
+        self.connection: Connection = connection
         self._away: bool = False
         self._timer: asyncio.TimerHandle | None = None
 
@@ -329,7 +334,7 @@ class WatchView:
 
     def take_news(self) -> None:
         """Take what is new; of a board that is not looked at, for want of room, nothing is."""
-        connection = self._connection
+        connection = self.connection
         if len(connection.pending) >= self.most:
             if not self._away:
                 self._away = True
@@ -343,7 +348,7 @@ class WatchView:
 
     def send(self) -> None:
         """Send what is new, now and in a while."""
-        connection = self._connection
+        connection = self.connection
         if connection.view is not self:
             return
         if self._timer is not None:
@@ -367,11 +372,11 @@ class WatchView:
         if self._away:
             self.look_again()
         self.stop()
-        self._connection.send_last()  # there is room for what is new then
-        if len(self._connection.pending) < self.most:
+        self.connection.send_last()  # there is room for what is new then
+        if len(self.connection.pending) < self.most:
             for message in self.news():
-                self._connection.message(message)
-        self._connection.send_last()
+                self.connection.message(message)
+        self.connection.send_last()
 
 
 class LocalSocket:

@@ -131,7 +131,7 @@ def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]
             watchdog.heard()
             loop.call_soon_threadsafe(stop.set)
 
-        def woken() -> None:  # and now, or just before, end() is called
+        def woken() -> None:  # Python calls end() at this moment, or has just done so
             if not watchdog.woken():
                 loop.remove_reader(watchdog.wake)
 

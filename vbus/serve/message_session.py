@@ -1,12 +1,11 @@
 """One connected host that sends messages: each is carried out, then answered as a whole."""
 
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.serve.session import Serving, Session
+from vbus.serve.session import Services, Session
 from vbus.transports import states
 from vbus.transports.base import MessageLink
 
@@ -23,21 +22,19 @@ class MessageSession(Session):
     """
 
     def __init__(
-        self, serving: Serving, link: MessageLink, port: HostPort, protocol: Protocol
+        self, services: Services, link: MessageLink, port: HostPort, protocol: Protocol
     ) -> None:
-        super().__init__(serving, link, port, protocol)
+        super().__init__(services, link, port, protocol)
+        self._services: Services = services
         self._messages: MessageLink = link
         self._collected: bytearray = bytearray()
         self._rest: deque[bytes] = deque()
         self._answering: bool = False
 
-    def _attend(self, read: bool, watch: bool) -> None:
-        """Messages come when the link has them; it says when the host has gone."""
-
     def tell_pause(self, paused: bool) -> None:
         """The link tells."""
 
-    def _take(self, data: bytes) -> None:
+    def take(self, data: bytes) -> None:
         """Carry out the next message; an empty one is answered at once."""
         self._answering = True
         self.received += len(data)
@@ -45,33 +42,34 @@ class MessageSession(Session):
             self._answer()
         else:
             self._cut(data)
-            self._serve(self._rest.popleft())
+            self.serve(self._rest.popleft())
 
     def _cut(self, data: bytes) -> None:
         self._rest = deque(data[start : start + SLICE] for start in range(0, len(data), SLICE))
 
-    def _serve(self, data: bytes) -> None:
-        super()._serve(data)
+    def serve(self, data: bytes) -> None:
+        """Carry out a slice, or go on after a wait; then the rest, or the answer."""
+        super().serve(data)
         if not self.open or self.port.held:
             return
         if self._rest:
-            self._loop.call_soon(self._go_on)
+            self._services.loop.call_soon(self._go_on)
         elif self._answering:
             self._answer()
 
     def _go_on(self) -> None:
         """Carry out the next slice."""
-        if self.state == states.CLOSED or self.port.held:
-            return  # the wait that comes first goes on with what stands behind it
-        if self._pacer.halted:
-            self.hold()
+        if self.state == states.CLOSED:
+            return
+        if self._services.pacer.halted or self.port.held:
+            self.hold()  # for its own wait, or a pause that has come between slices
         elif self._rest:
-            self._serve(self._rest.popleft())
+            self.serve(self._rest.popleft())
             if self.state == states.DEPARTED and not self.port.held:
-                self._served()
+                self.carried_out()
 
     def _answer(self) -> None:
-        if not self._settled():  # a durable journal is full; the session has ended
+        if not self.settled():  # a durable journal is full; the session has ended
             return
         reply = bytes(self._collected)
         self._collected.clear()
@@ -79,41 +77,37 @@ class MessageSession(Session):
         self.sent += len(reply)
         self._messages.answer(reply)
 
-    def _leave(self) -> None:
+    def host_left(self) -> None:
         """Carry out one slice of what the host had sent at once; a longer rest takes its turns.
 
         256 messages of 64 KiB are a minute of bus cycles, in which all other hosts would wait.
         """
-        if self.open and not self._detached.closed:
+        if self.open and not self._services.detached.closed:
             self._answering = False
             self._cut(b"".join((*self._rest, *self._messages.left())))
             if self._rest and not self.port.held:
-                super()._serve(self._rest.popleft())
-        super()._leave()
+                super().serve(self._rest.popleft())
+        super().host_left()
 
     def more(self) -> bool:
         """Whether the protocol has not been given all that the host had sent."""
         return bool(self._rest)
 
-    def _served(self) -> None:
+    def carried_out(self) -> None:
         """Go on with the rest of what the host had sent; the session ends behind it."""
         if self._rest:
-            self._loop.call_soon(self._go_on)
+            self._services.loop.call_soon(self._go_on)
         else:
-            super()._served()
+            super().carried_out()
 
-    def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
-        """End the session, and let the link say why."""
-        self._messages.reason = self._messages.reason or reason
-        super()._part(reason, end, hang_up)
-
-    def _send(self) -> None:
+    def send(self) -> None:
         """Keep what the message gave so far, for a host that is there."""
-        if not self._deaf:
+        if not self.deaf:
             self._collected += self.protocol.out
         self.protocol.out.clear()
 
-    def _push(self) -> None:
+    def push(self) -> None:
+        """Send bytes that answer no message."""
         data = self.protocol.take()
         self.sent += len(data)
         self._messages.push(data)

@@ -9,7 +9,7 @@ import socket
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from vbus.core.errors import PluginError, TransportError, listen_errors
+from vbus.core.errors import TransportError, import_errors, listen_errors
 from vbus.transports.base import Link
 from vbus.transports.sockets import TcpTransport
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 PATH: Final = "/metrics"
 PATIENCE_SECONDS: Final = 5.0
-"""How long a client may take to ask, or to take its answer."""
+"""How long a client may take to ask, or to take its answer: half of Prometheus's own timeout."""
 _LINES: Final = 100
-_MISSING: Final = "metrics need prometheus-client; install it with: pip install prometheus-client"
+"""Lines of a request that are read: no scraper sends as many."""
 
 
 class MetricsPort:
@@ -36,10 +36,8 @@ class MetricsPort:
     """
 
     def __init__(self, host: str, port: int, statistics: Callable[[], dict[str, Any]]) -> None:
-        try:
+        with import_errors("metrics need prometheus-client", "prometheus-client"):
             from prometheus_client import CollectorRegistry
-        except ImportError as error:
-            raise PluginError(_MISSING) from error
         self._host: str = f"[{host}]" if ":" in host else host
         self._transport: TcpTransport = TcpTransport(f"{host}:{port}", {})
         self._transport.remote = True  # where it is not meant, the address has been refused

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
 from vbus.core.errors import VbusError, write_errors
+from vbus.core.file_kinds import HEAD, not_replaced
 from vbus.transports.runtime import PLAIN, lock, locked
 
 LONGEST_COMMAND: Final = 120
@@ -32,13 +33,14 @@ class OutputFile:
     Args:
         path: the name.
         whole: whether it is a result; else it is a stream.
+        begins: how it will begin, if that is known: a journal replaces no other file.
 
     Raises:
         VbusError: the file cannot be written, or another process or another output of this one
-            writes it; says which.
+            writes it, or it is of another kind and would be lost; says which.
     """
 
-    def __init__(self, path: str | Path, whole: bool = True) -> None:
+    def __init__(self, path: str | Path, whole: bool = True, begins: bytes = b"") -> None:
         self.path: str = str(path)
         self._file: BinaryIO | None = None
         self._text: TextIO | None = None
@@ -53,6 +55,9 @@ class OutputFile:
             if self._place is not None and self._place.is_dir():
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         self._claim()
+        if self._place is not None and (refusal := not_replaced(_head(self._place), begins)):
+            self.close()
+            raise VbusError(f"{self.path}: {refusal}")
 
     def _claim(self) -> None:
         """Take the name."""
@@ -161,7 +166,7 @@ class OutputFile:
             self._file = None
 
     def close(self) -> None:
-        """Let the name go; the part of a result that was not kept is removed. May be repeated."""
+        """Let the name go; the part of a result that is not whole is removed. May be repeated."""
         if self._file is not None and self._place is not None:
             with suppress(OSError):
                 if self._whole:
@@ -175,9 +180,9 @@ class OutputFile:
 
 
 @contextmanager
-def output(path: str | Path, whole: bool = True) -> Iterator[OutputFile]:
+def output(path: str | Path, whole: bool = True, begins: bytes = b"") -> Iterator[OutputFile]:
     """Give an output file; a result takes its name at the end, unless there is an error."""
-    file = OutputFile(path, whole)
+    file = OutputFile(path, whole, begins)
     try:
         yield file
         file.keep()
@@ -189,13 +194,20 @@ def write_file(path: str | Path, data: bytes) -> None:
     """Write a file: it is there whole, or what was there before is.
 
     Raises:
-        VbusError: it cannot be written, or something else writes it.
+        VbusError: it cannot be written, as :class:`OutputFile` says.
     """
-    file = OutputFile(path)
+    file = OutputFile(path, begins=data[:HEAD])
     try:
         file.write(data)
     finally:
         file.close()
+
+
+def _head(place: Path) -> bytes:
+    """Return how a file begins, if it may be read."""
+    with suppress(OSError), place.open("rb") as there:
+        return there.read(HEAD)
+    return b""
 
 
 def _part(place: Path) -> Path:

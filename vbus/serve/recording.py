@@ -21,10 +21,15 @@ if TYPE_CHECKING:
     from vbus.views.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
-"""How long an entry of a journal may wait for company."""
+"""How long an entry of a journal may wait for company: what a killed process loses."""
 LARGEST: Final = 1 << 30
-"""Bytes of a journal copied at once."""
-ALONE: Final = "durable is what a journal survives, and none is kept; give its file as journal"
+"""Bytes of a journal copied at once; not measured."""
+ALONE: Final = "durable is what a journal survives, and none is written; give its file as journal"
+
+LACKING: Final = "not all is recorded"
+UNREPORTED: Final = (
+    "suppress accepts violations in a report, and none is written; give its file as report"
+)
 
 
 def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> "Wave":
@@ -103,10 +108,15 @@ class Recording:
         """
         if wanted.durable != "no" and not wanted.journal:
             raise OptionError(ALONE)
+        if wanted.suppress and not wanted.report:
+            raise OptionError(UNREPORTED)
         # Every file is opened before the first is emptied: a mistake in one costs no other.
         begin = []
         if wanted.journal:
-            begin.append(self._journal(self._output(wanted.journal, False), wanted.durable))
+            from vbus.record.format import MAGIC
+
+            opened = self._output(wanted.journal, False, MAGIC)
+            begin.append(self._journal(opened, wanted.durable))
         if wanted.report:
             self._begin_report(wanted.report, wanted.suppress)
         if wanted.coverage:
@@ -117,8 +127,8 @@ class Recording:
             one()
         self._opening = False
 
-    def _output(self, path: str, whole: bool) -> OutputFile:
-        file = OutputFile(path, whole)
+    def _output(self, path: str, whole: bool, begins: bytes = b"") -> OutputFile:
+        file = OutputFile(path, whole, begins)
         self._opened.callback(file.close)
         return file
 
@@ -222,10 +232,16 @@ class Recording:
         """
         if self.journal is None:
             no_journal(request)
+        from vbus.record.format import MAGIC
+
         board = self._board
         path = journal_path(board.name, board.now)
         ending = self.journal.ending()
-        with output(path) as copy, write_errors(path), open(self.about["file"], "rb") as journal:
+        with (
+            output(path, begins=MAGIC) as copy,
+            write_errors(path),
+            open(self.about["file"], "rb") as journal,
+        ):
             file = copy.begin()
             # Copied by the system: a journal of gigabytes does not go through this process.
             while os.sendfile(file.fileno(), journal.fileno(), None, LARGEST):
@@ -250,4 +266,4 @@ class Recording:
             VbusError: a file has not all it should have; says which, and why.
         """
         if self.failures:
-            raise VbusError(f"not all is recorded: {'; '.join(self.failures)}")
+            raise VbusError(f"{LACKING}: {'; '.join(self.failures)}")

@@ -13,16 +13,21 @@ from vbus.core.errors import NameInUseError, TransportError, VbusError
 from vbus.core.runtime import is_trusted, lock_of, lock_state, subdirectory
 from vbus.core.values.settings import suggestion
 from vbus.core.wall_clock import monotonic
+from vbus.serve.time.turns import Turns, process_behind
+from vbus.serve.time.watchdog_process import STARVED
 from vbus.transports.runtime import NameLock, socket_address, sweep
 
 ANSWER_SECONDS: Final = 2.0
-"""How long a running board may take to tell about itself."""
+"""How long a running board may take to tell about itself: far above the worst wake-up of a server
+on a crowded machine, 31 ms (docs/performance.md). A person waits as long for one that hangs."""
+TURN_SECONDS: Final = 0.1
+"""How often it is looked whether one that takes longer has no turn, on a busy machine."""
 LONGEST_ANSWER: Final = 1 << 28
-"""Bytes of an answer."""
+"""Bytes of an answer at most: a bound of memory."""
 HEAD_SIZE: Final = 4
 """Bytes of a message's length, which stands before it."""
 ORDER_SECONDS: Final = 60.0
-"""How long it may take to carry out an order."""
+"""How long it may take to carry out an order: a step to a condition may compute for long."""
 _OWNED: Final[Counter[Path]] = Counter()
 """How often this process has entered :func:`own_board`, by the name's path."""
 
@@ -103,13 +108,24 @@ def _exchange(path: Path, do: str, seconds: float, **values: Any) -> Any:
     if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
         raise ValueError("it is no socket, or one that others have made or may write to")
     deadline = monotonic() + seconds
+    latest = deadline + STARVED
     data, size = bytearray(), HEAD_SIZE
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(seconds)
         with socket_address(path) as address:
             link.connect(address)
+        turns = Turns(process_behind(link)[0])
         link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
-        while len(data) < size and (chunk := link.recv(1 << 20)):
+        while len(data) < size:
+            try:
+                chunk = link.recv(1 << 20)
+            except TimeoutError:
+                if monotonic() > latest or not turns.lacking():
+                    raise
+                link.settimeout(TURN_SECONDS)
+                continue
+            if not chunk:
+                break
             data += chunk
             if len(data) >= HEAD_SIZE:
                 size = HEAD_SIZE + int.from_bytes(data[:HEAD_SIZE], "little")
@@ -151,14 +167,9 @@ def answers(board: str) -> bool:
     try:
         ask(socket_path(board))
     except TransportError:
-        return _all_nodes_answer(board)
+        here = nodes_of(board)  # of a machine, every node answers
+        return bool(here) and not missing_of(here)
     return True
-
-
-def _all_nodes_answer(board: str) -> bool:
-    """Tell whether every node of a board of this name answers."""
-    here = nodes_of(board)
-    return bool(here) and not missing_of(here)
 
 
 def nodes_of(machine: str) -> dict[str, dict[str, Any]]:
@@ -196,7 +207,8 @@ def not_there(board: str, does: str, error: Exception | None = None) -> str:
     is_file = f"; {board} is a file" if path.is_file() else ""
     # A journal or a board file that is not there: its name was meant, not that of a board.
     no_file = f"there is no file {board}, and " if path.suffix and not is_file else ""
-    hint = suggestion(board, [found.stem for found in boards_directory().glob("*.sock")])
+    others = {found.stem for found in boards_directory().glob("*.sock")} - {board}
+    hint = suggestion(board, sorted(others))
     return (
         f'{no_file}no board called "{board}" {does}{reason}{is_file}; {hint}"vbus ls" shows which'
         ' run, "vbus run FILE" starts one'

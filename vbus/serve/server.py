@@ -1,4 +1,4 @@
-"""All hosts of one board: listening, serving, telling about itself, stopping."""
+"""All hosts of one board: listening, services, telling about itself, stopping."""
 
 import asyncio
 import logging
@@ -19,7 +19,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.serial_line import BREAK, DTR, RTS, ModemPins, SerialLine, frame_ps
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.fast_path import SpinTurn
-from vbus.serve.host_entry import HostEntry, sessions_of
+from vbus.serve.host_entry import HostEntry
 from vbus.serve.host_entry import LinkSpec as LinkSpec
 from vbus.serve.local_socket import Connection, Control, LocalSocket
 from vbus.serve.loop import done_before, first_of, run_until_signal
@@ -29,7 +29,7 @@ from vbus.serve.orders.fault_orders import FaultOrders
 from vbus.serve.orders.snapshots import snapshot_orders
 from vbus.serve.recording import Recording, no_journal
 from vbus.serve.registry import own_board, runs_already, socket_path
-from vbus.serve.session import Serving, Session
+from vbus.serve.session import Services, Session
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import RUNNING, Steps
@@ -72,9 +72,10 @@ def _numbers(board: Board, port: HostBus, pins: Iterable[str]) -> Iterable[int]:
 
 
 PATIENCE_SECONDS: Final = 5.0
-"""How long a board that is to stop carries out what hosts that have gone had sent (wall time)."""
+"""How long a board that is to stop carries out what hosts that have gone had sent (wall time);
+not measured."""
 REAL_SECONDS: Final = 0.001
-"""How often it looks whether that is done, in real time."""
+"""How often it looks whether that is done, in real time; not measured."""
 
 
 class Server:
@@ -92,7 +93,7 @@ class Server:
             :class:`~vbus.serve.recording.Recording`.
 
     Raises:
-        PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
+        PluginError: a transport or protocol is broken, or prometheus-client is missing.
     """
 
     def __init__(
@@ -148,7 +149,8 @@ class Server:
 
     def sessions(self) -> Iterator[Session]:
         """Give every session that is open, host by host."""
-        return sessions_of(self.hosts)
+        for host in self.hosts:
+            yield from host.sessions
 
     @property
     def urls(self) -> list[str]:
@@ -233,15 +235,15 @@ class Server:
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
         self._closing.callback(host.close, "the board stops")
-        serving = Serving(
+        services = Services(
             loop, self.pacer, self._turns, self.round_trips, disconnects, self.detached,
             host.ended, self._settle,
         )  # fmt: skip
-        connect = partial(self._connect, host, serving)
+        connect = partial(self._connect, host, services)
         admit = partial(self.detached.admit, begin=connect)
         host.open(loop, board.name, self._report, admit)
 
-    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
+    def _connect(self, host: HostEntry, services: Services, link: Link) -> None:
         """Begin the session of a host that has connected."""
         host.served += 1
         spec = host.spec
@@ -255,7 +257,7 @@ class Server:
         port = self.board.open_port(host.label, chips or None, spec.cycle_ps, card, pin_map)
         wire = host.wire(port)
         line = on_line(spec.line, self.board, port, wire)
-        session = kind(serving, link, port, line or wire)
+        session = kind(services, link, port, line or wire)
         # What is said unasked takes its time on a line, too.
         port.on_events = session.resume_soon if line else session.events_soon
         host.sessions.append(session)

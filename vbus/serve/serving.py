@@ -15,7 +15,7 @@ from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
-from vbus.core.errors import ConfigError, OptionError, read_errors
+from vbus.core.errors import ConfigError, OptionError, content, value_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.serve.loop import tell_ready
@@ -38,11 +38,6 @@ def link_of(file: BoardFile, host: HostSection, transport: str, protocol: str) -
         transport, protocol, list(host.chips), host.cycle, card_of(file, host),
         pin_map_of(file, host.pinmap), network_of(file.zenoh), host.remote, host,
     )  # fmt: skip
-
-
-def _content(path: str) -> bytes:
-    with read_errors(path):
-        return Path(path).read_bytes()
 
 
 def network_of(zenoh: ZenohSection) -> Network:
@@ -129,10 +124,8 @@ def metrics_of(file: BoardFile) -> tuple[str, int] | None:
         OptionError: that is no address; what the file itself says has been checked.
     """
     counted = file.metrics
-    try:
+    with value_errors(OptionError, "--metrics: "):
         return metrics_address(counted.listen, counted.remote) if counted.listen else None
-    except ValueError as error:
-        raise OptionError(f"--metrics: {error}") from None
 
 
 def serve_read(
@@ -160,12 +153,11 @@ def serve_read(
     if snapshot:
         if file.record.journal:
             raise OptionError(
-                "a journal begins at power-on: it cannot be kept of a run that goes on from a"
-                " snapshot"
+                "a journal begins at power-on: there is none of a run that goes on from a snapshot"
             )
         from vbus.board.snapshot import read
 
-        load_into(board, read(_content(snapshot), snapshot))
+        load_into(board, read(content(snapshot), snapshot))
     recording = Recording(board, source.text, file.path, report or log.warning)
 
     async def begin(server: Server) -> None:

@@ -14,8 +14,8 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller, by_claim, report_half
 from vbus.serve.fast_path import LATE_NS, SpinPolicy, SpinTurn
+from vbus.serve.time.pacer import TimeSource
 from vbus.serve.time.statistics import Histogram
-from vbus.serve.time.time_source import TimeSource
 from vbus.transports import states
 from vbus.transports.base import Link, LinkFilter
 from vbus.transports.states import SESSION
@@ -25,16 +25,18 @@ READ_SIZE: Final = 448
 Python has memory for so many at hand; for more than 479 it asks the C library, which takes longer
 than many a bus cycle."""
 BURST: Final = 8
-"""Messages served in a row before other sessions have their turn."""
+"""Messages served in a row before other sessions have their turn; not measured."""
 MOST_EVENTS: Final = 1 << 20
-"""Unsent bytes beyond which a host that asked for events and does not read them is hung up on."""
+"""Unsent bytes beyond which a host that asked for events and does not read them is hung up on.
+A bound of memory."""
 MOST_PENDING: Final = 65536
-"""Unsent bytes beyond which a host that does not read is not read from either."""
+"""Unsent bytes beyond which a host that does not read is not read from either. A bound of
+memory."""
 
 log = logging.getLogger("vbus")
 
 
-class Serving(NamedTuple):
+class Services(NamedTuple):
     """What serves the sessions of one host entry.
 
     Attributes:
@@ -65,8 +67,12 @@ class Session:
     No task, queue or future stands between a byte and its answer. What it does besides, it does by
     :data:`~vbus.transports.states.SESSION`: an event leads to the next state.
 
+    Sessions whose links differ override how bytes come and go (:meth:`take`, :meth:`send`,
+    :meth:`push`, :meth:`all_sent`), and how hosts go (:meth:`stays`, :meth:`host_left`,
+    :meth:`depart`, :meth:`carried_out`).
+
     Args:
-        serving: what serves it.
+        services: what serves it.
         link: where the bytes come from and go.
         port: the host's hold on the board.
         protocol: the wire format, on that port.
@@ -74,64 +80,66 @@ class Session:
     Attributes:
         state: where it stands.
         open: whether it has its link.
+        pending: what the host has not taken yet.
+        deaf: whether the host hears no more, and nothing is sent.
     """
 
-    def __init__(self, serving: Serving, link: Link, port: HostPort, protocol: Protocol) -> None:
+    def __init__(self, services: Services, link: Link, port: HostPort, protocol: Protocol) -> None:
         self.link: Link = link
         self.port: HostPort = port
         self.protocol: Protocol = protocol
         self.received: int = 0
         self.sent: int = 0
         self._fd: int = link.fd
-        self._loop: asyncio.AbstractEventLoop = serving.loop
+        self._loop: asyncio.AbstractEventLoop = services.loop
         self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
-            serving.loop, "add_direct_reader", serving.loop.add_reader
+            services.loop, "add_direct_reader", services.loop.add_reader
         )
-        self._pacer: TimeSource = serving.pacer
-        self._turns: SpinTurn = serving.turns
-        self._give_way: Callable[[], object] = serving.turns.give_way
-        self._on_end: Callable[[Session], None] = serving.on_end
-        self._settle: Callable[[], bool] | None = serving.settle
-        self._clock: Callable[[], int] = serving.pacer.clock
-        self._round_trips: Histogram = serving.round_trips
+        self._pacer: TimeSource = services.pacer
+        self._turns: SpinTurn = services.turns
+        self._give_way: Callable[[], object] = services.turns.give_way
+        self._on_end: Callable[[Session], None] = services.on_end
+        self._settle: Callable[[], bool] | None = services.settle
+        self._clock: Callable[[], int] = services.pacer.clock
+        self._round_trips: Histogram = services.round_trips
         self._read: Callable[[int, int], bytes] = link.read
         self._write_some: Callable[[int, bytearray], int] = link.write
-        self._pending: bytearray = bytearray()
+        self.pending: bytearray = bytearray()
         self.state: str = states.NEW
         self.open: bool = True
         self._reading: bool = False
         self._waiting: int = 0
-        self._disconnects: DisconnectPoller = serving.disconnects
-        self._detached: DetachedWaits = serving.detached
+        self._disconnects: DisconnectPoller = services.disconnects
+        self._detached: DetachedWaits = services.detached
         self._flush_scheduled: bool = False
         self._patience: SpinPolicy = SpinPolicy()
         self._began: int = 0
         self._ended: int = 0
-        self._deaf: bool = False
+        self.deaf: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
 
     def begin(self) -> None:
         """Serve the link from now on."""
-        self.link.on_data = self._take
+        self.link.on_data = self.take
         self.link.on_end = self._host_gone
         self.port.on_resume = self.resume_soon
-        self._move(states.BEGIN)
+        self.move(states.BEGIN)
 
     # -- states -------------------------------------------------------------------------------
 
-    def _move(self, event: str) -> None:
+    def move(self, event: str) -> None:
         """Go on to the state after an event."""
         before = self.state
         state = self.state = SESSION.after(before, event, self.link.peer)
         if state != before:
             self._reading = state == states.READING
-            self._deaf = state in (states.LEAVING, states.DEPARTED)
+            self.deaf = state in (states.LEAVING, states.DEPARTED)
             self.open = state not in (states.DEPARTED, states.CLOSED)
             self._attend(before == states.READING, state in states.UNREAD)
 
     def _attend(self, read: bool, watch: bool) -> None:
-        """Read the link, or watch for its end, as the state has it.
+        """Read the link, or watch for its end, as the state has it; without a descriptor it tells.
 
         While nothing is read, a host that goes is noticed: others may wait for its claim. The bytes
         it has sent stay where they are. A half-closed link is no end: the host may still read its
@@ -141,6 +149,8 @@ class Session:
             read: whether it was read until now.
             watch: whether its end is watched for.
         """
+        if self._fd < 0:
+            return
         if read:
             self._loop.remove_reader(self._fd)
         if watch:
@@ -153,17 +163,17 @@ class Session:
     @property
     def _blocked(self) -> bool:
         """Whether nothing is to be read, though no request waits."""
-        return self._stopped_reading > 0 or len(self._pending) > MOST_PENDING
+        return self._stopped_reading > 0 or len(self.pending) > MOST_PENDING
 
     def _block(self) -> None:
         """Read nothing if that is to be so, and no request waits."""
         if self._reading and self._blocked:
-            self._move(states.FULL)
+            self.move(states.FULL)
 
     def _unblock(self) -> None:
         """Read again if that may be."""
         if self.state == states.PAUSED and not self._blocked:
-            self._move(states.ROOM)
+            self.move(states.ROOM)
 
     # -- reading ------------------------------------------------------------------------------
 
@@ -197,7 +207,7 @@ class Session:
                 return
             self.received += len(data)
             ended = self._ended
-            self._serve(data)
+            self.serve(data)
             # The time between the two messages went to other processes, in sched_yield.
             if served and self._began - ended > LATE_NS:
                 self._patience.lose()
@@ -213,15 +223,20 @@ class Session:
 
     def _finish(self) -> None:
         """The host will send no more, but may still read what it asked for."""
-        self._move(states.FINISH)
-        if not self._pending:
-            self._leave()
+        self.move(states.FINISH)
+        if not self.stays():
+            self.host_left()
 
-    def _take(self, data: bytes) -> None:
+    def stays(self) -> bool:
+        """Whether a host that sends no more has not taken all its answers."""
+        return bool(self.pending)
+
+    def take(self, data: bytes) -> None:
+        """Take what the transport has read."""
         self.received += len(data)
-        self._serve(data)
+        self.serve(data)
 
-    def _serve(self, data: bytes) -> None:
+    def serve(self, data: bytes) -> None:
         """Carry out what ``data`` asks for; without data, go on after a wait."""
         protocol = self.protocol
         began = self._began = self._clock()
@@ -235,13 +250,13 @@ class Session:
             self._broken()
             return
         # A durable journal holds what was done before the host learns of it.
-        if protocol.out and (self._settle is None or self._settled()):
-            self._send()
+        if protocol.out and (self._settle is None or self.settled()):
+            self.send()
         if self.port.held:
             self._wait()
             if self._pacer.halted:
                 self.tell_pause(True)
-        self._pacer.touched()
+        self._pacer.served()
         self._ended = self._clock()
         if data:
             self._round_trips.note(self._ended - began)
@@ -260,7 +275,7 @@ class Session:
         if self.state in (states.LEAVING, states.CLOSED):
             return  # the rest of what the host had sent is read first
         if self.state != states.DRAINING:  # nothing is read
-            self._move(states.HOLD)
+            self.move(states.HOLD)
         self._wake_in_time()
 
     def _wake_in_time(self) -> None:
@@ -303,19 +318,19 @@ class Session:
         if self._pacer.halted:
             self.hold()
         elif self.port.go_on():
-            self._serve(b"")
+            self.serve(b"")
             if self.state == states.HELD and not self.port.held:
-                self._move(states.GO_ON)
+                self.move(states.GO_ON)
                 self._block()
             elif self.state == states.DEPARTED and not self.port.held:
-                self._served()
+                self.carried_out()
         elif self.state == states.DEPARTED and self._detached.gives_up(self.port):
             self.give_up("another host waits to be let in")
         else:
             self._wait()
 
     def hold(self) -> None:
-        """Time stands still: what the host asks for from here on is kept until it runs again."""
+        """Time stands still: what the host asks for from here on is held until it runs again."""
         port = self.port
         if not port.held:
             port.held = True
@@ -350,31 +365,32 @@ class Session:
             except Exception:
                 self._broken()
                 return
-            if self.protocol.out and self._settled():
-                self._push()
+            if self.protocol.out and self.settled():
+                self.push()
 
-    def _push(self) -> None:
+    def push(self) -> None:
         """Send bytes that answer no request."""
-        self._send()
-        if len(self._pending) > MOST_EVENTS:
+        self.send()
+        if len(self.pending) > MOST_EVENTS:
             log.warning(
                 "%s: %d bytes of events wait for a host that does not read them; its session ends",
-                self.link.peer, len(self._pending),
+                self.link.peer, len(self.pending),
             )  # fmt: skip
             self.end("does not read its events", True)
 
     # -- writing ------------------------------------------------------------------------------
 
-    def _settled(self) -> bool:
+    def settled(self) -> bool:
         """Whether what is about to be answered may be; else the session ends."""
-        if self._settle is None or self._deaf or self._settle():
+        if self._settle is None or self.deaf or self._settle():
             return True
         self.end("the journal takes no more, and what it does not hold is not answered", True)
         return False
 
-    def _send(self) -> None:
+    def send(self) -> None:
+        """Send what the protocol has for the host."""
         out = self.protocol.out
-        if self._deaf:
+        if self.deaf:
             out.clear()
             return
         # A copy: a fault of one answer takes itself out while it passes.
@@ -382,14 +398,14 @@ class Session:
             one(out)
             if not out:
                 return
-        if not self._pending:
+        if not self.pending:
             sent = self._write(out)
             if sent == len(out):
                 out.clear()
                 return
             del out[:sent]
             self._loop.add_writer(self._fd, self._writable)
-        self._pending += out
+        self.pending += out
         out.clear()
         self._block()
 
@@ -400,8 +416,8 @@ class Session:
         except BlockingIOError:
             return 0
         except OSError:
-            if not self._deaf:
-                self._move(states.GONE)
+            if not self.deaf:
+                self.move(states.GONE)
                 self._loop.call_soon(self.hung_up)
             # As if all were sent: nothing is stored for a host that has gone.
             return len(data)
@@ -409,17 +425,17 @@ class Session:
         return sent
 
     def _writable(self) -> None:
-        sent = self._write(self._pending)
-        del self._pending[:sent]
-        if not self._pending:
+        sent = self._write(self.pending)
+        del self.pending[:sent]
+        if not self.pending:
             self._loop.remove_writer(self._fd)
-            self._all_sent()
+            self.all_sent()
         self._unblock()
 
-    def _all_sent(self) -> None:
+    def all_sent(self) -> None:
         """The host has taken all there is."""
         if self.state == states.DRAINING:
-            self._leave()
+            self.host_left()
 
     # -- what may be wrong with the link ------------------------------------------------------
 
@@ -427,12 +443,12 @@ class Session:
         """Let ``link_filter`` change what is sent from now on, after those that are there."""
         self._filters.append(link_filter)
 
-    def remove_filter(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
-        """Take a filter out again; what it has ``kept`` is sent now, before anything else."""
+    def remove_filter(self, link_filter: LinkFilter, held_back: bytes = b"") -> None:
+        """Take a filter out again; what it has ``held_back`` is sent now, before anything else."""
         self._filters.remove(link_filter)
-        if kept and self.open:
-            self.protocol.out[:0] = kept
-            self._send()
+        if held_back and self.open:
+            self.protocol.out[:0] = held_back
+            self.send()
 
     def stop_reading(self) -> None:
         """Read nothing any more; a host that goes is noticed all the same."""
@@ -451,7 +467,7 @@ class Session:
         if not self.open:
             return
         if self.state != states.LEAVING:
-            self._move(states.GONE)
+            self.move(states.GONE)
         reset = False
         while carry_out and self.state == states.LEAVING:
             try:
@@ -463,13 +479,13 @@ class Session:
                 continue
             if not data:
                 break
-            self._take(data)
+            self.take(data)
         if self.open and self._pacer.halted:
             log.warning(
                 "%s: a host has gone while the board was paused; if it gave up waiting, the pause"
                 " is the cause", self.link.peer,
             )  # fmt: skip
-        self._leave()
+        self.host_left()
 
     def hang_up_soon(self, reason: str) -> None:
         """End session and link when what is done now is done; the host notices it."""
@@ -488,46 +504,47 @@ class Session:
             event = states.DONE if self.state == states.LEAVING else states.END
             self._part(reason, partial(self._close, event), hang_up)
 
-    def _leave(self) -> None:
+    def host_left(self) -> None:
         """The host has gone, and what it had sent is read; what waits is carried out later."""
         if self.open:
             if self.state != states.LEAVING:
-                self._move(states.GONE)
-            self._part("closed by the host", self._depart)
+                self.move(states.GONE)
+            self._part("closed by the host", self.depart)
 
     def _part(self, reason: str, end: Callable[[], None], hang_up: bool = False) -> None:
         """End the link, after what is done with what the host has asked for."""
         log.debug("%s: %s", self.link.peer, reason)
         self._pacer.forget(self.resume)
         self._waiting = 0
-        if self._pending:
+        if self.pending:
             self._loop.remove_writer(self._fd)
         link = self.link
+        link.reason = link.reason or reason
         for step in (end, link.hang_up if hang_up else link.close, partial(self._on_end, self)):
             try:
                 step()
             except Exception:  # the next host shall find nothing of this one
                 log.exception("internal error while the session of %s ended", link.peer)
 
-    def _depart(self) -> None:
+    def depart(self) -> None:
         """Carry out what the host waits for, if that is to be; see :class:`DetachedWaits`."""
         why = self._detached.take(self)
         if why is None:
             self._close(states.DONE)
             return
-        self._move(states.HOLD)
+        self.move(states.HOLD)
         if why:
             self.give_up(why)
         elif self.port.held:
             self._wake_in_time()
         else:
-            self._served()
+            self.carried_out()
 
     def more(self) -> bool:
         """Whether the protocol has not been given all that the host had sent."""
         return False
 
-    def _served(self) -> None:
+    def carried_out(self) -> None:
         """What a host that has gone had sent is carried out: the session is over."""
         report_half(self.link.peer, self.protocol)
         self._close(states.DONE)
@@ -548,7 +565,7 @@ class Session:
     def _close(self, event: str) -> None:
         """Let go of everything."""
         departed = self.state == states.DEPARTED
-        self._move(event)
+        self.move(event)
         self._pacer.forget(self.resume)
         for step in (self.protocol.reset, self.port.close):
             try:

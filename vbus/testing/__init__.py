@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vbus.serve.in_process import connect_in_process as connect_in_process
+    from vbus.testing.checks import Nonconformance as Nonconformance
     from vbus.testing.checks.chip_checks import check_chip as check_chip
-    from vbus.testing.checks.finding import Nonconformance as Nonconformance
     from vbus.testing.checks.plant_checks import check_plant as check_plant
     from vbus.testing.checks.wire_checks import check_protocol as check_protocol
     from vbus.testing.checks.wire_checks import check_transport as check_transport
 
 _HOMES = {
-    "Nonconformance": "vbus.testing.checks.finding",
+    "Nonconformance": "vbus.testing.checks",
     "check_chip": "vbus.testing.checks.chip_checks",
     "check_plant": "vbus.testing.checks.plant_checks",
     "check_protocol": "vbus.testing.checks.wire_checks",
@@ -24,14 +24,7 @@ _HOMES = {
     "connect_in_process": "vbus.serve.in_process",
 }
 
-__all__ = [
-    "Nonconformance",
-    "check_chip",
-    "check_plant",
-    "check_protocol",
-    "check_transport",
-    "connect_in_process",
-]
+__all__ = [*_HOMES]
 
 
 def __getattr__(name: str) -> object:

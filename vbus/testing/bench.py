@@ -20,19 +20,18 @@ from vbus.campaign.world import REFERENCE, arm
 from vbus.core.errors import ConfigError, VbusError
 from vbus.core.runtime import private_runtime
 from vbus.core.signals import Violation
+from vbus.core.values.settings import among
 from vbus.protocols.quantities import format_instant
 from vbus.serve.in_process import connect_in_process
 from vbus.serve.output_file import write_file
 from vbus.serve.serving import link_of
-from vbus.testing.boards import board_text, default_part, for_test, of_parts, typical_part
-from vbus.testing.checks.around_chip import ChipBench
+from vbus.testing.boards import Variant, board_text, default_part, for_test, of_parts, typical_part
+from vbus.testing.checks.around_chip import ChipBench, out_of_reset
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, NEAR, POLLING, UNBOUNDED, Limits, budget_of, tolerance_of
+from vbus.testing.limits import BUDGET, POLLING, UNBOUNDED, Limits
 from vbus.testing.serving import ServedBoard
 from vbus.testing.tested_board import TestedBoard
-from vbus.testing.variant import Variant
-from vbus.views.runs.difference import Tolerance
 
 if TYPE_CHECKING:
     from vbus.testing.machine import TestedMachine
@@ -56,6 +55,11 @@ class FailureReport:
     lines: list[str] = field(default_factory=list)
     properties: list[tuple[str, str]] = field(default_factory=list)
 
+    def tell(self, name: str, value: object) -> None:
+        """Tell something in a line that begins with its name, and as a property of that name."""
+        self.lines.append(f"{name + ':':<8} {value}")
+        self.properties.append((f"vbus.{name}", str(value)))
+
 
 @dataclass(eq=False)
 class Bench:
@@ -69,10 +73,8 @@ class Bench:
         seed: for boards that say nothing else; None keeps the board file's.
         strict: whether a cycle that breaks a datasheet is lost, where a test says nothing else.
         waves: ``"never"``, ``"on-failure"`` or ``"always"``.
-        judge: which violations fail a test that says nothing else.
-        budget: what a test may take that says nothing else.
+        judge: what a test is judged by that says nothing else.
         covered: whether what its hosts exercise is counted.
-        tolerance: how far from its golden the run of a test may be that says nothing else.
         variant: which one of a matrix the test is.
         scope: whether a test that fails leaves a page for a browser.
         chips: how the part numbers begin whose fixtures the test takes: they are on its board if
@@ -91,9 +93,7 @@ class Bench:
     strict: bool = False
     waves: str = "never"
     judge: Judge = _USUAL
-    budget: Limits = BUDGET
     covered: bool = False
-    tolerance: Tolerance = NEAR
     variant: Variant = _NO_VARIANT
     scope: bool = True
     chips: Sequence[str] = ()
@@ -101,8 +101,6 @@ class Bench:
 
     def __post_init__(self) -> None:
         keywords = self.keywords
-        self.budget = budget_of("vbus", keywords.get("budget", {}), self.budget)
-        self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), self.tolerance)
         self.judge = self.judge.configured("vbus", keywords)
         of_test = ("budget", "golden", *CHOICES)
         self.keywords = {key: value for key, value in keywords.items() if key not in of_test}
@@ -119,14 +117,15 @@ class Bench:
 
     def limit(self, chip_time: int, cycles: int) -> None:
         """Let the test take no more chip time (ps) and bus cycles than this."""
-        budget = self.budget
-        self.budget = replace(
+        budget = self.judge.budget
+        budget = replace(
             budget,
             chip_time=min(budget.chip_time, chip_time),
             cycles=min(budget.cycles, cycles),
             # In a campaign a hang is judged by chip time: no verdict may depend on wall time.
             polling=float("inf"),
         )
+        self.judge = replace(self.judge, budget=budget)
 
     # -- boards -------------------------------------------------------------------------------
 
@@ -152,10 +151,15 @@ class Bench:
             )
         built = build(file, source)
         built.run_for(variant.world.ahead)
-        made = TestedBoard(built, file, source, strict, budget, self.covered)
+        made = TestedBoard(
+            built, file, source, strict, budget, self.covered, recorded=not self.witnessed
+        )
         if self.witnessed and self._main is None:
             made.witness = Witness(built, variant.world == REFERENCE)
-        arm(built, variant.world)
+        try:
+            arm(built, variant.world)
+        except ValueError as error:
+            raise VbusError(f"{variant.world}: {error}") from None
         return self._take(made)
 
     def _take(self, made: TestedBoard) -> TestedBoard:
@@ -177,7 +181,7 @@ class Bench:
         strict = bool(given.get("strict", self.strict))
         seed = given.get("seed", self.seed) if variant.seed is None else variant.seed
         file, source = variant.in_world(*for_test(text, name, seed, rate, strict))
-        budget = self.budget
+        budget = self.judge.budget
         if rate is not None:  # chip time passes by itself
             chip_time = UNBOUNDED if budget.chip_time == BUDGET.chip_time else budget.chip_time
             polling = POLLING if budget.polling == BUDGET.polling else budget.polling
@@ -251,7 +255,7 @@ class Bench:
                 f'board "{board.name}" has no {part} or kin; it has {have}. A test that names no'
                 " board gets one with the chips of all fixtures among its arguments"
             )
-        board.run_until(max(board.now, chip.ready_at() + self.variant.world.ahead))
+        board.run_until(max(board.now, out_of_reset(chip, tested.file) + self.variant.world.ahead))
         bus = connect_in_process(board, chips=(chip.name,) if self.of_chips else ())
         return ChipBench.of(board, chip, bus, tested.clock)
 
@@ -369,9 +373,17 @@ class Bench:
             lines += self._broken(tested, (0, 0))
         return lines
 
-    def late_complaints(self) -> list[str]:
-        """Return which violations there were since :meth:`relent`."""
-        return [line for tested in self.boards for line in self._broken(tested, tested.before_end)]
+    def late_complaints(self, passed: bool) -> list[str]:
+        """Return which violations there were since :meth:`relent`.
+
+        Of a test that has passed, what its hosts have left counts, too.
+        """
+        lines = []
+        for tested in self.boards:
+            lines += self._broken(tested, tested.before_end)
+            if passed and (tested.strict or self.judge.violations == FAIL):
+                lines += by_rule(self._left(tested).failing)
+        return lines
 
     def _broken(self, tested: TestedBoard, before: tuple[int, int]) -> list[str]:
         """Return the violations that fail a test, but for as many as were there before."""
@@ -391,7 +403,7 @@ class Bench:
         watch = tested.watch
         new = watch.violations[tested.sorted :]
         tested.sorted += len(new)
-        tested.judged.add(self.judge.sort(new, watch.faulted))
+        self.judge.sort(new, watch.faulted, tested.judged)
         return tested.judged
 
     @property
@@ -408,8 +420,7 @@ class Bench:
             again = f"pytest {shlex.quote(self.name)}"
             again += "" if self.seed is None else f" --vbus-seed={self.seed}"
             again += " --vbus-strict" if self.strict else ""
-            self._failure.lines.append(f"again:   {again}")
-            self._failure.properties.append(("vbus.again", again))
+            self._failure.tell("again", again)
         return self._failure
 
     def _report(self, tested: TestedBoard, report: FailureReport) -> None:
@@ -418,9 +429,7 @@ class Bench:
         lines = tested.call(lambda: tested.watch.lines)
         journal = self._keep(tested, "vbj", tested.journal())
         if self.variant.world != REFERENCE and tested is self._main:
-            report.lines.append(f"under:   {self.variant.world.sentence()}")
-            report.properties.append(("vbus.under", self.variant.world.sentence()))
-        replay = f"vbus replay {shlex.quote(str(journal))}"
+            report.tell("under", self.variant.world.sentence())
         report.lines += [
             f'board "{board.name}" at {format_instant(board.now)}, seed {board.seed},'
             f" {board.policy}; {tested.watch.cycles} bus cycles",
@@ -429,12 +438,10 @@ class Bench:
             *_axes(tested),
         ]
         report.lines += ["faults:", *(f"    {armed}" for armed in faults)] if faults else []
-        report.lines += [f"journal: {journal}", f"replay:  {replay}"]
+        report.properties += [("vbus.board", board.name), ("vbus.seed", str(board.seed))]
+        report.tell("journal", journal)
+        report.tell("replay", f"vbus replay {shlex.quote(str(journal))}")
         report.properties += [
-            ("vbus.board", board.name),
-            ("vbus.seed", str(board.seed)),
-            ("vbus.journal", str(journal)),
-            ("vbus.replay", replay),
             ("vbus.transcript", "\n".join(lines)),
             ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in tested.watch.violations)),
             ("vbus.faults", "\n".join(str(armed) for armed in faults)),
@@ -443,23 +450,19 @@ class Bench:
             self._keep_page(tested, report)
         wave = tested.wave()
         if wave:
-            path = self._keep(tested, "vcd", wave.encode())
-            report.lines.append(f"wave:    {path}")
-            report.properties.append(("vbus.wave", str(path)))
+            report.tell("wave", self._keep(tested, "vcd", wave.encode()))
 
     def _keep_page(self, tested: TestedBoard, report: FailureReport) -> None:
         try:
-            page = self._keep(tested, "html", tested.page())
+            report.tell("scope", self._keep(tested, "html", tested.page()))
         except Exception as error:  # the journal tells more than what stops it from being played
             report.lines.append(f"scope:   no page: {type(error).__name__}: {error}")
-            return
-        report.lines.append(f"scope:   {page}")
-        report.properties.append(("vbus.views.scope", str(page)))
 
     def _violations(self, tested: TestedBoard) -> Iterator[str]:
         judged = self.judged(tested)
-        yield f"violations: {len(judged.failing) or 'none'}"
-        yield from (f"    {line}" for line in by_rule(judged.failing))
+        failing = [*judged.failing, *self._left(tested).failing]
+        yield f"violations: {len(failing) or 'none'}"
+        yield from (f"    {line}" for line in by_rule(failing))
         yield from (f"    {line}" for line in tested.board.hints(judged.failing))
         by_strobe = [missed_byte(chip, *rest) for chip, rest in tested.board.missed.items()]
         yield from (f"missed: {line}" for line in dict.fromkeys([*tested.missed, *by_strobe]))
@@ -476,8 +479,13 @@ class Bench:
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
 
+    def _left(self, tested: TestedBoard) -> Judged:
+        judged = Judged()
+        self.judge.sort(tested.call(tested.board.left_over), tested.watch.faulted, judged)
+        return judged
+
     def _notes(self, tested: TestedBoard) -> list[Violation]:
-        return [*self.judged(tested).notes, *tested.call(tested.board.left_over)]
+        return [*self.judged(tested).notes, *self._left(tested).notes]
 
     def notes(self) -> list[tuple[str, str]]:
         """Return each rule that is noted, and what it says first: of a test that has passed."""
@@ -502,5 +510,5 @@ def _axes(tested: TestedBoard) -> list[str]:
 def _check_keywords(keywords: Iterable[str], also: Iterable[str] = ()) -> None:
     for key in keywords:
         if key not in KEYWORDS:
-            allowed = ", ".join((*KEYWORDS, *also))
-            raise ConfigError(f"vbus: unknown keyword {key!r}; allowed are {allowed}")
+            allowed = among(key, (*KEYWORDS, *also), "allowed are")
+            raise ConfigError(f"vbus: unknown keyword {key!r}; {allowed}")

@@ -1,13 +1,15 @@
 """Board files as tests want them: found, put together from a part number, and adapted."""
 
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from vbus import plugins
 from vbus.board.config import read_board_text
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.campaign.world import with_keys
+from vbus.campaign.world import REFERENCE, World, of_world, with_keys
 from vbus.chips.family import Family
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import Clock, Kernel
@@ -39,7 +41,7 @@ def of_parts(parts: Sequence[str], plant: str = "", clock: str = "") -> str:
         clock: frequency at CLK; "" for the usual one.
 
     Raises:
-        PluginError: no such part.
+        ConfigError: no such part.
     """
     text = f'[board]\nname = "{"-".join(parts).lower()}"\n'
     for number, part in enumerate(parts):
@@ -81,8 +83,7 @@ def board_text(
         clock: with a part number: the clock.
 
     Raises:
-        ConfigError: there is no such file.
-        PluginError: there is no such part.
+        ConfigError: there is no such file or part.
     """
     named = str(board)
     if "\n" in named:
@@ -124,3 +125,54 @@ def for_test(
     if strict:
         changed = with_keys(changed, "violations", {"default": '"strict"'})
     return (file, source) if changed == text else read_board_text(changed, name)
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What is otherwise on the board of a test, in this variant of it.
+
+    Attributes:
+        part: part number of the chips; "" for those of the test.
+        clock: frequency at CLK; "" for that of the test.
+        time: time policy; "" for that of the test.
+        seed: of the board; None for that of the test.
+        hostile: how many specimens are tried.
+        world: what else is otherwise.
+    """
+
+    part: str = ""
+    clock: str = ""
+    time: str = ""
+    seed: int | None = None
+    hostile: int = 0
+    world: World = REFERENCE
+
+    def of_board(self, text: str, name: str) -> str:
+        """Return a board file with this part, clock and time policy.
+
+        Raises:
+            ConfigError: it has no section for a chip.
+        """
+        keys = {
+            key: f'"{value}"'
+            for key, value in (("part", self.part), ("clock", self.clock))
+            if value
+        }
+        sections = re.findall(r"^\s*\[\s*(chips\.[\w-]+)\s*\]", text, re.MULTILINE)
+        if keys and not sections:
+            raise ConfigError(f"{name}: it has no section [chips.NAME] for {', '.join(keys)}")
+        for section in sections:
+            text = with_keys(text, section, keys)
+        return with_keys(text, "board", {"time": f'"{self.time}"'} if self.time else {})
+
+    def in_world(self, file: BoardFile, source: Source) -> tuple[BoardFile, Source]:
+        """Return a board file as it is in the world of this variant.
+
+        Raises:
+            ConfigError: it is in real time, where no run repeats.
+        """
+        if self.hostile and file.board.time == "realtime":
+            raise ConfigError(
+                f"{file.path}: hostile: a board in real time never repeats a run; leave rate out"
+            )
+        return of_world(file, source, self.world)

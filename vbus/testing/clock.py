@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.core.errors import VbusError
+from vbus.core.errors import VbusError, value_errors
 from vbus.events.watch import wait_until
 from vbus.protocols.quantities import format_instant, picoseconds
 
@@ -134,10 +134,8 @@ def ps_of(quantity: int | str) -> int:
     Raises:
         VbusError: it is no text with a unit.
     """
-    try:
+    with value_errors(VbusError):
         return picoseconds(quantity)
-    except ValueError as error:
-        raise VbusError(str(error)) from None
 
 
 def span_of(duration: int | str) -> int:

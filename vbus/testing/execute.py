@@ -2,25 +2,32 @@
 
 import hashlib
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from vbus.core.errors import VbusError
+from vbus.boardfile.sections import BoardFile
+from vbus.campaign.world import REFERENCE
+from vbus.core.errors import VbusError, value_errors
 from vbus.core.kernel import SECOND
 from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import ProgramOutcome, run_program
-from vbus.testing.tested_board import TestedBoard
-
-if TYPE_CHECKING:
-    from vbus.cpu.processors import CpuSettings
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
+
+_MADE: Final[dict[str, tuple[Path, dict[str, tuple[int, int]]]]] = {}
+"""By compiler and options: the program, and the state of each file that it was made of.
+
+Worlds of a campaign look here: preprocessing alone is a third of a short run.
+"""
+_MARKER: Final = re.compile(r'^# \d+ "([^"<]+)"', re.MULTILINE)
+"""What a preprocessor writes where a file begins."""
 
 
 class Execute:
@@ -78,14 +85,8 @@ class Execute:
         path = self._bench.find(program)
         if path.suffix in _SOURCES:
             command = [str(self.compile(program, *sources, shim=shim, flags=flags))]
-        elif avr:
-            command = [*_avr_command(tested, avr), str(self._bench.find_file(program))]
-        elif cpu:
-            from vbus.cli.run.firmware import cpu_command
-
-            settings = _cpu_settings(tested, cpu)
-            image = str(self._bench.find_file(program))
-            command = cpu_command(settings, image, tested.file)("{link}")
+        elif avr or cpu:
+            command = self._firmware(tested.file, program, avr, cpu)
         elif path.suffix == ".py":
             command = ["python", str(self._bench.find_file(program))]
         else:
@@ -109,6 +110,17 @@ class Execute:
         tested.watch.check()
         return outcome
 
+    def _firmware(self, file: BoardFile, program: str | Path, avr: str, cpu: str) -> list[str]:
+        """Return the words that run firmware on the board of a file."""
+        from vbus.cli.run.firmware import check_slaved, cpu_command, parse, settings_of, simulator
+
+        with value_errors(VbusError, f"avr={avr!r}: " if avr else f"cpu={cpu!r}: "):
+            options, settings = parse(avr), None if avr else settings_of(cpu)
+        check_slaved(file, "AVR" if settings is None else settings.processor)
+        if settings is None:
+            return [simulator(), "--link", "{link}", *options, str(self._bench.find_file(program))]
+        return cpu_command(settings, str(self._bench.find_file(program)), file)("{link}")
+
     def compile(self, *sources: str | Path, shim: str = "", flags: str = "") -> Path:
         """Compile C or C++ sources against the C client; return the program.
 
@@ -129,6 +141,12 @@ class Execute:
         others = [word for word in words if not word.startswith("-l")]
         options = [*others, *cflags(shim), *map(str, files), *libraries]
 
+        asked = shlex.join([compiler, *options])
+        made = _MADE.get(asked)
+        if made and self._bench.variant.world != REFERENCE and made[0].exists():
+            if made[1] == _states(made[1]):
+                return made[0]
+
         def run(*words: str) -> str:
             command = [*shlex.split(compiler), *words, *options]
             done = subprocess.run(command, capture_output=True, text=True)
@@ -139,14 +157,28 @@ class Execute:
 
         # All that decides the program: a matrix and a specimen run the same one in a sixth of
         # the time of a compilation.
-        asked = " ".join([compiler, *options, run("-E")])
-        digest = hashlib.sha256(asked.encode()).hexdigest()[:16]
+        text = run("-E")
+        whole = " ".join([compiler, *options, text])
+        digest = hashlib.sha256(whole.encode()).hexdigest()[:16]
         output = self._bench.folder() / f"{files[0].stem}-{digest}"
         if not output.exists():
-            made = output.with_name(f"{output.name}.{os.getpid()}")
-            run("-o", str(made))
-            made.replace(output)  # at once: other workers of the run may be about to start it
+            mine = output.with_name(f"{output.name}.{os.getpid()}")
+            run("-o", str(mine))
+            mine.replace(output)  # at once: other workers of the run may be about to start it
+        _MADE[asked] = output, _states([*map(str, files), *_MARKER.findall(text)])
         return output
+
+
+def _states(paths: Iterable[str]) -> dict[str, tuple[int, int]]:
+    """Return when each file was written (ns), and its size; (0, 0): it is not there."""
+    found = {}
+    for path in paths:
+        try:
+            state = os.stat(path)
+            found[path] = state.st_mtime_ns, state.st_size
+        except OSError:
+            found[path] = 0, 0
+    return found
 
 
 def cflags(shim: str = "") -> list[str]:
@@ -160,33 +192,3 @@ def cflags(shim: str = "") -> list[str]:
     if shim and shim not in SHIMS:
         raise VbusError(f"there is no shim {shim!r}; there are {', '.join(SHIMS)}")
     return (SHIMS[shim] if shim else PLAIN).flags()
-
-
-def _needs_slaved(tested: TestedBoard, processor: str) -> None:
-    if tested.board.policy != "slaved":
-        raise VbusError(
-            f"{tested.file.path}: chip time must follow the {processor}, and this board is"
-            f' {tested.board.policy}; write time = "slaved" in [board]'
-        )
-
-
-def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
-    from vbus.cli.run.firmware import parse, simulator
-
-    _needs_slaved(tested, "AVR")
-    try:
-        options = parse(avr)
-    except ValueError as error:
-        raise VbusError(f"avr={avr!r}: {error}") from None
-    return [simulator(), "--link", "{link}", *options]
-
-
-def _cpu_settings(tested: TestedBoard, cpu: str) -> "CpuSettings":
-    from vbus.cli.run.firmware import settings_of
-
-    try:
-        settings = settings_of(cpu)
-    except ValueError as error:
-        raise VbusError(f"cpu={cpu!r}: {error}") from None
-    _needs_slaved(tested, settings.processor)
-    return settings

@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Final, Self
 
 from vbus.core.errors import VbusError
@@ -53,12 +53,7 @@ class Interrupt:
             self._watch.over = self._send
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._watch.over is not None:
             self._watch.over = None
             signal.signal(NUMBER, self._before)

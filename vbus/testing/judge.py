@@ -1,7 +1,7 @@
-"""What fails a test: breaches of a datasheet that are not accepted with a reason."""
+"""What a test is judged by: breaches of a datasheet that fail it, what it may take, its golden."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from vbus.board.check.checks import all_rules
@@ -9,7 +9,9 @@ from vbus.core.errors import ConfigError
 from vbus.core.signals import Violation
 from vbus.core.values.settings import rule_hint, rule_names
 from vbus.protocols.quantities import format_instant
+from vbus.testing.limits import BUDGET, NEAR, Limits, budget_of, tolerance_of
 from vbus.views.findings.suppress import Suppression
+from vbus.views.runs.difference import Tolerance
 
 FAIL: Final = "fail"
 REPORT: Final = "report"
@@ -28,54 +30,55 @@ class Judged:
         notes: those that are no breach.
     """
 
-    failing: list[Violation]
-    after_fault: list[Violation]
-    accepted: list[tuple[Violation, str]]
-    notes: list[Violation]
-
-    def add(self, later: "Judged") -> None:
-        """Take over those that came later."""
-        self.failing += later.failing
-        self.after_fault += later.after_fault
-        self.accepted += later.accepted
-        self.notes += later.notes
+    failing: list[Violation] = field(default_factory=list)
+    after_fault: list[Violation] = field(default_factory=list)
+    accepted: list[tuple[Violation, str]] = field(default_factory=list)
+    notes: list[Violation] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """Tells which violations fail a test.
+    """Tells which violations fail a test, and how far it may go.
 
     Args:
         violations: ``"fail"``, or ``"report"`` to tell of them only.
         after_fault: the same of those on a chip on which a fault has begun.
         accepted: what is accepted; how often each was used is counted there.
+        budget: what the test may take.
+        tolerance: how far from its golden its run may be.
     """
 
     violations: str = FAIL
     after_fault: str = REPORT
     accepted: Sequence[Suppression] = ()
+    budget: Limits = BUDGET
+    tolerance: Tolerance = NEAR
 
     def configured(self, where: str, table: Mapping[str, Any]) -> "Judge":
-        """Return one that goes by what a table says of :data:`CHOICES`.
+        """Return one that goes by what a table says of :data:`CHOICES`, ``budget`` and ``golden``.
 
         Raises:
-            ConfigError: a value is none of them.
+            ConfigError: a value makes no sense.
         """
-        given = {key: table[key] for key in CHOICES if key in table}
+        given: dict[str, Any] = {key: table[key] for key in CHOICES if key in table}
         for key, value in given.items():
             if value not in CHOICES[key]:
                 allowed = " or ".join(f'"{one}"' for one in CHOICES[key])
                 raise ConfigError(f"{where}: {key} = {value!r}: write {allowed}")
+        given["budget"] = budget_of(where, table.get("budget", {}), self.budget)
+        given["tolerance"] = tolerance_of(where, table.get("golden", {}), self.tolerance)
         return replace(self, **given)
 
-    def sort(self, violations: Iterable[Violation], faulted: dict[str, int]) -> Judged:
-        """Sort the violations of a board.
+    def sort(
+        self, violations: Iterable[Violation], faulted: dict[str, int], judged: Judged
+    ) -> None:
+        """Sort violations of a board.
 
         Args:
-            violations: all of them.
+            violations: those that have come since the last time.
             faulted: instant at which a fault first began, by chip; "" is every chip.
+            judged: takes them.
         """
-        judged = Judged([], [], [], [])
         for found in violations:
             begun = [faulted[name] for name in (found.chip, "") if name in faulted]
             accepting = [one for one in self.accepted if one.covers(found)]
@@ -89,7 +92,6 @@ class Judge:
                 judged.after_fault.append(found)
             else:
                 judged.failing.append(found)
-        return judged
 
 
 def by_rule(violations: Iterable[Violation], when: str = "", verb: str = "broke") -> list[str]:

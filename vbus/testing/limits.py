@@ -49,8 +49,7 @@ def budget_of(where: str, given: Any, otherwise: Limits) -> Limits:
     values = _read(where, "budget", given)
     if "polling" in values:
         values["polling"] /= SECOND
-    keys = _TABLES["budget"][1]
-    return Limits(**{key: values.get(key, getattr(otherwise, key)) for key in keys})
+    return replace(otherwise, **values)
 
 
 def tolerance_of(where: str, given: Any, otherwise: Tolerance = NEAR) -> Tolerance:

@@ -9,14 +9,14 @@ from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
-from vbus.core.errors import ConfigError, VbusError
+from vbus.core.errors import ConfigError, VbusError, value_errors
 from vbus.core.kernel import END
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
 from vbus.nodes.node import Node
 from vbus.protocols.quantities import format_instant
 from vbus.serve.in_process import HostTurn, connect_in_process
-from vbus.testing.checks.around_chip import ChipBench
+from vbus.testing.checks.around_chip import ChipBench, out_of_reset
 from vbus.testing.clock import coming, span_of
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
@@ -92,9 +92,10 @@ class TestedMachine:
             VbusError: there is no such chip.
         """
         conductor, chip = self._find(name)
-        self.run_until(max(self.now, chip.ready_at()))
-        node, bus = conductor.node, self.connect(name)
-        return ChipBench.of(node.board, chip, bus, self.tested[node.rank].clock, node.name)
+        node = conductor.node
+        tested = self.tested[node.rank]
+        self.run_until(max(self.now, out_of_reset(chip, tested.file)))
+        return ChipBench.of(node.board, chip, self.connect(name), tested.clock, node.name)
 
     def connect(self, *chips: str, label: str = "host") -> Bus:
         """Return a client's bus at the node of these chips, as :func:`vbus.connect` returns it.
@@ -129,10 +130,8 @@ class TestedMachine:
         Raises:
             VbusError: :meth:`trace` was not called.
         """
-        try:
+        with value_errors(VbusError):
             return self._machine.trace_hash()
-        except ValueError as error:
-            raise VbusError(str(error)) from None
 
     def _find(self, name: str) -> tuple[Conductor, Chip]:
         for conductor in self._machine.conductors:

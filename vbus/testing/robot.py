@@ -47,11 +47,10 @@ class robot:
         """
         if self._bench is not None:
             raise VbusError("Open Board: this test has a board already")
-        keywords: dict[str, Any] = {"board": board, "strict": strict, "violations": violations}
-        if seed is not None:
-            keywords["seed"] = seed
-        if plant:
-            keywords["plant"] = plant
+        keywords = {
+            "board": board, "seed": seed, "strict": strict, "plant": plant,
+            "violations": violations,
+        }  # fmt: skip
         judge = Judge(accepted=self._accepted)
         bench = Bench("robot test", keywords, [Path.cwd()], _folder, judge=judge)
         bench.main()
@@ -129,6 +128,9 @@ class robot:
         if self._bus is not None:
             self._bus.close()
         complaints = bench.complaints() if result.passed else []
+        bench.relent()
+        if result.passed and not complaints:
+            complaints = bench.late_complaints(True)
         if result.passed and not complaints:
             complaints = [
                 f"{one.rule} is accepted ({one.reason}), and never happened; take it out"
@@ -144,7 +146,6 @@ class robot:
             result.message += "\n" + "\n".join([f"at {instant} of chip time:", *lines])
         bench.close()
         self._bench = self._bus = None
-        self._accepted = []
 
 
 def _folder() -> Path:

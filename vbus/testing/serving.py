@@ -14,7 +14,8 @@ from vbus.serve.server import LinkSpec, ServedRun, Server
 
 _T = TypeVar("_T")
 PATIENCE_SECONDS: Final = 60.0
-"""How long what hosts that have gone had sent may take at the end (s of wall time)."""
+"""How long what hosts that have gone had sent may take at the end (s of wall time): far above
+what a busy machine takes."""
 THREAD: Final = "vbus board"
 """Name of the thread."""
 

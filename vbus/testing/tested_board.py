@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 
-@dataclass(eq=False)
+@dataclass
 class TestedBoard:
     """One board of a test with what observes it.
 
@@ -35,6 +35,7 @@ class TestedBoard:
         budget: what its hosts may take.
         covered: whether what they exercise is counted.
         bring: see :class:`~vbus.testing.clock.BoardClock`.
+        recorded: whether it has a journal; in a world of a campaign nobody reads one.
     """
 
     board: Board
@@ -44,18 +45,21 @@ class TestedBoard:
     budget: Limits
     covered: bool = False
     bring: Callable[[int], None] | None = None
+    recorded: bool = True
 
     def __post_init__(self) -> None:
         board = self.board
         self._bytes = io.BytesIO()
-        self._journal = Journal(board, self._bytes, self.source.text, self.file.path)
+        self._journal: Journal | None = None
+        if self.recorded:
+            self._journal = Journal(board, self._bytes, self.source.text, self.file.path)
         self.watch = HostWatch(board, self.budget, times=True)
         self.coverage: CoverageObserver | None = None
         if self.covered:
             from vbus.testing.plugins.suite_coverage import coverage_observer
 
             self.coverage = coverage_observer(board)
-        self.judged: Judged = Judged([], [], [], [])
+        self.judged: Judged = Judged()
         self.sorted: int = 0
         """How many of its violations are sorted into :attr:`judged`."""
         self.before_end: tuple[int, int] = (0, 0)
@@ -85,8 +89,9 @@ class TestedBoard:
         self._wave.start()
 
     def journal(self) -> bytes:
-        """End the journal and return it."""
-        self.call(self._journal.close)
+        """End the journal and return it; b"" if it is not recorded."""
+        if self._journal is not None:
+            self.call(self._journal.close)
         return self._bytes.getvalue()
 
     def axes(self) -> list[str]:

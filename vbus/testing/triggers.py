@@ -6,25 +6,24 @@ from functools import partial
 from time import sleep
 from typing import Any, Final
 
-from vbus.chips.packets import Packet
-from vbus.circuit.stream import PacketTaker, decoder_of
-from vbus.core.errors import VbusError
+from vbus.chips.packets import Packet, calls
+from vbus.circuit.stream import PacketTaker
+from vbus.core.errors import VbusError, value_errors
 from vbus.core.kernel import MS
 from vbus.core.signals import EdgeTaker
-from vbus.core.values.settings import listed, suggestion
 from vbus.core.wall_clock import monotonic
-from vbus.events.names import Names
+from vbus.events.names import Names, unknown_packet
 from vbus.events.watch import Watch, not_met, passing
 from vbus.protocols.quantities import format_instant
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
 
 STRIDE: Final = 10 * MS
-"""Chip time that passes at most before other tasks have their turn."""
+"""Chip time that passes at most before other tasks have their turn; not measured."""
 TURNS: Final = 8
 """Turns of the event loop in which what has come reaches whom it concerns, by way of others."""
 LOOK: Final = 0.02
-"""Seconds between looks at a board that others move."""
+"""Seconds between looks at a board that others move; not measured."""
 
 
 class Triggers:
@@ -84,10 +83,8 @@ class Triggers:
         what = f"an edge of {pin}{to}"
 
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
-            try:
+            with value_errors(VbusError):
                 net = self._board.find_pin(pin).net
-            except ValueError as error:
-                raise VbusError(str(error)) from None
 
             def take(when: int, _: str, now: int) -> None:
                 if level in (None, now):
@@ -117,7 +114,7 @@ class Triggers:
 
         def arm(future: asyncio.Future[Packet]) -> Callable[[], None]:
             def take(of: str, packet: Packet) -> None:
-                if chip in ("", of) and name in (packet.name, packet.name.rpartition(" ")[2]):
+                if chip in ("", of) and name in calls(packet.name):
                     self._come(future, packet)
 
             watch = PacketTaker(take)
@@ -149,17 +146,12 @@ class Triggers:
 
     def _check_packet(self, name: str, chip: str) -> None:
         """Refuse the name of a packet that no command or register has, where all are known."""
-        try:
-            chips = [self._board.chip(chip)] if chip else self._board.chips
-        except ValueError as error:
-            raise VbusError(str(error)) from None
-        known = Names(self._board).mnemonics(chip)
-        others = [also for one in chips for also in decoder_of(one.FAMILY).NAMES]
-        also = {part for other in others for part in (other, other.rpartition(" ")[2])}
-        word = name.removeprefix("read ").removeprefix("write ")
-        if known and " " not in word and word not in known and word not in also:
-            hint = suggestion(word, [*known, *others])
-            raise VbusError(f'no packet "{name}"; {hint}there are {listed([*known, *others])}')
+        if chip:
+            with value_errors(VbusError):
+                self._board.chip(chip)
+        known = Names(self._board).packets(chip)
+        if known and (unknown := unknown_packet(name, known)):
+            raise VbusError(f"no packet {unknown}")
 
     # -- inside the board, at the instant itself ------------------------------------------------
 

@@ -48,6 +48,8 @@ class Link:
         """Writes to the descriptor; returns how many bytes it took."""
         self.tells_end: bool = True
         """Whether it is known here when the host has gone; a serial line does not tell."""
+        self.reason: str = ""
+        """Why the session has ended, if the transport did not end it; set by the session."""
 
     def close(self) -> None:
         """End the link from this side."""
@@ -77,8 +79,6 @@ class MessageLink(Link):
     def __init__(self, peer: str, chips: tuple[str, ...] = ()) -> None:
         super().__init__(-1, peer)
         self.chips: tuple[str, ...] = chips
-        self.reason: str = ""
-        """Why the session has ended, if the transport did not end it; set by the session."""
 
     def answer(self, data: bytes) -> None:
         """Send what the message gave; the next one may come before this returns."""

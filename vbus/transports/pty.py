@@ -78,7 +78,6 @@ class _Terminal:
         self.named: bool = True
         """Whether the name leads to it; asked at each read."""
         self.link: PtyLink | None = None
-        self._loop: asyncio.AbstractEventLoop = loop
         self._clients: int = 0
         self._wrote: bool = False
         self.followed: bool = False
@@ -369,7 +368,7 @@ class PtyTransport(Transport):
 
     def pass_on(self, terminal: _Terminal, data: bytes) -> None:
         """Give what has been read to the session of those who have the terminal open."""
-        if terminal.state == states.CLOSED:  # they have been hung up on
+        if terminal.state == states.CLOSED:  # its clients have been disconnected
             return
         link = terminal.link
         if link is None and (data or not terminal.look() & select.POLLHUP):

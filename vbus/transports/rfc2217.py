@@ -191,7 +191,7 @@ class Rfc2217Link(SocketLink):
             del self._owed[: os.write(self.fd, self._owed)]
 
     def _pay_in_time(self) -> None:
-        if self._owed and self._connection.fileno() >= 0:
+        if self._owed and self.connection.fileno() >= 0:
             try:
                 if self._half:
                     raise BlockingIOError
@@ -236,7 +236,8 @@ class Rfc2217Transport(TcpTransport):
         for host in tuple(self._hosts):
             host.tell_lines()
 
-    def _link(self, connection: socket.socket, peer: str) -> Link:
+    def link(self, connection: socket.socket, peer: str) -> Link:
+        """Return the link of a host that has connected, as a serial port."""
         settings = SerialSettings(self._nets.get("cts"), self._nets.get("dsr"))
         marks = any(self.line.driven.values())
         link = Rfc2217Link(self.loop, connection, peer, settings, marks, self._hosts.discard)

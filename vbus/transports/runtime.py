@@ -16,8 +16,12 @@ from vbus.core.runtime import is_trusted, lock_of, locked_names, pause_mark, run
 from vbus.core.wall_clock import monotonic
 
 PATIENCE_SECONDS: Final = 0.2
+"""How long a lock is tried again that another process has taken: it may be about to end."""
+# On a busy machine it may have no turn for seconds while it looks.
+LOOK_SECONDS: Final = 30.0
+"""How long one is tried again that others only look at: they let go of it at once."""
 PAUSE_SECONDS: Final = 0.01
-"""How long a busy lock is tried again, and how often: one that only tests it lets go at once."""
+"""How often."""
 PLAIN: Final = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 """A file is opened as it is: what others have put there is not followed, nor waited for."""
 LONGEST_ADDRESS: Final = 107
@@ -48,31 +52,41 @@ def socket_address(path: Path) -> Iterator[str]:
         os.close(directory)
 
 
-def lock(
-    fd: int, how: int, refused: Callable[[int], Exception], patience: float = PATIENCE_SECONDS
-) -> None:
-    """Lock a file, or raise what ``refused`` makes of it if another process has it locked.
+def lock(fd: int, how: int, refused: Callable[[int], Exception]) -> None:
+    """Lock a file, or raise what ``refused`` makes of it if another process has taken it.
+
+    Who only looks whether one has, shares the lock (LOCK_SH), and is waited for.
 
     Args:
         fd: the file.
         how: LOCK_EX or LOCK_SH.
         refused: returns the error.
-        patience: how long another process may hold the lock that only looks for one (s).
     """
-    deadline = monotonic() + patience
+    begun = monotonic()
     while True:
         try:
             fcntl.flock(fd, how | fcntl.LOCK_NB)
             return
         except BlockingIOError:
-            if monotonic() > deadline:
+            longest = PATIENCE_SECONDS if _is_taken(fd) else LOOK_SECONDS
+            if monotonic() - begun > longest:
                 raise refused(fd) from None
         sleep(PAUSE_SECONDS)
 
 
+def _is_taken(fd: int) -> bool:
+    """Whether another process has locked a file for itself."""
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False
+
+
 def locked(
     path: Path, flags: int, mode: int, refused: Callable[[int], Exception],
-    check: Callable[[int], object] | None = None, patience: float = PATIENCE_SECONDS,
+    check: Callable[[int], object] | None = None,
 ) -> int:  # fmt: skip
     """Return the descriptor of a file that this process alone has locked, as long as it lives.
 
@@ -82,7 +96,6 @@ def locked(
         mode: its permissions, if it is made.
         refused: see :func:`lock`.
         check: looks at the open file before it is locked, if anything does.
-        patience: see :func:`lock`.
     """
     while True:
         with ExitStack() as closing:
@@ -90,11 +103,17 @@ def locked(
             closing.callback(os.close, fd)
             if check is not None:
                 check(fd)
-            lock(fd, fcntl.LOCK_EX, refused, patience)
-            with suppress(FileNotFoundError):  # its last owner has moved or removed it meanwhile
-                if os.path.samestat(os.stat(path), os.fstat(fd)):
-                    closing.pop_all()
-                    return fd
+            lock(fd, fcntl.LOCK_EX, refused)
+            if _is_there(path, fd):  # else its last owner has moved or removed it meanwhile
+                closing.pop_all()
+                return fd
+
+
+def _is_there(path: Path, fd: int) -> bool:
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(fd))
+    except FileNotFoundError:
+        return False
 
 
 class NameLock:
@@ -108,12 +127,11 @@ class NameLock:
         self._path: Path = path
         self._fd: int = -1
 
-    def take(self, board: str = "", patience: float = PATIENCE_SECONDS) -> None:
+    def take(self, board: str = "") -> None:
         """Take the name.
 
         Args:
             board: what the name is for.
-            patience: how long another process may hold it to test whether its owner lives (s).
 
         Raises:
             TransportError: another running process has it, or the directory cannot be written.
@@ -121,9 +139,7 @@ class NameLock:
         try:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             if self._fd < 0:
-                self._fd = locked(
-                    lock_of(self._path), os.O_RDWR, 0o600, self._in_use, self._check, patience
-                )
+                self._fd = locked(lock_of(self._path), os.O_RDWR, 0o600, self._in_use, self._check)
             _HELD[self._path.parent] += 1
             os.ftruncate(self._fd, 0)
             os.write(self._fd, f"{os.getpid()}\n{board}".encode())
@@ -159,13 +175,30 @@ class NameLock:
             self._fd = -1
             _HELD[self._path.parent] -= 1
 
+    def remove(self) -> None:
+        """Remove a name, with its lock, that no process owns.
+
+        Raises:
+            OSError: one does, or the lock is none of ours.
+        """
+        path = lock_of(self._path)
+        fd = os.open(path, os.O_RDONLY | PLAIN)
+        try:
+            self._check(fd)
+            fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)  # an owner to be waits for who looks
+            if _is_there(path, fd):
+                self._path.unlink(missing_ok=True)
+                path.unlink()
+        finally:
+            os.close(fd)
+
 
 def mark_pause(url: str, paused: bool) -> None:
     """Leave word beside a link's name that its board answers later, or take it away."""
     kind, _, path = url.partition(":")
     if kind in ("pty", "unix"):
         mark = pause_mark(Path(path))
-        with suppress(OSError):  # clients then wait no longer than ever
+        with suppress(OSError):  # without the mark clients wait as for any late answer
             mark.unlink(missing_ok=True)
             if paused:
                 os.close(os.open(mark, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
@@ -180,13 +213,15 @@ def sweep(directory: Path) -> None:
     if _HELD[directory] > 1:
         return
     ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
-    for name in locked_names(directory):
-        lock = NameLock(name)
-        if leads_to_terminal(name) or (ours and (name.is_socket() or not name.exists())):
-            with suppress(TransportError):
-                lock.take(patience=0)
-                name.unlink(missing_ok=True)
-                lock.give_back()
+    with suppress(OSError), ExitStack() as closing:  # it cannot be read, or another process does it
+        place = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        closing.callback(os.close, place)
+        # One at a time, else what one has removed and an owner has taken anew goes by the other.
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        for name in locked_names(directory):
+            if leads_to_terminal(name) or (ours and (name.is_socket() or not name.exists())):
+                with suppress(OSError):
+                    NameLock(name).remove()
 
 
 def leads_to_terminal(name: Path) -> bool:

@@ -47,7 +47,7 @@ BACKLOG: Final = 1024
 """Hosts that may wait to be accepted; all are taken in one turn of the event loop. A
 process may usually have as many descriptors."""
 _ASKED: Final = 1 << 16
-"""Bytes of a host's first requests."""
+"""Bytes of a host's first requests at most: a bound of memory."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -56,11 +56,11 @@ class SocketLink(Link):
 
     def __init__(self, connection: socket.socket, peer: str) -> None:
         super().__init__(connection.fileno(), peer)
-        self._connection: socket.socket = connection
+        self.connection: socket.socket = connection
 
     def close(self) -> None:
         """Close the connection."""
-        self._connection.close()
+        self.connection.close()
 
 
 class _SocketTransport(Transport):
@@ -112,14 +112,14 @@ class _SocketTransport(Transport):
             except OSError as error:
                 if error.errno in _EXHAUSTED:
                     self._exhausted(error)
-                return  # else no other one waits
+                return  # otherwise the queue is empty
             self._admit(connection, address)
 
     def _admit(self, connection: socket.socket, address: object) -> None:
         connection.setblocking(False)
         try:
             self._tune(connection)
-            self.on_link(self._link(connection, self._peer(address)))
+            self.on_link(self.link(connection, self._peer(address)))
         except OSError as error:
             if error.errno in _EXHAUSTED:
                 self._turn_away(connection, error)
@@ -183,7 +183,8 @@ class _SocketTransport(Transport):
     def _tune(self, connection: socket.socket) -> None:
         pass
 
-    def _link(self, connection: socket.socket, peer: str) -> Link:
+    def link(self, connection: socket.socket, peer: str) -> Link:
+        """Return the link of a host that has connected."""
         return SocketLink(connection, peer)
 
     def _peer(self, address: object) -> str:

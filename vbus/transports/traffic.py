@@ -1,4 +1,4 @@
-"""Messages of one host entry on their way, and what goes wrong with them while a fault acts."""
+"""What goes wrong with answers and messages on their way while faults act; where messages are."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -26,6 +26,36 @@ _AS: Final = {
     "link_dead": ("link_cut", ""),
 }
 """What faults of any link are on one of messages."""
+
+
+class AnswerFault:
+    """One fault of a link that carries a stream of bytes: what becomes of the answers.
+
+    Args:
+        name: of the fault.
+        once: whether it is over with one answer, if it loses them.
+
+    Attributes:
+        held_back: what is to be sent when the fault ends.
+    """
+
+    def __init__(self, name: str, once: bool) -> None:
+        self.name: str = name
+        self.held_back: bytearray = bytearray()
+        self._once: bool = once
+        self._silent: bool = False
+
+    def bend(self, out: bytearray) -> bool:
+        """Keep an answer for later, cut it short, or lose it; tell whether the fault is over."""
+        if self.name == "half_answer" and not self._silent:
+            self._silent = True
+            # A byte at least: a host that gets nothing cannot tell half an answer from a lost one.
+            del out[max(1, len(out) // 2) :]
+            return False
+        if self.name == "answers_late":
+            self.held_back += out
+        out.clear()
+        return self._once and self.name == "answer_lost"
 
 
 class _Count:

@@ -22,7 +22,7 @@ SETTLE_SECONDS: Final = 0.5
 """How long a board that joins other routers waits until it knows what they have (s): routers take
 some tenths of a second to exchange that."""
 ASK_SECONDS: Final = 2.0
-"""How long an answer of the network is waited for at the start (s)."""
+"""How long an answer of the network is waited for at the start (s); not measured."""
 TOKEN_SECONDS: Final = 3.0
 """How long a host's session lives without its liveliness token having been seen (s): the token may
 come after the first message."""
@@ -59,7 +59,7 @@ class ZenohTransport(Transport):
         self._ended: OrderedDict[str, str] = OrderedDict()
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
-        self._kept: list[Any] = []
+        self._declared: list[Any] = []
         self._marks: list[Any] = []
 
     def serves(self, served: Served) -> None:
@@ -84,7 +84,7 @@ class ZenohTransport(Transport):
         with self.opening(self.url) as opened:
             self._inbox.open(self.loop)
             opened.callback(self._inbox.close)
-            opened.callback(self._kept.clear)
+            opened.callback(self._declared.clear)
             endpoints = self._join()
             opened.callback(close_session, self._session)
             place = places.board_place(self._board)
@@ -127,7 +127,7 @@ class ZenohTransport(Transport):
         if self._network.listen and self._network.connect:
             time.sleep(SETTLE_SECONDS)
         self._refuse(self._rivals())
-        self._kept.append(self._session.liveliness().declare_token(mine))
+        self._declared.append(self._session.liveliness().declare_token(mine))
         # Of two that start at the same moment one stays.
         self._refuse({other for other in self._rivals() if other < mine})
 
@@ -149,23 +149,23 @@ class ZenohTransport(Transport):
             )
 
     def _declare(self) -> None:
-        session, enter, kept = self._session, self._inbox.entry, self._kept
+        session, enter, declared = self._session, self._inbox.entry, self._declared
         for key in self._buses:
-            kept.append(session.declare_queryable(key, enter(self._message), complete=True))
+            declared.append(session.declare_queryable(key, enter(self._message), complete=True))
             if self._network.security is None:  # else others with the same right could listen
                 posts = keys.requests(keys.host(key, "*"))
-                kept.append(session.declare_subscriber(posts, enter(self._posted)))
+                declared.append(session.declare_subscriber(posts, enter(self._posted)))
         board = self._board
         for pattern, handle in (
             (keys.host(keys.bus(board), "*"), self._token),
             (keys.host(keys.bus(board, "*"), "*"), self._token),
             (keys.owner(board, "*"), self._owner),
         ):
-            kept.append(
+            declared.append(
                 session.liveliness().declare_subscriber(pattern, enter(handle), history=True)
             )
         if self._network.security is not None:
-            kept.append(answer_access(session, self._network.security))
+            declared.append(answer_access(session, self._network.security))
 
     def tell_pause(self, paused: bool) -> None:
         """Leave word at each bus as long as the board is paused."""

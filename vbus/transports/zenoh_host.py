@@ -19,7 +19,7 @@ log = logging.getLogger("vbus")
 
 PLAIN: Final = "text/plain"
 MOST_EVENTS: Final = 1 << 20
-"""Bytes of events that are kept for a host until it asks for them."""
+"""Bytes of events that are stored for a host until it asks for them: a bound of memory."""
 DIRECT: Final = 1 << 16
 """Bytes of replies that a host has not acknowledged, up to which the next one is sent at once: the
 system takes as many for a host that reads nothing. More are sent by a thread of that host's own:

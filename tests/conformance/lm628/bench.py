@@ -116,7 +116,7 @@ class Bench:
             name: self.chip.pins[name].net.solder(f"host {name}")
             for name in ("/CS", "/PS", "/RD", "/WR", "D0-D7", "/RST", "A", "B", "/IN")
         }
-        self.chip.judged = mode == "strobe"
+        self.chip.timing_checked = mode == "strobe"
         self.edge = 0
         """Latching edge of the last cycle."""
         if done is not None:

@@ -70,7 +70,7 @@ def test_data_and_port_are_those_before_the_rising_edge():
 @pytest.mark.spec("LM-BUS-2")
 def test_chip_select_may_end_the_write_before_the_strobe_does():
     bench = Bench("strobe")
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.set(**{"/PS": LOW, "/CS": LOW, "/WR": LOW, "D0-D7": LPES})
     bench.run(200 * NS)
     bench.set(**{"/CS": HIGH})
@@ -219,7 +219,7 @@ def test_both_strobes_low_write_the_hosts_byte_and_read_ff_without_moving_the_po
 @pytest.mark.spec("LM-BUS-4")
 def test_a_contended_read_leaves_the_byte_to_be_read_again():
     bench = Bench("strobe")
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.probe.real_position = 0x11223344
     bench.command("RDRP")
     bench.set(**{"/PS": HIGH, "/CS": LOW, "/WR": LOW, "D0-D7": 0x77})
@@ -235,7 +235,7 @@ def test_a_contended_read_leaves_the_byte_to_be_read_again():
 @pytest.mark.spec("LM-BUS-4")
 def test_a_contended_read_is_no_data_read_at_all():
     bench = Bench("strobe")
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.set(**{"/PS": HIGH, "/CS": LOW, "/WR": LOW, "D0-D7": 0x77})
     bench.set(**{"/RD": LOW})
     bench.set(**{"/PS": LOW})

@@ -208,7 +208,7 @@ def test_lpes_and_lpei_load_the_threshold_and_choose_whether_to_stop(bench):
     bench.command("LPEI", 0x0007)
     assert bench.probe.error_threshold == 0x0007
     assert not bench.report("RDSIGS") & 0x0200
-    assert bench.violations == []
+    assert bench.rules() == ["stop-lost"]
 
 
 @pytest.mark.spec("LM-CMD-15", "LM-CMD-16")

@@ -140,7 +140,7 @@ def test_the_error_is_a_31_bit_difference_saturated_to_16_bits(make, desired, re
     axis = bench.probe
     axis.desired_position = desired << 16
     axis.real_position = real
-    bench.chip.touched()
+    bench.chip.input_changed()
     bench.next_sample()
 
     assert axis.position_error == error

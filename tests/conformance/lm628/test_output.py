@@ -19,7 +19,7 @@ def driven(command: int, mode: str = "strobe", **settings) -> Bench:
     bench.move(0)
     bench.next_sample()
     bench.probe.desired_position = command << 16
-    bench.chip.touched()
+    bench.chip.input_changed()
     return bench
 
 

@@ -80,11 +80,11 @@ def recovery(strobe: str, command: int, data: int) -> Callable[[int], list[Viola
 
     def run(gap: int) -> list[Violation]:
         bench = judged()
-        bench.chip.judged = False
+        bench.chip.timing_checked = False
         bench.command(command)
         bench.wait_ready()
         bench.run_until(200 * US)
-        bench.chip.judged = True
+        bench.chip.timing_checked = True
         bench.drive("~HostSlct", 0)
         bench.drive("D0-D7", data)
         bench.run_for(20 * NS)
@@ -148,7 +148,7 @@ def reset_pulse(width: int) -> list[Violation]:
 
 def reset_after_power(rises: int) -> list[Violation]:
     bench = Bench(cold_start=True)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.run_until(rises - 5 * US)
     bench.drive("~Reset", 0)
     bench.run_until(rises)

@@ -125,7 +125,7 @@ def test_data_that_move_with_the_trailing_edge_have_been_set_up_before(
     later: int, data_first: bool
 ) -> None:
     bench = Bench("strobe")
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     for name, level in (("HostCmd", 1), ("~HostSlct", 0), ("D0-D7", 0x6C)):
         bench.drive(name, level)
     bench.run_for(100 * NS)
@@ -163,7 +163,7 @@ def test_a_read_drives_the_bus_while_select_and_strobe_are_low_and_then_lets_go(
 @spec("PMD-BUS-2", "PMD-BUS-3")
 def test_a_read_that_keeps_every_limit_gets_its_bytes() -> None:
     bench = Bench("strobe")
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     assert bench.send("GET_VRSN") == 0x4A10
     assert bench.rules() == []
 
@@ -473,7 +473,7 @@ def test_edges_of_a_whole_cycle() -> None:
 
 def test_the_strobes_of_whole_cycles_break_no_limit() -> None:
     bench = Bench("strobe")
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     assert bench.send("GET_TIME") >= 0
     bench.send("SET_POS", -5)
     assert bench.send("GET_POS") == -5

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.conformance.mc1241a.conftest import Bench, words
-from vbus.chips.mc1241a.datasheet import COMMANDS, VALUES, VERSIONS, version_word
+from vbus.chips.mc1241a.datasheet import COMMANDS, VALUES
+from vbus.chips.mc1241a.packets import Mc1241aDecoder
 
 spec = pytest.mark.spec
 
@@ -550,20 +551,21 @@ def test_version_words(bench: Bench) -> None:
     assert Bench(part="MC1141A").send("GET_VRSN") == 0x4210
     assert Bench(version_word=0x4A0B).send("GET_VRSN") == 0x4A0B  # the manual's worked word
     assert Bench(version_word=0x4B10).send("GET_VRSN") == 0x4B10
-    assert version_word(1, 2, 3, 0, 2, 0) == 0x4B10
-    assert version_word(1, 1, 3, 0, 2, 0) == 0x4310
 
 
 @spec("PMD-VER-1", "PMD-T-2")
 def test_fields_of_the_version_word() -> None:
-    assert version_word(1, 4, 1, 0, 1, 0) == 0x5908  # MC1401 version 1.0
-    assert version_word(1, 2, 1, 1, 1, 0) == 0x4928  # MC1201-P version 1.0
-    assert version_word(1, 2, 2, 0, 1, 3) == 0x4A0B  # MC1241 version 1.3
-    # Major versions from 2 on are "A" parts.
-    assert version_word(1, 2, 2, 0, 2, 0) == 0x4A10 == VERSIONS["MC1241A"]
-    assert version_word(1, 1, 2, 0, 2, 0) == 0x4210 == VERSIONS["MC1141A"]
-    with pytest.raises(ValueError, match="9 does not fit in 3 bits"):
-        version_word(1, 2, 9, 0, 1, 0)
+    for word, fields in (
+        (0x5908, "4 axes, part 01, version 1.0"),  # MC1401
+        (0x4928, "2 axes, part 01 dash 1, version 1.0"),  # MC1201-P
+        (0x4A0B, "2 axes, part 31, version 1.3"),  # MC1241
+        # Major versions from 2 on are "A" parts.
+        (0x4A10, "2 axes, part 31, version 2.0"),
+        (0x4210, "1 axes, part 31, version 2.0"),
+        (0x4310, "1 axes, part 41, version 2.0"),
+    ):
+        shown = f"{word:04X}H generation 1, {fields}"
+        assert Mc1241aDecoder().word("version", word) == shown
 
 
 @spec("PMD-CMD-77", "PMD-CYC-2")

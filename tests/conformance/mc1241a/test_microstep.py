@@ -394,6 +394,24 @@ def test_in_dac_mode_the_pwm_pins_rest() -> None:
     assert bench.level("PWMSign1A") == 0
 
 
+@spec("PMD-USTP-6", "PMD-USTP-7")
+def test_back_in_pwm_mode_the_next_frame_is_the_first() -> None:
+    """Those that would have begun meanwhile are not made up for."""
+    bench = powered()
+    at_angle(bench, 43)
+    edges = Edges(bench, "PWMMag1A")
+    bench.send("SET_OUTPUT_DAC16")
+    bench.run_for(20 * FRAME)
+    del edges.seen[:]
+    bench.send("SET_OUTPUT_PWM")
+    here = bench.now
+    bench.run_for(3 * FRAME)
+    rises = [when for when, level in edges.of("PWMMag1A") if level]
+    begun = -(-here // FRAME) * FRAME
+    assert rises[-3:] == [begun, begun + FRAME, begun + 2 * FRAME]
+    assert len(rises) <= 4, "send() may end in the frame after the switch"
+
+
 # -- DAC pins ---------------------------------------------------------------------------------
 
 DAC = ("I/OAddr0-3", "DAC16Addr0-1", "Data0-11", "DACLow0-3", "~I/OWrite", "DACSlct")

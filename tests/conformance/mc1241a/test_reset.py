@@ -371,7 +371,7 @@ def test_power_on_runs_the_reset_or_starts_after_it() -> None:
 def test_reset_must_be_low_for_1_us(low: int, strict: bool, found: list[str], resets: bool) -> None:
     bench = Bench(policy=Policy(STRICT) if strict else None)
     bench.send("SET_POS_ERR", 5)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.drive("~Reset", 0)
     bench.run_for(low * NS)
     bench.drive("~Reset", 1)
@@ -387,7 +387,7 @@ def test_reset_must_be_low_for_1_us(low: int, strict: bool, found: list[str], re
 )
 def test_reset_belongs_250_ms_after_power(cold: bool, at: int, found: list[str]) -> None:
     bench = Bench(cold_start=cold)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.run_until(at - 5 * US)
     bench.drive("~Reset", 0)
     bench.run_until(at)

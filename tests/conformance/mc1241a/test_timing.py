@@ -56,7 +56,7 @@ def play(bench: Bench, steps: list[Step], at: int) -> None:
 
 def judged(policy: Policy | None = None) -> Bench:
     bench = Bench("strobe", policy=policy)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.run_until(10_000 * NS)
     return bench
 
@@ -110,27 +110,27 @@ def test_in_strict_mode_a_write_that_breaks_a_limit_is_lost(
     if "data_off" in cut:
         steps = [s if s[1:] != ("D0-D7", Z) else (s[0], "D0-D7", 0x11) for s in steps]
     play(bench, steps, 20_000)  # GET_POS_ERR
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.drive("D0-D7", Z)
     assert bench.read_word() == 0  # no packet was opened
     good = judged(Policy(STRICT))
     play(good, changed(WRITE), 20_000)
-    good.chip.judged = False
+    good.chip.timing_checked = False
     assert good.read_word() == 0x7FFF
 
 
 @spec("PMD-TIM-18", "PMD-BUS-5")
 def test_in_strict_mode_a_high_byte_that_is_lost_is_no_half_of_a_word() -> None:
     bench = judged(Policy(STRICT))
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.command(0x29)  # SET_POS_ERR
     bench.wait_ready()
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     steps = [step for step in WRITE if step[1] not in ("HostCmd", "D0-D7")]
     data = [(-90, "D0-D7", 0x12), (29, "D0-D7", 0x11), (40, "D0-D7", Z)]
     play(bench, [*steps, *data], bench.now // NS + 1000)
     assert broken(bench) == [("T16", 29, 30)]
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.write_word(0x0123)
     assert bench.send("GET_POS_ERR") == 0x0123
 
@@ -138,16 +138,16 @@ def test_in_strict_mode_a_high_byte_that_is_lost_is_no_half_of_a_word() -> None:
 @spec("PMD-BUS-9", "PMD-TIM-18")
 def test_in_strict_mode_a_word_whose_low_byte_is_lost_causes_nothing() -> None:
     bench = judged(Policy(STRICT))
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.command(0x29)  # SET_POS_ERR
     bench.wait_ready()
     bench.byte_out(DATA, 0x01)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     steps = [step for step in WRITE if step[1] not in ("HostCmd", "D0-D7")]
     data = [(-90, "D0-D7", 0x23), (29, "D0-D7", 0x11), (40, "D0-D7", Z)]
     play(bench, [*steps, *data], bench.now // NS + 1000)
     assert broken(bench) == [("T16", 29, 30)]
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.wait_ready()
     assert bench.probe.position_error_limit == 0x7FFF
     bench.write_word(0x0456)
@@ -180,7 +180,7 @@ def test_select_is_released_within_2_us_of_the_busy_edge(
     bench = judged(Policy(STRICT))
     play(bench, changed(WRITE, slct_off=held), 20_000)
     assert broken(bench) == found
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     assert bench.read_word() == 0x7FFF  # only a warning: the command counts in strict mode too
 
 
@@ -238,7 +238,7 @@ def test_in_strict_mode_a_read_that_breaks_a_limit_moves_no_pointer(symbol: str)
     cut = {"slct_on": -79} if symbol == "T7r" else {"strobe_on": -49}
     play(bench, changed(READ, **cut), 201_000)
     assert [rule for rule, *_ in broken(bench)] == [symbol]
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     assert bench.read_word() == 0x7FFF
 
 
@@ -280,11 +280,11 @@ def test_host_rdy_may_be_seen_70_ns_after_the_edge(fall: int, found: list[str]) 
 @pytest.mark.parametrize("gap", [60, 59])
 def test_strobes_of_one_word_are_60_ns_apart(row: str, read: bool, gap: int) -> None:
     bench = judged()
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     bench.command(0x55 if read else 0x29)
     bench.wait_ready()
     bench.run_until(200_000 * NS)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     strobe = "~HostRead" if read else "~HostWrite"
     bench.drive("~HostSlct", 0)
     bench.drive("D0-D7", Z if read else 0x42)

@@ -50,7 +50,7 @@ def cases(supply: str, k: int, low: int, latch: int, valid: int, oe_low: int, hi
             bench = Bench(hz=HZ, supply=supply)
             if r1a:
                 bench.write(0x1A, r1a)
-            bench.chip.judged = True
+            bench.chip.timing_checked = True
             bench.until(500)
             low_pulse(bench, pin, width)
             return bench.violations
@@ -59,7 +59,7 @@ def cases(supply: str, k: int, low: int, latch: int, valid: int, oe_low: int, hi
 
     def a_to_b(gap: int) -> list[Violation]:
         bench = Bench(hz=HZ, supply=supply)
-        bench.chip.judged = True
+        bench.chip.timing_checked = True
         bench.until(500)
         bench.drive("CHA", 0)
         bench.wait_ps(gap)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
+from tests.conformance.mcp1200.conftest import Bench, Follower, Rail, low_pulse
+from vbus.chips.mcp1200 import datasheet as ds
 
 F0, PID, FINE, STEPS = 0x08, 0x08, 0x20, 0x02
 
@@ -145,15 +146,34 @@ def test_control_with_a_lead_filter_of_gain_0_is_found(bench):
 
 
 @pytest.mark.spec("MCP-FLT-3")
-@pytest.mark.parametrize(("kp", "rules"), [(0, ["no-gain", "no-integral"]), (1, ["no-integral"])])
-def test_an_integral_gain_that_its_limit_cuts_to_0_is_none(bench, kp, rules):
+def test_an_integral_gain_that_its_limit_cuts_to_0_all_the_time_is_none(bench):
     bench.extended()
     bench.write(0x01, PID)
-    bench.write(0x61, kp, 0x20, 0)
+    bench.write(0x61, 1, 0x20, 0)
+    bench.put("INTEGRAL_LIMIT", 0)
+    assert left(bench) == [], "control has not begun"
+    bench.control()
+    bench.samples()
+    assert found(bench) == []
+    text = "control has begun with Ki 32, and R66:R65 have been 0 ever since"
+    assert left(bench) == [("no-integral", text)]
+    bench.put("DEADBAND", 1)
+    assert left(bench) == [("no-integral", text)]
+    bench.put("INTEGRAL_LIMIT", 0x100)
+    bench.put("INTEGRAL_LIMIT", 0)
+    assert left(bench) == [], "it may be turned off again"
+
+
+@pytest.mark.spec("MCP-FLT-3")
+def test_an_integral_gain_that_is_taken_back_needs_no_limit(bench):
+    bench.extended()
+    bench.write(0x01, PID)
+    bench.write(0x61, 1, 0x20, 0)
     bench.put("INTEGRAL_LIMIT", 0)
     bench.control()
     bench.samples()
-    assert [rule for rule, _ in found(bench)] == rules
+    bench.write(0x62, 0)
+    assert left(bench) == []
 
 
 @pytest.mark.spec("MCP-REG-2")
@@ -165,6 +185,41 @@ def test_gains_of_the_pid_filter_beside_the_lead_filter_are_noted(bench, feature
     bench.control()
     bench.samples()
     assert found(bench) == ([("pid-unused", "note")] if noted else [])
+
+
+@pytest.mark.spec("MCP-REG-2")
+@pytest.mark.parametrize(("lead", "rules"), [(False, [("other-filter", "warning")]), (True, [])])
+def test_a_mode_with_the_filter_that_was_not_tuned_is_found(bench, lead, rules):
+    bench.extended()
+    bench.write(0x61, 5, 0, 5)
+    if lead:
+        bench.write(0x22, 0x20)
+    bench.control()
+    bench.samples()
+    bench.put("ACCELERATION", 0x100)
+    bench.write(0x00, 0x0D)
+    assert found(bench)[1:] == rules
+
+
+@pytest.mark.spec("MCP-REG-2")
+@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize("config", [0x01, 0x01 | STEPS])
+def test_the_pid_filter_with_only_the_lead_filter_tuned_is_found(bench, own, config):
+    bench.write(0x02, config)
+    bench.write(0x01, PID)
+    bench.write(0x22, 0x20)
+    if own:
+        bench.write(0x61, 0x40, 0, 0x40)  # as after a reset, and meant
+    bench.control()
+    bench.samples()
+    bench.put("ACCELERATION", 0x100)
+    bench.write(0x00, 0x0D)
+    wrong = not own and not config & STEPS
+    assert found(bench) == ([("other-filter", "warning")] if wrong else [])
+    if wrong:
+        assert bench.violations[0].detail == (
+            "F5 is set with R20 to R22 written, and the PID filter runs as the reset has left it"
+        )
 
 
 @pytest.mark.spec("MCP-FLT-3", "MCP-FLT-4")
@@ -326,8 +381,20 @@ def test_a_profile_without_a_way_to_go_is_noted(ready):
     ready.write(0x00, F0)
     ready.samples(400)
     ready.write(0x00, F0)
+    ready.samples(2)
     ready.put("FINAL_POSITION", 0)
     assert found(ready) == [("no-way", "note")]
+
+
+@pytest.mark.spec("MCP-TRP-1")
+@pytest.mark.parametrize(("where", "rules"), [(5, ["split-position"]), (200, [])])
+def test_a_final_position_written_just_after_the_flag_is_found(ready, where, rules):
+    ready.samples()
+    ready.write(0x00, F0)
+    ready.samples(400)
+    ready.write(0x00, F0)
+    ready.put("FINAL_POSITION", where)
+    assert [rule for rule, _ in found(ready)] == ["no-way", *rules]
 
 
 @pytest.mark.spec("MCP-TRP-5")
@@ -424,6 +491,55 @@ def test_an_actual_position_read_highest_byte_first_is_noted_once(bench):
 
 
 @pytest.mark.spec("MCP-REG-16")
+@pytest.mark.parametrize(
+    ("order", "rules"),
+    [
+        ((0x12, 0x13, 0x14), [("stale-position", "warning")]),
+        ((0x11, 0x12, 0x13, 0x14), []),  # a dump
+        ((0x14, 0x12, 0x13, 0x14), []),
+        ((0x14, 0x13, 0x12), []),
+    ],
+)
+def test_a_position_made_of_two_instants_is_found(away, order, rules):
+    away.read(0x14)
+    away.put("PRESET_POSITION", -5)
+    for address in order:
+        away.read(address)
+    assert found(away) == rules
+
+
+@pytest.mark.spec("MCP-REG-13", "MCP-REG-17")
+@pytest.mark.parametrize(("last", "rules"), [(False, [("held-at-control", "warning")]), (True, [])])
+@pytest.mark.parametrize("msb", [0x0C, 0x15])
+def test_bytes_held_when_control_begins_are_found(bench, msb, last, rules):
+    for address in (msb + 2, msb + 1, msb, msb + 2)[: 4 if last else 3]:
+        bench.write(address, 0)
+    bench.control()
+    bench.samples()
+    assert found(bench) == rules
+
+
+@pytest.mark.spec("MCP-CAP-2")
+@pytest.mark.parametrize(
+    ("control", "order", "rules"),
+    [
+        (0x00, (0x30, 0x2F, 0x2E), [("no-capture", "warning")]),
+        (0x10, (0x30, 0x2F, 0x2E), []),
+        (0x00, (0x2D, 0x2E, 0x2F, 0x30), []),  # a dump
+    ],
+)
+def test_a_capture_that_is_not_enabled_is_found_where_it_is_read(bench, control, order, rules):
+    bench.write(0x03, control)
+    bench.put("PRESET_POSITION", 7)
+    low_pulse(bench, "INDEX", 8_000_000)
+    assert bench.read(0x03) & 0x08
+    bench.write(0x03, 0x08)  # off, and the latch stays
+    for address in order:
+        bench.read(address)
+    assert found(bench) == rules
+
+
+@pytest.mark.spec("MCP-REG-16")
 def test_an_actual_position_read_lowest_byte_first_is_right(bench):
     for address in (0x14, 0x13, 0x12, 0x14, 0x12, 0x13):
         bench.read(address)
@@ -468,16 +584,189 @@ def test_a_velocity_mode_left_at_speed_is_noted(bench, ends, rules):
     assert found(bench) == rules
 
 
+@pytest.mark.spec("MCP-VEL-3")
+@pytest.mark.parametrize(
+    ("samples", "rules"), [(2, [("ramp-cut", "warning")]), (8, [("cleared-at-speed", "note")])]
+)
+def test_a_ramp_down_cut_short_is_found_and_its_last_count_is_not(bench, samples, rules):
+    bench.put("ACCELERATION", 0x100)
+    bench.control()
+    bench.samples()
+    bench.put("VELOCITY_COMMAND", 10)
+    bench.write(0x00, 0x0D)
+    bench.samples(20)
+    bench.put("VELOCITY_COMMAND", 0)
+    bench.samples(samples)
+    bench.write(0x00, 0x05)
+    assert found(bench) == rules
+
+
 @pytest.mark.spec("MCP-REG-9", "MCP-REG-10")
 @pytest.mark.parametrize("register", [0x08, 0x09, 0x4C, 0x4D])
 def test_a_motor_command_written_in_control_is_found(bench, register):
     bench.extended()
     bench.write(register, 0x90)
+    bench.write(register, 0x80 if register == 0x08 else 0)
+    bench.control()
+    bench.samples()
+    assert found(bench) == []
+    bench.write(register, 0x90)
+    assert found(bench) == [("output-in-control", "warning")]
+
+
+@pytest.mark.spec("MCP-REG-9", "MCP-REG-10")
+def test_a_motor_command_of_idle_mode_that_is_left_is_noted(bench):
+    bench.write(0x09, 20)
+    assert left(bench) == [("output-left", "in idle mode at the end R08 is 80H, R09 14H")]
     assert found(bench) == []
     bench.control()
     bench.samples()
-    bench.write(register, 0x90)
-    assert found(bench) == [("output-in-control", "warning")]
+    assert found(bench) == [("output-left", "note")]
+    assert left(bench) == []
+
+
+# -- registers of another kind -------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-REG-16")
+@pytest.mark.parametrize(
+    ("register", "rules"), [(0x12, 2), (0x14, 2), (0x06, 2), (0x2E, 2), (0x34, 2), (0x13, 0)]
+)
+def test_a_byte_for_a_register_that_can_only_be_read_is_found(bench, register, rules):
+    bench.write(register, 0)
+    bench.write(register, 1)
+    assert found(bench) == [("read-only", "warning")] * rules
+
+
+@pytest.mark.spec("MCP-RST-5")
+@pytest.mark.parametrize("control", [False, True])
+@pytest.mark.parametrize("wait", [False, True])
+def test_a_byte_that_comes_before_a_reset_is_over_is_found(bench, control, wait):
+    if control:
+        bench.control()
+        bench.samples(2)
+    bench.write(0x05, 0x00)
+    if wait:
+        bench.samples(2)
+        assert bench.read(0x00) & 0x02
+    bench.write(0x20, 0x12)
+    assert found(bench) == ([] if wait else [("reset-write", "warning")])
+
+
+@pytest.mark.spec("MCP-REG-20", "MCP-REG-6")
+@pytest.mark.parametrize(
+    ("register", "data", "right"),
+    [(0x1A, 0xF8, True), (0x1A, 0x09, False), (0x05, 0x03, True), (0x05, 0x04, False)],
+)
+def test_a_number_that_the_manual_does_not_list_is_found(bench, register, data, right):
+    bench.write(register, data)
+    assert found(bench) == ([] if right else [("range", "warning")])
+
+
+@pytest.mark.spec("MCP-CAP-2")
+@pytest.mark.parametrize(("data", "right"), [(0x02, False), (0x06, True), (0x10, True)])
+def test_a_capture_by_a_trig_that_is_an_output_is_found(bench, data, right):
+    bench.write(0x03, data)
+    assert found(bench) == ([] if right else [("trig-output", "warning")])
+
+
+@pytest.mark.spec("MCP-REG-2", "MCP-FLT-6")
+@pytest.mark.parametrize(
+    ("closed", "lead", "right"), [(True, False, False), (False, False, True), (True, True, True)]
+)
+def test_a_filter_that_gives_way_to_one_of_the_reset_is_found(bench, closed, lead, right):
+    bench.write(0x01, PID)
+    if lead:
+        bench.write(0x22, 0x20)
+    if closed:
+        bench.control()
+        bench.samples()
+    bench.write(0x01, PID | FINE)
+    assert found(bench) == []
+    bench.write(0x01, FINE)
+    assert found(bench) == ([] if right else [("filter-changed", "warning")])
+
+
+@pytest.mark.spec("MCP-POS-1")
+def test_an_increment_that_the_next_one_replaces_is_found(bench):
+    bench.control()
+    for _ in range(2):
+        bench.samples()
+        bench.write(0x0B, 5)
+    assert found(bench) == []
+    bench.write(0x0B, 6)
+    assert found(bench) == [("increment-lost", "warning")]
+
+
+@pytest.mark.spec("MCP-POS-1")
+def test_an_increment_for_later_is_noted(ready):
+    ready.samples()
+    ready.write(0x00, 0x0D)
+    ready.samples(2)
+    ready.write(0x0B, 5)
+    assert ("increment-waits", "note") in found(ready)
+
+
+@pytest.mark.spec("MCP-TRP-6")
+@pytest.mark.parametrize("phase", [4, 6])
+def test_a_final_position_that_comes_too_late_for_its_profile_is_noted(ready, phase):
+    ready.samples()
+    ready.write(0x00, F0)
+    while ready.read(0x06) != phase:
+        ready.samples()
+    ready.put("FINAL_POSITION", 5000)
+    assert found(ready) == ([("late-position", "note")] if phase == 6 else [])
+
+
+@pytest.mark.spec("MCP-ERR-2")
+@pytest.mark.parametrize(
+    ("limit", "config", "noted"), [(0xFFFF, 0x01, True), (400, 0x01, False), (0xFFFF, 0x03, False)]
+)
+def test_an_action_without_a_limit_of_the_error_is_noted_at_the_end(bench, limit, config, noted):
+    bench.write(0x02, config)
+    bench.put("MAX_ERROR", limit)
+    bench.write(0x04, 0x49)
+    text = "R04 = 49H has an action, and R4A:R49 are FFFFH"
+    assert left(bench) == ([("no-max-error", text)] if noted else [])
+
+
+@pytest.mark.spec("MCP-TRP-5", "MCP-VEL-1")
+@pytest.mark.parametrize("acceleration", [0, 1])
+def test_a_velocity_without_an_acceleration_is_noted(bench, acceleration):
+    bench.control()
+    bench.samples()
+    bench.put("ACCELERATION", acceleration)
+    bench.write(0x00, 0x0D)
+    assert found(bench) == ([] if acceleration else [("no-rate", "note")])
+
+
+@pytest.mark.spec("MCP-INT-6")
+def test_an_interpolation_that_is_over_and_not_left_is_noted_at_the_end(bench):
+    bench.control()
+    bench.samples()
+    bench.put("FINAL_POSITION", 10)
+    bench.write(0x00, 0x0B)
+    bench.samples(10)
+    assert left(bench) == [("flag-left", "at the end the axis stands, and has F3")]
+    bench.write(0x00, 0x03)
+    assert left(bench) == []
+
+
+@pytest.mark.spec("MCP-INT-2")
+@pytest.mark.parametrize("order", [(0x2B, 0x2A, 0x29), (0x29, 0x2A, 0x2B), (0x2A, 0x2B, 0x29)])
+def test_a_point_whose_bytes_come_after_the_last_one_is_found(bench, order):
+    bench.control()
+    bench.samples()
+    right = order[-1] == 0x29
+    for point in (10, 300, 600):
+        while bench.read(0x03) & 0x80:
+            bench.samples()
+        for register in order:
+            bench.write(register, point >> 8 * (register - 0x29) & 0xFF)
+        bench.write(0x00, 0x0B)
+    rules = [rule for rule, _ in found(bench)]
+    assert rules == ([] if right else ["early-point"] * len(rules))
+    assert right or rules
 
 
 @pytest.mark.spec("MCP-REG-2")
@@ -536,3 +825,124 @@ def test_a_mode_flag_that_stands_in_idle_mode_is_noted_at_the_end(ready):
     assert left(ready) == [("flag-left", "in idle mode at the end: F3")]
     ready.write(0x00, 0x03)
     assert left(ready) == []
+
+
+@pytest.mark.spec("MCP-RST-5")
+def test_a_byte_in_the_reset_at_power_on_has_a_hint(bench):
+    late = 320 * bench.chip.clock.span_up(1) + 1
+    assert 'power_on = "done"' in bench.chip.hint("mcp1200.reset-write", 1)
+    assert bench.chip.hint("mcp1200.reset-write", late) == ""
+    assert bench.chip.hint("mcp1200.range", 1) == ""
+
+
+@pytest.mark.spec("MCP-EXC-8")
+@pytest.mark.parametrize(
+    ("pin", "taken_back", "rule", "was"),
+    [("/LIMIT", 0x08, "limit-unguarded", "idle"), ("/STOP", 0x01, "stop-unguarded", "decelerate")],
+)
+def test_an_action_taken_back_on_a_switch_is_put_back(bench, pin, taken_back, rule, was):
+    bench.control()
+    bench.samples()
+    bench.drive(pin, 0)
+    bench.samples()
+    bench.write(0x04, taken_back)
+    bench.drive(pin, 1)
+    bench.write(0x07, 0)
+    bench.samples()
+    text = f"R04 = {taken_back:02X}H only reports {pin} since it was left: {was} stood there"
+    assert left(bench) == [(rule, text)]
+    severities = {one.name: one.severity for one in ds.RULES}
+    assert severities[f"mcp1200.{rule}"] == ("warning" if pin == "/LIMIT" else "note")
+    bench.write(0x04, 0x0A)
+    assert left(bench) == []
+
+
+@pytest.mark.spec("MCP-EXC-8")
+def test_an_action_that_is_not_wanted_is_none_that_was_taken_back(bench):
+    bench.drive("/LIMIT", 0)
+    bench.write(0x04, 0x08)  # an axis is set up on its switch
+    bench.drive("/LIMIT", 1)
+    bench.write(0x07, 0)
+    assert left(bench) == []
+    bench.control()
+    bench.samples()
+    bench.write(0x04, 0x09)
+    bench.write(0x04, 0x08)  # away from the switch
+    assert left(bench) == []
+    bench.write(0x04, 0x09)
+    bench.drive("/LIMIT", 0)
+    bench.samples()
+    bench.write(0x04, 0x08)
+    bench.drive("/LIMIT", 1)
+    bench.write(0x05, 0)  # a soft reset puts the action back
+    bench.samples(2)
+    assert left(bench) == []
+    bench.write(0x04, 0x08)
+    assert left(bench) == []
+
+
+# -- resets ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-RST-4")
+@pytest.mark.parametrize(
+    ("register", "value", "lost"), [(0x0F, 0x3B, True), (0x0F, 0x40, False), (0x1B, 0x20, False)]
+)
+def test_a_setting_that_a_soft_reset_has_undone_before_it_served_is_found(
+    bench, register, value, lost
+):
+    bench.write(register, value)
+    bench.write(0x05, 0)
+    bench.samples(2)
+    bench.control()
+    bench.samples()
+    assert found(bench) == ([("lost-in-reset", "warning")] if lost else [])
+    if lost:
+        assert bench.violations[0].detail == (
+            "control begins with R0F as a soft reset has left them: they were written before it,"
+            " and not since"
+        )
+
+
+@pytest.mark.spec("MCP-RST-4")
+@pytest.mark.parametrize("how", ["again", "served", "in control"])
+def test_a_setting_that_has_served_or_is_written_again_may_be_lost_in_a_reset(bench, how):
+    if how != "in control":
+        bench.write(0x22, 0x20)
+    if how != "again":
+        bench.control()
+        bench.samples()
+        bench.write(0x22, 0x30)
+    bench.write(0x05, 0)
+    bench.samples(3)
+    if how == "again":
+        bench.write(0x22, 0x20)
+    bench.control()
+    bench.samples()
+    assert found(bench) == []
+
+
+@pytest.mark.spec("MCP-BRK-2", "MCP-BRK-3")
+@pytest.mark.parametrize("waits", [False, True])
+def test_a_first_breakpoint_that_no_sample_has_loaded_is_found(bench, waits):
+    bench.write(0x02, 0x10)
+    bench.put("BREAKPOINT", 15000)
+    if waits:
+        bench.samples(2)
+    bench.write(0x02, 0x30)
+    bench.put("BREAKPOINT", 2500)
+    assert found(bench) == ([] if waits else [("breakpoint-lost", "warning")])
+    if not waits:
+        text = "repeat mode is chosen before a sample has loaded the breakpoint 15000"
+        assert bench.violations[0].detail == f"{text}: it stays at -8388608"
+
+
+@pytest.mark.spec("MCP-BRK-3")
+def test_repeat_mode_from_the_start_or_while_the_feature_is_off_loses_nothing(bench):
+    bench.put("BREAKPOINT", 15000)
+    bench.write(0x02, 0x20)
+    bench.write(0x02, 0x30)
+    bench.write(0x02, 0x10)
+    bench.samples(2)
+    bench.write(0x02, 0x30)
+    assert found(bench) == []

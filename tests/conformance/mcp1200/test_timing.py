@@ -85,7 +85,7 @@ def r_w(setup: int = 40 * NS, hold: int = 40 * NS) -> list[Edge]:
 
 def play(bench: Bench, edges: list[Edge]) -> None:
     """Move strobes at their instants, counted from 10 us after now."""
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.until(bench.cycle + 100)
     start = bench.kernel.now
     for when in sorted({edge[0] for edge in edges}):
@@ -309,7 +309,7 @@ def test_the_width_of_a_pulse_on_a_side_input(
     pin: str, symbol: str, supply: str, limit: int
 ) -> None:
     bench = Bench(hz=HZ, supply=supply)
-    bench.chip.judged = True
+    bench.chip.timing_checked = True
     bench.until(50)
     low_pulse(bench, pin, limit)
     assert bench.rules() == []
@@ -331,7 +331,7 @@ def test_the_width_of_an_encoder_pulse_counts_filter_clocks(
     for width, rules in ((limit, []), (limit - 1, [symbol])):
         bench = Bench(hz=HZ, supply=supply)
         bench.write(0x1A, r1a)
-        bench.chip.judged = True
+        bench.chip.timing_checked = True
         bench.until(500)
         low_pulse(bench, pin, width)
         assert bench.rules() == rules
@@ -342,7 +342,7 @@ def test_the_width_of_an_encoder_pulse_counts_filter_clocks(
 def test_the_time_between_edges_of_a_and_b(supply: str, limit: int) -> None:
     for gap, rules in ((limit, []), (limit - 1, ["tAB"])):
         bench = Bench(hz=HZ, supply=supply)
-        bench.chip.judged = True
+        bench.chip.timing_checked = True
         bench.until(500)
         bench.drive("CHA", 0)
         bench.wait_ps(gap)
@@ -370,7 +370,7 @@ def test_outputs_move_with_the_clock_and_no_pulse_is_shorter_than_one(supply: st
 def test_nothing_is_judged_while_strobes_carry_no_times() -> None:
     bench = Bench(hz=HZ)
     play(bench, [])
-    bench.chip.judged = False
+    bench.chip.timing_checked = False
     for name, level in (("R/W", 0), (DATA, PLAIN), ("/ALE", 0), ("/ALE", 1), (DATA, 0x12),
                         ("/CS", 0), ("/CS", 1), (DATA, Z)):  # fmt: skip
         bench.drive(name, level)

@@ -25,6 +25,12 @@ def move(axis, way):
     return begun
 
 
+def release(axis):
+    """Turn the motor off, at rest."""
+    axis.ltrj(0x0100)
+    axis.stt()
+
+
 def test_the_last_counts_are_soft(lm629):
     axis = lm629.host
     begin(axis)
@@ -32,3 +38,4 @@ def test_the_last_counts_are_soft(lm629):
     assert abs(axis.rdrp() - 3000) <= 8
     assert abs(move(axis, 2000) - 4500) <= 40
     assert abs(lm629.plant.count - 5000) <= 8
+    release(axis)

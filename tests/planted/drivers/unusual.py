@@ -2,8 +2,10 @@
 
 F0, F1 = 0x01, 0x02
 NOTED = {
+    "test_lm629_a_breakpoint_behind_it": {"lm628.left-armed"},
     "test_mc1241a_the_motor_command_past_the_buffer": {"mc1241a.motor-command-lost"},
     "test_mc1241a_both_axes_by_one_update_and_only_one_moves": {"mc1241a.idle-update"},
+    "test_mc1241a_a_move_without_the_stall_check": {"mc1241a.no-step-ratio"},
 }
 """Notes beside the one of a host that reads no checksum: what was done may be meant."""
 
@@ -116,6 +118,48 @@ def _control(mcp1200):
     return axis
 
 
+def test_lm628_12_bits_again_after_each_reset(lm628):
+    axis = lm628.host
+    for target in (200, 300):
+        axis.reset()
+        lm628.bus.delay("2ms")
+        axis.port12()
+        axis.load_filter(kp=300, kd=2000)
+        axis.move(target, acc=400, vel=4 << 16)
+
+
+def test_lm629_from_velocity_mode_to_a_target_and_slower_on_the_way(lm629):
+    axis = _ready(lm629)
+    axis.load_trajectory(acc=400, vel=4 << 16, velocity_mode=True, start=True)
+    lm629.bus.delay("100ms")
+    axis.load_trajectory(pos=4000, start=True)
+    axis.load_trajectory(vel=2 << 16)
+    lm629.bus.delay("50ms")
+    axis.stt()
+    lm629.bus.delay("2s")
+
+
+def test_lm629_goes_on_after_the_motor_was_off_with_both_positions_read(lm629):
+    axis = _ready(lm629)
+    axis.lpes(200)
+    lm629.board.faults.arm("jam", when="position 500", until="for 300 ms")
+    axis.load_trajectory(acc=400, vel=4 << 16, pos=3000, start=True)
+    lm629.bus.delay("1s")
+    desired, _ = axis.rddp(), axis.rdrp()
+    axis.rsti(0)
+    axis.load_trajectory(pos=desired, start=True)
+    lm629.bus.delay("1s")
+    axis.move(3000)
+
+
+def test_lm629_gains_for_what_comes_next_are_loaded_under_way(lm629):
+    axis = _ready(lm629)
+    axis.load_trajectory(acc=400, vel=4 << 16, pos=2000, start=True)
+    axis.load_filter(kp=200, kd=1500, update=False)
+    lm629.clock.advance("1 s")
+    axis.udf()
+
+
 def test_mcp1200_the_final_position_low_byte_last(mcp1200):
     axis = _control(mcp1200)
     axis.write_acceleration(0x18)
@@ -158,6 +202,32 @@ def test_mcp1200_a_status_cleared_though_nothing_is_wrong(mcp1200):
     axis = _control(mcp1200)
     axis.write_status(0)
     axis.write_saturation(0x90)
+
+
+def test_mcp1200_reads_positions_and_captures_in_any_order_after_r14(mcp1200):
+    axis = _control(mcp1200)
+    axis.write_acceleration(0x18)
+    axis.write_profile_velocity(10)
+    axis.write_final_position(3000)
+    axis.set_flag(0)
+    for registers in ((0x14, 0x12, 0x13), range(0x0C, 0x19), range(0x2C, 0x32)):
+        for _ in range(30):
+            for register in registers:
+                mcp1200.bus.read(register)
+            mcp1200.bus.delay("1ms")
+    axis.wait_flags(F0, 0)
+
+
+def test_mcp1200_a_jog_ended_when_the_motor_stands(mcp1200):
+    axis = _control(mcp1200)
+    axis.write_acceleration(0x08)
+    axis.write_velocity_command(10)
+    axis.set_flag(5)
+    mcp1200.bus.delay("300ms")
+    axis.write_velocity_command(0)
+    while axis.read_actual_velocity():
+        mcp1200.bus.delay("500us")
+    axis.clear_flag(5)
 
 
 def _moved(mc1241a):
@@ -215,3 +285,23 @@ def test_mc1241a_both_axes_by_one_update_and_only_one_moves(mc1241a):
     chip.set_pos(0)
     chip.multi_update(3)
     mc1241a.bus.delay("400ms")
+
+
+def test_mc1241a_a_move_without_the_stall_check(mc1241a):
+    chip = mc1241a.host
+    chip.set_pos_err(60)
+    chip.set_step_ratio(40)
+    _moved(mc1241a)
+    mc1241a.bus.delay("400ms")
+    chip.set_step_ratio(0)
+    chip.set_pos(0)
+    chip.update()
+    mc1241a.bus.delay("400ms")
+    chip.set_step_ratio(40)
+
+
+def test_mc1241a_resets_events_it_does_not_have_and_keeps_another(mc1241a):
+    chip = _moved(mc1241a)
+    mc1241a.bus.delay("400ms")
+    for keep in (0xFFFB, 0xFFFE, 0xFFFF):
+        chip.rst_status(keep)

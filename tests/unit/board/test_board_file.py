@@ -382,6 +382,8 @@ MISTAKES = [
      ' HOST:PORT with a port of 0 to 65535, such as "127.0.0.1:9100"'),
     ("", '[metrics]\nlisten = "[::]:9100"\n', 'b.toml:9: metrics.listen: "[::]:9100" lets other'
      ' computers in; write "[::1]:9100", or say remote = true in [metrics] if that is meant'),
+    ("", "[scope]\nremote = true\n", "b.toml:9: scope.remote: pages go to other computers by TLS"
+     " alone; give certificate and key"),
     # links that other computers reach
     ("", '[[hosts]]\ntransport = "tcp:0.0.0.0:5000"\n', 'b.toml:9: hosts[1].transport:'
      ' "tcp:0.0.0.0:5000" lets other computers in; write "tcp:5000", or say remote = true for this'

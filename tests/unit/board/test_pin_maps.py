@@ -133,8 +133,8 @@ MISTAKES = [
      ' one source'),
     ('"y.HI"', '"HI"', 'b.toml:30: pinmaps.uno.pins.PD2: "y.HI" and "x.HI" are outputs, which fight'
      " on one wire; join them by a gate of [glue.NAME], and wire its output to the port bit"),
-    ('PC1 = "/PS"\n', "", 'b.toml:14: pinmaps.uno: "x" cannot be reached: /PS not wired; wire each'
-     ' to a port bit, or tie it with "low" or "high"'),
+    ('PC1 = "/PS"\n', "", 'b.toml:14: pinmaps.uno: "x" cannot be reached: /PS is not wired; wire'
+     ' each to a port bit, or tie it with "low" or "high"'),
     ("low = []", 'low = ["/RD"]', 'b.toml:15: pinmaps.uno.low[1]: "x./RD" is wired to PC0'
      " already; a pin has one source"),
     ("low = []", 'chips = ["x", "q"]', "b.toml:15: pinmaps.uno.chips[2]: there is no [chips.q];"
@@ -230,7 +230,7 @@ def test_chips_of_the_same_map_without_glue_are_decoded_by_the_host_as_ever() ->
         ('"u1.1A"', '"u1.1X"', '"u1" has no pin "1X"; it has 1Y0, 1Y1, 1Y2, 1Y3, 1A, 1/G;'
          ' list a further pin of it in "hosts" of [glue.u1]'),
         ('"u1.1A"', '"u2.1A"', 'there is no [chips.u2]'),
-        ('PC1 = "/PS"\n', "", '"x" cannot be reached: /PS not wired'),
+        ('PC1 = "/PS"\n', "", '"x" cannot be reached: /PS is not wired'),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_map_with_glue_is_named(old: str, new: str, message: str) -> None:

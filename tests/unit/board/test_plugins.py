@@ -9,7 +9,7 @@ from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
 from vbus.core.entry_points import EntryPoint
-from vbus.core.errors import PluginError
+from vbus.core.errors import ConfigError, PluginError
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_a_broken_entry_point_costs_nothing_until_it_is_wanted(acme: None) -> No
 
 def test_an_unknown_name_is_answered_with_the_known_ones(acme: None) -> None:
     with pytest.raises(
-        PluginError,
+        ConfigError,
         match=r'^unknown plant model "moter"; did you mean "motor"\? known are motor, steps$',
     ):
         plugins.plant_class("moter")

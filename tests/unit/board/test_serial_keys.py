@@ -43,6 +43,12 @@ def text(keys: str, link: str = "rfc2217:0", chip: str = "x", time: str = "locks
          " address, ?baud=9600; take baud out"),
         (text("baud = 9600", "zenoh:"),
          "b.toml:16: hosts[1].baud: messages over the network are no serial line; take baud out"),
+        (text("", "zenoh:bench"),
+         'b.toml:14: hosts[1].transport: found "zenoh:bench"; write "zenoh:" and nothing behind it:'
+         " where on the network the board is stands in [zenoh]"),
+        (text('rts = ["x./RST"]').replace("[chips.x]", "[nodes.a]\n[chips.x]\nnode = \"a\"")
+         .replace("[chips.y]", "[nodes.b]\n[chips.y]\nnode = \"b\"").replace(', "y./RST"', ""),
+         "b.toml:20: hosts[1].rts: modem lines are for boards without nodes"),
         (text("baud = 9600", "tcp:0", time="slaved"),
          "b.toml:16: hosts[1].baud: on a slaved board the host's own time stamps say when things"
          " happen; take baud out"),

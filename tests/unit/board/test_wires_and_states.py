@@ -208,6 +208,15 @@ def test_a_data_read_held_by_hand_shows_one_byte_after_whole_cycles(
     assert {level for when, level in seen if when > from_now} <= {shown}
 
 
+def test_each_axis_of_a_chip_set_is_found_by_its_number() -> None:
+    board = load_board_text(
+        '[board]\nname = "b"\n[chips.x]\npart = "MC1241A"\nclock = "25 MHz"\n'
+        'plants = ["a", "b"]\n[plants.a]\nmodel = "ideal"\n[plants.b]\nmodel = "ideal"\n'
+    )
+    assert [*board.axes] == ["x.1", "x.2"]
+    assert [*board.axes.values()] == board.plants
+
+
 @pytest.mark.parametrize("looks", [False, True])
 def test_what_a_chip_set_finds_by_itself_comes_before_what_its_host_does_later(looks: bool) -> None:
     """A journal has findings in one order, whoever has looked at the board."""

@@ -71,7 +71,7 @@ class Toy(Chip):
         if writing and not wrote:
             low = self.kernel.now - self._wr_fell
             limit = AC.minimum("T1", self.clock)
-            lost = self.judged and low < limit and self.report(AC.rules["T1"], low, limit)
+            lost = self.timing_checked and low < limit and self.report(AC.rules["T1"], low, limit)
             if not lost:
                 self.write(self.pins["A0"].net.before, self.data_pin.net.before)
         if reading and not was_reading:
@@ -121,4 +121,4 @@ class Toy(Chip):
             self.pins["IRQ"].drive(0)
             self.busy_until = self.kernel.now + 10 * US
             self.irq_at = self.kernel.now + data * US
-        self.touched()
+        self.input_changed()

@@ -1,5 +1,6 @@
 """Worlds as text, what they change, and the order in which they are tried."""
 
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ from tests.unit.faults.bench import Lm
 from tests.unit.faults.bench import build as build_lm
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.campaign.account import Account, SeenCycle, Witness
+from vbus.campaign.account import Account, Axis, SeenCycle, Witness
 from vbus.campaign.plan import PlannedWorld, WorldPlan, in_order, plan, shortened, specimens
 from vbus.campaign.verdict import NO_EFFECT, judge
 from vbus.campaign.world import (
@@ -22,6 +23,8 @@ from vbus.campaign.world import (
     read_world,
 )
 from vbus.cli.hosted.campaign_runs import FunctionSubject
+from vbus.client import Bus
+from vbus.client.mcp1200 import Mcp1200
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import MS
 from vbus.serve.in_process import connect_in_process
@@ -51,6 +54,7 @@ def row(number: int, group: str, write: bool = True) -> SeenCycle:
         ("specimen:+17us:x.busy=worst:3", 'x.busy = "worst", seed = 3, the chips 17us ahead'),
         ("floating:x:0", "undriven data lines of x show 0"),
         ("fault:x.1@12000000:jam", "jam of x.1 at 12us"),
+        ("fault:x.1@12000000+5000000:jam", "jam of x.1 at 12us for 5us"),
         ("threads:program:order17", "threads of the program in the order of seed 17"),
     ],
 )
@@ -65,8 +69,14 @@ def test_a_world_is_its_text(text: str, sentence: str) -> None:
         ("cycles:x.1:lost", 'did you mean "cycle"'),
         ("cycle:x.1", "DIMENSION:WHERE:HOW"),
         ("cycle:x.1:stolen", "names no world"),
+        ("cycle:x.1:flipped", '"flipped" is no way of this dimension'),
+        ("cycle:x.0:lost", "a bus cycle's number is 1 or more"),
+        ("phase:+1us:behind", "is no way"),
+        ("interrupt:x.HI@5:early5", "is no way"),
+        ("floating:x:2", "is no way"),
         ("cycle:x.1:lost:y", "DIMENSION:WHERE:HOW"),
         ("fault:x@0:jamm", 'there is no fault "jamm"'),
+        ("fault:x.1@0+:jam+", "names no world"),
         ("phase:+x:ahead", "is no duration"),
         ("specimen:+0us:busy", "CHIP.KEY=VALUE"),
         ("threads:program:orderly", "names no world"),
@@ -109,6 +119,14 @@ def test_of_each_group_and_way_one_comes_first() -> None:
     assert ways == {(f"x {g}", w) for g in "ab" for w in ("flip", "lost", "doubled", "busy")}
 
 
+def test_a_short_campaign_has_one_world_of_each_way_of_each_dimension() -> None:
+    made = planned(LM629, [row(number, f"g{number}") for number in range(1, 99)])
+    ways = {(one.world.dimension, one.world.way) for one in made.worlds}
+    assert len(ways) > 8
+    first = made.worlds[: len(ways)]
+    assert {(one.world.dimension, one.world.way) for one in first} == ways
+
+
 def test_the_seed_decides_the_order_and_nothing_else_does() -> None:
     rows = [row(number, "a") for number in range(1, 9)]
     orders = [planned(LM629, rows, seed=seed, only=["cycle"]).worlds for seed in (0, 0, 1)]
@@ -130,7 +148,8 @@ def test_what_does_not_apply_is_told() -> None:
     assert "no busy that the manual bounds" in made.refused["busy"]
     assert "program with a card" in made.refused["threads"]
     assert "has moved" in made.refused["interrupt"]
-    assert "waits by the wall clock" in made.refused["link_cut"]
+    assert "waits by the wall clock" in made.refused["link_closed"]
+    assert "without messages" in made.refused["link_cut"]
 
 
 def test_an_interrupt_comes_a_cycle_early_or_late() -> None:
@@ -162,6 +181,40 @@ def test_a_board_whose_chips_have_no_cycle_has_no_phases() -> None:
 def test_a_fault_comes_in_the_middle_of_the_cycles_of_the_host() -> None:
     made = planned(LM629, [row(number, "a") for number in range(1, 8)], only=["fault"])
     assert {one.world.where.partition("@")[2] for one in made.worlds} == {"4000000"}
+
+
+def test_an_axis_is_disturbed_for_a_while_when_it_is_fastest_and_jammed_in_each_move() -> None:
+    file, source = read_board_text(of_part("LM629N-8", "dc_motor"))
+    axis = Axis([(0, 50, 0, 50), (50, 90, 50, 90)], 90, 9, False, [(5, 7 * MS), (9, 70 * MS)])
+    seen = Account(seen=[row(1, "a")], axes={"x.1": axis})
+    made = plan(seen, file, build(file, source), only=["fault"])
+    of_axis = {one.group: one.world for one in made.worlds if " x.1 " in one.group}
+    assert [of_axis[f"jam x.1 in move {number}"].where for number in (1, 2)] == [
+        f"x.1@{7 * MS}", f"x.1@{70 * MS}",
+    ]  # fmt: skip
+    for fault in ("jam", "supply_sag", "a_open"):
+        assert of_axis[f"{fault} x.1 for a while"].where == f"x.1@{70 * MS}+{100 * MS}"
+    assert "slip x.1 in move 1" not in of_axis
+    assert "offset_jump x.1 for a while" not in of_axis
+
+
+def test_a_fault_for_a_while_is_over_after_it() -> None:
+    file, source = read_board_text(of_part("LM629N-8", "dc_motor"))
+    board = build(file, source)
+    begin(board, read_world(f"fault:x.1@{MS}+{2 * MS}:jam"))
+    states = []
+    for now in (MS // 2, 2 * MS, 5 * MS):
+        board.run_until(now)
+        states += [one.state for one in board.faults.all()]
+    assert states == ["waiting", "acting", "over"]
+
+
+def test_dimensions_take_turns_by_their_shares() -> None:
+    rows = [row(number, f"g{number}") for number in range(1, 99)]
+    made = planned(LM629, rows, only=["cycle", "phase", "specimen"])
+    first = len({(one.world.dimension, one.world.way) for one in made.worlds})
+    turns = Counter(one.world.dimension for one in made.worlds[first : first + 32])
+    assert turns == {"cycle": 8, "phase": 12, "specimen": 12}
 
 
 def test_threads_run_in_orders_of_a_million() -> None:
@@ -229,6 +282,39 @@ def test_values_of_two_axes_have_the_number_of_the_axis() -> None:
     values = Witness(build(file, source), reference=True).account().values
     of_axes = {name.split()[0] for name in values}
     assert of_axes == {"x", "x.1", "x.2"}
+
+
+DONE = '[board]\ntime = "lockstep"\npower_on = "done"'
+"""An MCP-1200 that takes commands at once; its STATUS has the BUSY pin, and bits of the host's."""
+
+
+def controls(bus: Bus) -> None:
+    axis = Mcp1200(bus)
+    axis.feature(pid=True)
+    axis.control()
+
+
+def test_a_bit_that_rises_in_each_sample_is_none_that_a_host_leaves() -> None:
+    file, source = read_board_text(of_part("MCP-1200", "ideal").replace("[board]", DONE))
+    host = FunctionSubject(file, source, controls)
+    reference = host.run(REFERENCE, None)
+    status, near = reference.values["x status"]
+    assert isinstance(status, int)
+    assert (status | 1, near) == (253, -2)
+    for ahead in range(50, 600, 110):
+        world = read_world(f"phase:+{ahead}us:ahead")
+        assert judge(reference, host.run(world, reference), world).verdict == NO_EFFECT
+
+
+@pytest.mark.parametrize("later", range(64, 513, 64))
+def test_a_bit_that_changes_within_a_sample_is_found_whenever_a_host_ends(later: int) -> None:
+    def host(bus: Bus) -> None:
+        controls(bus)
+        bus.delay(f"{later}us")
+
+    file, source = read_board_text(of_part("MCP-1200", "ideal").replace("[board]", DONE))
+    account = FunctionSubject(file, source, host).run(REFERENCE, None)
+    assert account.values["x status"][1] == -2
 
 
 def test_an_account_waits_for_motors_to_come_to_rest() -> None:

@@ -70,3 +70,13 @@ def test_a_board_that_has_gone_is_an_error(watched: tuple[Feed, socket.socket]) 
     board.close()
     with pytest.raises(BrokenPipeError):
         feed.send(REQUEST)
+
+
+def test_a_board_that_ends_with_a_request_unread_has_ended(
+    watched: tuple[Feed, socket.socket],
+) -> None:
+    feed, board = watched
+    feed.send(REQUEST)
+    board.sendall(b"\x02\0\0\0{}" + b"\x09\0\0\0cut")
+    board.close()
+    assert list(feed.messages()) == [b"{}"]

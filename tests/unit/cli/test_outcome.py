@@ -7,6 +7,7 @@ from vbus.core.kernel import MS, US
 
 HEAD = '[board]\nname = "b"\ntime = "lockstep"\npower_on = "done"\n[chips.x]\n'
 LM629 = HEAD + 'part = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
+DC_MOTOR = '[plants.m]\nmodel = "dc_motor"\n'
 IDEAL = '[plants.m]\nmodel = "ideal"\n'
 MC1241A = HEAD + 'part = "MC1241A"\nclock = "25 MHz"\nplants = ["none"]\n'
 
@@ -64,6 +65,24 @@ def test_an_lm629_with_a_filter_says_nothing_of_it() -> None:
 PROFILE = ((0x10, 0, 20), (0x11, 1, 0), (0x12, 0, 0x4000), (0x1A,))
 
 
+def test_a_slow_start_is_no_profile_without_a_motor_command() -> None:
+    """At 20/65536 count/sample/sample the filter finds no error for the first samples."""
+    board = load_board_text(LM629.replace('plant = "none"', 'plant = "m"') + DC_MOTOR)
+    port = board.open_port("h")
+    lm629(port, 0x1E, 0x000A, 300, 2000)
+    lm629(port, 0x04)
+    lm629(port, 0x1F, 0x002A, 0, 20, 3, 0, 0, 2000)
+    outcomes = AxisOutcomes(board)
+    outcomes.watch()
+    lm629(port, 0x01)
+    for span, runs in ((500 * MS, True), (1500 * MS, False)):
+        board.run_for(span)
+        outcomes.look()
+        (said,) = outcomes.lines()
+        assert "motor command" not in said
+        assert said.endswith(", its profile still ran then") is runs
+
+
 def test_an_mc1241a_without_a_motor_command_says_so_of_a_profile_that_has_ended() -> None:
     said = run(MC1241A, *PROFILE)
     assert "its profile ran in vain: its motor command is 0" in said
@@ -89,7 +108,7 @@ def test_an_mcp1200_with_a_gain_of_0_says_that_its_profile_ran_without_a_motor_c
             port.read(7)
         said += outcome.lines()
     assert said[0].endswith("its profile ran while the motor command was 0")
-    assert "profile" not in said[1]
+    assert "motor command" not in said[1]
 
 
 def test_an_axis_is_looked_at_while_its_host_sleeps() -> None:

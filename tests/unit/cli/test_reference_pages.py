@@ -31,7 +31,7 @@ def test_every_command_is_on_the_page_with_every_option() -> None:
                 assert max(option.opts, key=len) in section, (name, option.name)
     assert "### fault arm\n" in page
     assert "\b" not in page
-    assert "| 3 | the board file is wrong |" in page
+    assert "| 3 | the board file is wrong, or names" in page
 
 
 def test_every_function_of_the_header_is_on_its_page() -> None:

@@ -60,7 +60,7 @@ def test_what_is_no_bookmark_is_refused(tmp_path: Path, bookmark: Any) -> None:
 def test_there_is_a_most(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Bookmarks(tmp_path / "b.json", "run")
     kept.all = [mark(at) for at in range(MOST)]
-    assert kept.add(mark(MOST)) == f"more than {MOST} bookmarks are not kept"
+    assert kept.add(mark(MOST)) == f"more than {MOST} bookmarks are not saved"
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"runs": []}', '{"runs": {"a": 1}}', "\udc80"])

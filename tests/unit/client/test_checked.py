@@ -10,6 +10,7 @@ from vbus.campaign.account import Witness
 from vbus.campaign.world import begin, read_world
 from vbus.client import Bus
 from vbus.client.lm628 import Lm628
+from vbus.client.mc1241a import Mc1241a
 from vbus.client.mcp1200 import PROFILE, VELOCITY, Mcp1200
 from vbus.core.errors import NotReadyError, ReadBackError
 from vbus.serve.in_process import connect_in_process
@@ -85,6 +86,44 @@ def test_a_checked_client_raises_where_an_unchecked_one_says_nothing(
         run(part, move, True, cycle, how)
     with contextlib.suppress(NotReadyError):
         run(part, move, False, cycle, how)
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_a_move_that_a_limit_switch_has_ended_is_told(checked: bool) -> None:
+    board = load_board_text(
+        '[board]\ntime = "lockstep"\npower_on = "done"\n[chips.x]\npart = "MC1241A"\n'
+        'clock = "25 MHz"\nplants = ["m"]\n[plants.m]\nmodel = "stepper"\n'
+    )
+    with connect_in_process(board) as bus:
+        axis = Mc1241a(bus, ready="wait", checked=checked)
+        axis.set_buf_mtr_cmd(24000)
+        axis.set_step_ratio(40)
+        board.faults.arm("limit_stuck", when="command UPDATE")
+        told = pytest.raises(
+            ReadBackError, match=r"the move has ended with status .*positive limit"
+        )
+        with told if checked else contextlib.nullcontext():
+            axis.move(500, vel=15 << 16, acc=0x1000)
+
+
+@pytest.mark.parametrize("ready", ["poll", "wait"])
+def test_a_direction_in_velocity_mode_is_looked_at_when_it_is_in_use(ready: str) -> None:
+    """RDSIGS gives the bits in use, and STT takes effect at the next sample."""
+
+    def run_on(broken: bool) -> None:
+        board = load_board_text(
+            of_part("LM629N-8").replace("[board]", '[board]\ntime = "lockstep"\npower_on = "done"')
+        )
+        with connect_in_process(board) as bus:
+            axis = Lm628(bus, ready=ready, checked=True)
+            axis.load_filter(kp=300, kd=2000)
+            if broken:
+                board.faults.arm("byte_flipped", when="command LTRJ", mask=0x10, cycles="write")
+            axis.load_trajectory(acc=400, vel=4 << 16, velocity_mode=True, start=True)
+
+    run_on(broken=False)
+    with pytest.raises(ReadBackError, match=r"signals register .*1800h must be set"):
+        run_on(broken=True)
 
 
 def test_flags_of_an_mcp_1200_are_read_back() -> None:

@@ -199,7 +199,11 @@ def test_the_reset_check_demands_84_then_80_or_c4_then_c0(
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
-        ([0x00], "status 00h 10ms after reset; 84h or C4h is required"),
+        (
+            [0x00],
+            "status 00h for 10ms; after a reset it is 84h or C4h: a chip that was in use needs"
+            r" reset\(\) first",
+        ),
         ([0x84, 0x84, 0x84, 0x84], "status 84h after RSTI; 80h or C0h is required"),
     ],
 )

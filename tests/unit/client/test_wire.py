@@ -256,7 +256,10 @@ def test_a_pin_goes_by_number_full_name_or_short_name(pin: int | str, number: in
         (lambda m: m.read(-1), "a = -1: allowed are 0 to 255"),
         (lambda m: m.write(256, 0), "a = 256: allowed are 0 to 255"),
         (lambda m: m.write(0, 256), "d = 256: allowed are 0 to 255"),
-        (lambda m: m.delay("soon"), "'soon' is no duration; a number with ps, ns, us, ms or s is"),
+        (
+            lambda m: m.delay("soon"),
+            "'soon' is no duration; write a number with ps, ns, us, ms or s",
+        ),
     ],
 )
 def test_an_argument_that_does_not_fit_is_named_with_what_is_allowed(

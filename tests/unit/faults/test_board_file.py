@@ -33,7 +33,7 @@ def test_its_keys_are_those_of_the_call() -> None:
         ('fault = "jamm"', 'faults[1].fault: there is no fault "jamm"; did you mean "jam"?'),
         ('fault = "slip"\nshar = 0.5', 'faults[1].shar: unknown key; did you mean "share"?'),
         ('fault = "slip"\nshare = 2', "faults[1].share: found 2; out of range"),
-        ('fault = "jam"\nwhen = "at 5"', "faults[1].when: it has no unit"),
+        ('fault = "jam"\nwhen = "at 5"', 'faults[1].when: found "at 5"; it has no unit'),
         ('fault = "jam"\nuntil = "once"', 'faults[1].until: until = "once": jam lasts'),
         ('fault = "jam"\ntarget = "y"', "faults[1]: no chip called 'y'"),
         ('target = "x"', 'faults[1]: key "fault" is missing'),

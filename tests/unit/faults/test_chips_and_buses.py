@@ -6,6 +6,7 @@ from tests.probe import probe
 from tests.unit.faults.bench import DC, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle, telemetry
 from vbus.core.kernel import MS, US
 from vbus.core.signals import Observer
+from vbus.faults.row import LinkActs
 
 
 class Edges(Observer):
@@ -299,7 +300,7 @@ def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:
     assert board.chips[0].pins["HostRdy"].value == 1
 
 
-class Links:
+class Links(LinkActs):
     """A server that can do the faults of links."""
 
     def __init__(self) -> None:
@@ -315,9 +316,6 @@ class Links:
     def end(self, number: int) -> None:
         pass
 
-    def end_all(self) -> None:
-        pass
-
 
 def test_a_server_that_comes_lets_faults_of_links_act_and_no_others_again() -> None:
     board = build()
@@ -327,7 +325,8 @@ def test_a_server_that_comes_lets_faults_of_links_act_and_no_others_again() -> N
     board.faults.arm("link_dead")
     settle(board, 3)
     assert host.status() & 1
-    board.faults.links = links = Links()
+    links = Links()
+    board.serve_links(links)
     assert links.begun == ["link_dead"]
     board.faults.clear(stuck)
     assert not host.status() & 1

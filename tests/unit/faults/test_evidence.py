@@ -7,6 +7,7 @@ from vbus.board.build import load_board_text
 from vbus.cli.journal_lines import line
 from vbus.core.kernel import MS
 from vbus.core.options import Value
+from vbus.faults.row import LinkActs
 from vbus.record.format import Entry, JournalReader
 from vbus.record.journal import Journal
 from vbus.record.replay import Replay
@@ -114,7 +115,7 @@ def test_a_report_shows_the_evidence() -> None:
     assert "fault: load_step x.1 at " in text(report)
 
 
-class Links:
+class Links(LinkActs):
     """Two links of messages."""
 
     def check(self, name: str, target: str) -> None:
@@ -126,9 +127,6 @@ class Links:
         return "so many sessions"
 
     def end(self, number: int) -> None:
-        pass
-
-    def end_all(self) -> None:
         pass
 
 
@@ -143,7 +141,7 @@ def test_a_run_with_faults_of_messages_is_played_again_with_the_same_hash() -> N
     board.start_trace()
     written = io.BytesIO()
     journal = Journal(board, written, file)
-    board.faults.links = Links()
+    board.serve_links(Links())
     host = Lm(board)
     host.spin()
     settle(board, 8)

@@ -101,6 +101,19 @@ def test_a_slow_part_without_a_delay_of_its_own_is_judged_behind_it_in_a_journal
     assert played(file.getvalue()).divergence is None
 
 
+@pytest.mark.spec("LM-TIM-16")
+@pytest.mark.parametrize(("name", "given"), [("byte_flipped", {"mask": 8}), ("bit_stuck", {})])
+def test_a_byte_that_is_another_one_has_its_hold_time(name: str, given: dict[str, int]) -> None:
+    """A level that went with the strobe would be a breach of a host that breaks no rule."""
+    slot = running()
+    slot.ready(0x300)
+    fault = slot.board.faults.arm(name, "x", **given)
+    slot.outb(0x300, 0x1E)  # LFIL becomes 16H, which is no command, or LTRJ
+    slot.port.delay(100 * US)
+    assert (fault.state, fault.fired) == ("over", 1)
+    assert not [one for one in slot.board.violations if re.match(r"lm628\.T\d", one.rule)]
+
+
 def test_what_a_fault_has_slowed_is_on_its_way_in_a_restored_board_too() -> None:
     """A part without a delay of its own has no timer until a fault makes it slow."""
     board = load_board_text(DECODED.replace('delay = "15 ns"\n', ""))

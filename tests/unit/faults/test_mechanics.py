@@ -135,13 +135,13 @@ def test_cleared_mechanics_are_as_new() -> None:
     """Two boards that part for a while come together again: the numbers are those of before."""
     board, _ = running()
     shaft = board.plants[0]
-    before = (shaft._load, shaft._coulomb, shaft._static, shaft._viscous)
+    before = (shaft.load, shaft.coulomb, shaft.static, shaft.viscous)
     first = board.faults.arm("friction", coulomb=0.01, viscous=1e-5)
     board.faults.arm("load_step", torque=0.001)
-    assert (shaft._load, shaft._coulomb, shaft._static, shaft._viscous) != before
+    assert (shaft.load, shaft.coulomb, shaft.static, shaft.viscous) != before
     board.faults.clear(first)
     board.faults.clear("load_step")
-    assert (shaft._load, shaft._coulomb, shaft._static, shaft._viscous) == before
+    assert (shaft.load, shaft.coulomb, shaft.static, shaft.viscous) == before
 
 
 @pytest.mark.parametrize("ahead", [150, 0])

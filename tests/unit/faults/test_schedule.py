@@ -439,6 +439,17 @@ def test_a_run_goes_on_from_a_saved_state_as_it_would_have(kind, wanted, first, 
         assert but_ports(target.save()) == but_ports(ends)
 
 
+def test_faults_of_one_encoder_act_in_the_order_of_arming_before_and_after_a_load() -> None:
+    board, other = moving("lm"), moving("lm")
+    board.faults.arm("backlash", when=board.now + 5 * MS)
+    board.faults.arm("a_stuck")
+    board.run_for(10 * MS)
+    other.load(board.save())
+    for one in (board, other):
+        one.run_for(20 * MS)
+    assert but_ports(other.save()) == but_ports(board.save())
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [

@@ -224,6 +224,11 @@ def test_an_input_of_an_open_gate_is_named_as_such() -> None:
          '"1A" is wired or tied already; an input has one source'),
         ('[glue.u]\npart = "RESET"\nhigh = ["/MR"]\n[glue.u.pins]\n"/RESET" = "x./RST"\n',
          'a reset lasts for its "delay"; write one, such as "100 ms"'),
+        ('[glue.u]\npart = "74HC04"\nlow = ["1A"]\n[glue.u.pins]\n1Y = "x./CS"\n'
+         '[glue.u.equations]\n"y./CS" = "x.HI"\n', 'equations are for part = "PLD"; this is ano'),
+        ('[nets]\none = ["x./RST"]\ntwo = ["y./RST"]\n[glue.u]\npart = "74HC04"\nlow = ["1A"]\n'
+         '[glue.u.pins]\n1Y = ["x./RST", "y./RST"]\n',
+         "glue joins the wires one, two, which have different names"),
         ('[glue.u]\npart = "PLD"\n', "a PLD needs [glue.NAME.equations], such as"),
         ('[glue.u]\npart = "PLD"\n[glue.u.equations]\n"x./CS" = "x.HI &"\n', 'equation "x.HI &": '),
         ('[glue.u]\npart = "PLD"\n[glue.u.equations]\n"x./CS" = "x.HI"\n"!x./CS" = "y.HI"\n',

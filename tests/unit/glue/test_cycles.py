@@ -12,7 +12,7 @@ from tests.unit.views.test_replay import played
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
 from vbus.chips.packets import Packet
-from vbus.circuit.stream import PacketTaker
+from vbus.circuit.stream import CountedLine, PacketTaker
 from vbus.cli.transcript import Transcript
 from vbus.core.kernel import MS, US
 from vbus.core.signals import Observer
@@ -35,6 +35,13 @@ low = ["1B"]
 """
 )
 """A host moves the strobes, and the inputs of a decoder that selects a chip."""
+
+
+class Timed(Transcript):
+    """Each line begins with the instant of its first cycle, in microseconds."""
+
+    def _write(self, line: CountedLine) -> None:
+        super()._write(CountedLine(line.when, f"{line.when / US:.3f} {line.text}", line.times))
 
 
 def transcript(slot: Slot) -> Transcript:
@@ -102,7 +109,7 @@ def test_strobes_and_side_pins_before_a_decoder_make_cycles_at_the_chip_it_selec
     board = load_board_text(DECODED)
     file = io.BytesIO()
     journal = Journal(board, file, DECODED, "board.toml")
-    told = Transcript(io.StringIO(), times=True)
+    told = Timed(io.StringIO())
     board.observe(told)
     port = board.open_port("host")
     names = port.pins.line_names()

@@ -169,6 +169,8 @@ int main(int count, char **arguments)
     (void)count;
     if (strncmp(where, "fd:", 3) == 0)
         error = vbus_attach(&bus, atoi(where + 3));
+    else if (strcmp(where, "unset") == 0)
+        error = vbus_open(&bus, NULL);
     else
         error = vbus_open(&bus, where);
     if (error < 0) {

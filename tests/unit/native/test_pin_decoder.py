@@ -230,6 +230,33 @@ def test_a_multiplexed_bus_takes_its_address_when_the_latch_rises(decoder: Path)
     assert play(decoder, wiring, *read) == ["read 1 12", "D 77"]
 
 
+MULTIPLEXED = f"{DATA} 0l=C0 0r=C1 0w=C2 0s=C3"  # /ALE, /OE, R/W, /CS
+LATCH = ("C0F 0F", "DFF 12", "C0F 0E", "C0F 0F")
+
+
+def test_a_read_strobe_after_the_select_shows_what_it_has_read(decoder: Path) -> None:
+    """As an HCTL-1100 is read: /CS low and high, then /OE."""
+    read = [*LATCH, "D00 00", "=77", "C0F 07", "C0F 0F", "=00", "?D", "C0F 0D", "?D", "C0F 0F"]
+    again = ["C0F 0D", "?D", "C0F 0F", "D00 FF", "?D"]
+    played = play(decoder, MULTIPLEXED, *read, *again)
+    assert played == ["read 1 12", "D 12", "D 77", "D 77", "D FF"]
+
+
+def test_of_a_latched_address_one_select_reads_once(decoder: Path) -> None:
+    within = ["C0F 07", "C0F 05", "C0F 07", "C0F 0F"]
+    after = ["C0F 07", "C0F 05", "C0F 0D", "C0F 0F"]
+    assert play(decoder, MULTIPLEXED, *LATCH, "D00 00", *within, *after) == ["read 1 12"] * 2
+
+
+def test_a_latched_address_is_written_if_r_w_is_low_as_the_select_rises(decoder: Path) -> None:
+    late = ["C0F 07", "C0F 03", "DFF 42", "C0F 0B", "C0F 0F"]
+    together = ["C0F 03", "C0F 0F"]
+    early = ["C0F 03", "C0F 07", "C0F 0F"]  # R/W rises first: a read
+    assert play(decoder, MULTIPLEXED, *LATCH, *late, *together, *early) == [
+        "write 1 12 42", "write 1 12 42", "read 1 12",
+    ]  # fmt: skip
+
+
 def test_a_tied_select_is_always_selected(decoder: Path) -> None:
     assert play(decoder, f"{DATA} 0r=C0 0w=C1 0a0=1 0s=0", IDLE, "C1F 1E") == ["read 1 1"]
 

@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 def run(exercise: Path, where: str, calls: str) -> list[str]:
     """Make the calls from a process of their own; return what it prints."""
     done = subprocess.run(
-        [str(exercise), where, *calls.split()], capture_output=True, text=True, timeout=30
+        [str(exercise), where, *calls.split()], capture_output=True, text=True, timeout=60
     )
     assert done.stderr == ""
     return done.stdout.splitlines()
@@ -310,7 +310,7 @@ def test_a_pause_is_waited_out(exercise: Path, tmp_path: Path, answered: bool) -
                 if answered:
                     connection.sendall(b"D\x05")
                 mark.unlink()
-                said, _ = host.communicate(timeout=30)
+                said, _ = host.communicate(timeout=60)
     late = "read: no reply in time; is the board running? open the session anew"
     assert said.splitlines() == ["timeout 0", "read 5" if answered else late]
 
@@ -379,8 +379,9 @@ def test_a_link_that_cannot_be_opened_says_why(
 
 
 @pytest.mark.parametrize(
-    "where", ["bench", "usb:1", "tcp:host:1", "tcp:1.2.3:4", "tcp:1.2.3.4", "tcp:1.2.3.256:4",
-              "tcp:1.2.3.4:65536", "tcp:1.2.3.4:5x", "tcp:localhost", "unix:/" + "x" * 200],
+    "where", ["unset", "bench", "usb:1", "tcp:host:1", "tcp:1.2.3:4", "tcp:1.2.3.4",
+              "tcp:1.2.3.256:4", "tcp:1.2.3.4:65536", "tcp:1.2.3.4:5x", "tcp:localhost",
+              "unix:/" + "x" * 200],
 )  # fmt: skip
 def test_what_is_no_link_is_refused(exercise: Path, where: str) -> None:
     assert run(exercise, where, "") == [

@@ -59,7 +59,7 @@ def play(host: Path, calls: str | list[str], answer: Answer) -> list[str]:
 
         board = threading.Thread(target=serve)
         board.start()
-        said, _ = process.communicate(timeout=30)
+        said, _ = process.communicate(timeout=60)
         board.join()
     assert failures == []
     return said.splitlines()

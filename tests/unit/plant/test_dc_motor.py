@@ -2,7 +2,7 @@
 
 import pytest
 
-from vbus.core.bits import saturate
+from vbus.core.bits import clamp
 from vbus.core.state import save
 from vbus.plant.dc_motor import DcMotor
 
@@ -146,7 +146,7 @@ def test_an_end_stop_takes_the_impact_and_holds(command, stop):
     assert plant.velocity == 0.0
     assert plant.resting()
     assert abs(plant.current) == pytest.approx(9.6)
-    assert plant._course()[-1] + plant._base == stop + 0.5, "in the middle of its count"
+    assert plant.course()[-1] + plant.base == stop + 0.5, "in the middle of its count"
     # It lets go in the other direction.
     assert abs(run(plant, -command, 0.005).count - stop) > 20
 
@@ -187,7 +187,7 @@ def test_no_choice_of_parameters_makes_it_unstable(settings):
 def test_a_million_revolutions_away_it_moves_just_the_same():
     here, there = motor(), motor()
     there.count += 2 * 10**9
-    there._base += 2 * 10**9
+    there.base += 2 * 10**9
     there._next += 2 * 10**9
     for number in range(1000):
         command = (number % 7 - 3) / 3
@@ -219,11 +219,14 @@ def test_impossible_settings_are_refused(settings, message):
     ("kp", "kd"), [(100, 0), (100, 500), (100, 1000), (300, 3000), (1000, 10000), (1000, 20000)]
 )
 def test_in_a_loop_with_the_gains_of_an_lm629_it_settles_on_its_target(kp, kd):
+    def word(value: int) -> int:
+        return clamp(value, -0x8000, 0x7FFF)
+
     plant = motor()
     before = 0
     for _ in range(4000):
         error = 400 - plant.count
-        command = saturate(kp * error + saturate(kd * (error - before), 16), 16)
+        command = word(kp * error + word(kd * (error - before)))
         before = error
         plant.drive(command / 32768, error)
     assert plant.resting()

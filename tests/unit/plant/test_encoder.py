@@ -88,9 +88,9 @@ def test_an_index_is_told_exactly_where_the_level_says_so(start, way, lines, pla
 
 def lead(rail: EncodedPlant, *points: float) -> int:
     """Lead a shaft through these positions at equal distances of one period."""
-    rail._begin(len(points))
-    rail._points[1:] = points
-    return rail._end()
+    rail.begin(len(points))
+    rail.points[1:] = points
+    return rail.end()
 
 
 def test_a_shaft_starts_in_the_middle_of_count_0():
@@ -164,10 +164,10 @@ def test_a_period_begins_where_the_last_one_ended(points):
 def test_a_shaft_a_hair_below_a_count_stays_below_it():
     rail = EncodedPlant()
     assert lead(rail, -1e-20) == -1
-    rail._begin(1)
-    assert 0.0 < rail._points[0] < 1.0
-    rail._points[1] = rail._points[0]
-    assert rail._end() == -1
+    rail.begin(1)
+    assert 0.0 < rail.points[0] < 1.0
+    rail.points[1] = rail.points[0]
+    assert rail.end() == -1
 
 
 FREE = {"viscous_friction": 0.0, "coulomb_friction": 0.0, "static_friction": 0.0}

@@ -141,9 +141,7 @@ def test_a_rotor_that_is_all_friction_is_followed_implicitly() -> None:
 def test_a_rotor_that_gets_more_friction_is_followed_as_finely_as_that_asks_for() -> None:
     plant = motor()
     for viscous in (3.0, 1e9):
-        mechanics = plant.mechanics()
-        mechanics.viscous = viscous
-        plant.refit(mechanics)
+        plant.refit(plant.mechanics()._replace(viscous=viscous))
         for _ in range(50):
             plant.phases(0.7, 0.7, 0.0)
             assert 0 <= plant.count <= STEP

@@ -223,7 +223,7 @@ def test_a_shaft_that_friction_neither_holds_nor_lets_go_is_held_in_the_end() ->
     # At the very torque of dry friction rounding decides; a period still comes to an end.
     plant = motor(inductance=0.0, static_friction=0.0, coulomb_friction=0.0, viscous_friction=0.0)
     for torque in (0.0, 1e-18, -1e-18, 0.288):
-        plant._load = torque
+        plant.load = torque
         plant._solve()
         for command in (0.0, 1.0, 1.0, 0.0, -1.0, 0.0):
             plant.drive(command, 0)
@@ -275,9 +275,7 @@ def test_a_motor_that_changes_within_a_period_ends_it_as_it_began_it() -> None:
     for _ in range(30):
         plant.drive(1.0, 0)
         other.drive(1.0, 0)
-    mechanics = plant.mechanics()
-    mechanics.load = 0.2
-    plant.refit(mechanics)
+    plant.refit(plant.mechanics()._replace(load=0.2))
     for part in range(17):
         assert plant.count_at(part / 16) == other.count_at(part / 16)
     assert plant.fraction_at(plant.count) == pytest.approx(other.fraction_at(plant.count), abs=1e-4)
@@ -296,9 +294,8 @@ def test_a_shaft_that_leaves_what_a_stop_has_come_to_within_a_period_is_not_move
         for _ in range(200):
             plant.drive(-1.0, 0)
         if stopped:
-            mechanics = plant.mechanics()
-            mechanics.low, mechanics.high, mechanics.stopped = -100_000, plant.count - 5, True
-            plant.refit(mechanics)
+            stop = {"low": -100_000, "high": plant.count - 5, "stopped": True}
+            plant.refit(plant.mechanics()._replace(**stop))
         plant.drive(-1.0, 0)
         places.append((plant.count, plant._part, plant.velocity))
     assert places[0] == places[1]

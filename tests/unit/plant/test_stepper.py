@@ -162,7 +162,7 @@ def test_a_microstepping_driver_makes_smaller_steps():
 def test_a_pulse_train_beyond_all_reason_moves_the_field_in_leaps():
     plant = motor()
     plant.pulses(1_000_000)
-    assert len(plant._course()) == MOST_PIECES + 1
+    assert len(plant.course()) == MOST_PIECES + 1
     assert abs(plant.count) < 100
     assert settle(plant) % (4 * STEP) == 0
 
@@ -199,7 +199,7 @@ def test_slow_periods_are_cut_finely_enough_for_the_rotor():
     plant = motor(0.5)
     plant.pulses(1)
     assert settle(plant) == STEP
-    assert len(plant._course()) - 1 > 0.5 / 130e-6
+    assert len(plant.course()) - 1 > 0.5 / 130e-6
 
 
 def test_full_steps_that_make_no_whole_electrical_cycles_are_refused():

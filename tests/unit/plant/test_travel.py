@@ -31,8 +31,8 @@ def test_a_speed_that_swings_about_a_higher_one_stays_above_zero(
     volts: float, current: float, speed: float, torque: float
 ) -> None:
     """It settles at 240 rad/s, or 20 less with the load: the swing about that is smaller."""
-    travel = Travel(RESISTANCE, INDUCTANCE, CONSTANT, CONSTANT, INERTIA, 0.0)
     motor = Motor(RESISTANCE, INDUCTANCE, CONSTANT, CONSTANT, INERTIA, 0.0, 318.0)
+    travel = Travel(motor)
     travel.response = motor.response(PERIOD)
     travel.volts = volts
     assert travel.clear(1.0, current, speed, torque, PERIOD)
@@ -40,10 +40,9 @@ def test_a_speed_that_swings_about_a_higher_one_stays_above_zero(
 
 
 def test_one_that_swings_through_zero_is_followed() -> None:
-    travel = Travel(RESISTANCE, INDUCTANCE, CONSTANT, CONSTANT, INERTIA, 0.0)
-    travel.response = Motor(
-        RESISTANCE, INDUCTANCE, CONSTANT, CONSTANT, INERTIA, 0.0, 318.0
-    ).response(PERIOD)
+    motor = Motor(RESISTANCE, INDUCTANCE, CONSTANT, CONSTANT, INERTIA, 0.0, 318.0)
+    travel = Travel(motor)
+    travel.response = motor.response(PERIOD)
     travel.volts = 12.0
     assert not travel.clear(1.0, -400.0, 10.0, 0.0, PERIOD)
     assert lowest_speed(12.0, -400.0, 10.0, 0.0) < 0.0
@@ -51,8 +50,8 @@ def test_one_that_swings_through_zero_is_followed() -> None:
 
 def test_a_border_that_a_tick_is_too_short_to_pass_is_passed_when_its_span_says_so() -> None:
     """A tick adds less than the place's last bit, so that no tick by itself gets there."""
-    travel = Travel(RESISTANCE, INDUCTANCE, 0.0, 0.0, INERTIA, 0.0)
     motor = Motor(RESISTANCE, INDUCTANCE, 0.0, 0.0, INERTIA, 0.0, 318.0)
+    travel = Travel(motor)
     travel.response = motor.response(PERIOD)
     travel.place, travel.speed = 0.25, 1e-8
     way = 318.0 * 1e-8 * PERIOD

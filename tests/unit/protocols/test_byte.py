@@ -1,6 +1,7 @@
 """The byte protocol, board's end."""
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
 from vbus.core.kernel import END, US
@@ -166,6 +167,16 @@ def test_pass_ends_at_an_edge_of_a_watched_line(wire: ByteProtocol, port: FakePo
 def test_pass_ends_at_the_latest_when_time_does(wire: ByteProtocol, port: FakePort) -> None:
     port.time = END - 9 * US
     assert say(wire, "56 ffffffffffffffff") == "5700000000" + (9 * US).to_bytes(8, "big").hex()
+
+
+def test_pass_waits_on_a_board_that_does_not_follow_the_host(
+    wire: ByteProtocol, port: FakePort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = replace(port.info(), policy="lockstep")
+    monkeypatch.setattr(port, "info", lambda: info)
+    assert say(wire, "56 00000000004c4b40") == "5700000000" + "00000000004c4b40"
+    assert port.calls == [("sync",), ("delay", 5 * US), ("sync",)]
+    assert port.time == 5 * US
 
 
 def test_sync_says_all_ones_when_no_edge_is_in_sight(wire: ByteProtocol, port: FakePort) -> None:

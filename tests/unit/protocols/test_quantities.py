@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.core.kernel import END, MS, SECOND, US
-from vbus.protocols.quantities import format_instant, parse_duration, picoseconds
+from vbus.protocols.quantities import WALL_UNITS, format_instant, parse_duration, picoseconds
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,18 @@ from vbus.protocols.quantities import format_instant, parse_duration, picosecond
 )
 def test_a_duration_is_read_exactly(text: str, ps: int) -> None:
     assert parse_duration(text) == ps
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("5m", 300), ("1.5 min", 90), ("2h", 7200), ("0.001s", 0.001)]
+)
+def test_a_time_of_the_wall_clock_may_be_in_minutes_and_hours(text: str, seconds: float) -> None:
+    assert parse_duration(text, WALL_UNITS) == seconds * SECOND
+
+
+def test_chip_time_has_no_minutes() -> None:
+    with pytest.raises(ValueError, match="'5m' is no duration; write a number with ps, ns, us, ms"):
+        parse_duration("5m")
 
 
 def test_a_time_is_picoseconds_or_says_its_unit() -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from vbus.core.row_table import RowTable
 from vbus.protocols import codes
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import (
@@ -13,7 +14,6 @@ from vbus.protocols.requests import (
     Field,
     PayloadLayout,
     Request,
-    RequestTable,
 )  # fmt: skip
 
 
@@ -97,13 +97,13 @@ def test_a_value_that_does_not_fit_is_named_with_what_is_allowed(
 
 
 def test_an_opcode_given_twice_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^1f is B and A$"):
-        RequestTable(Request("A", 0x10, "", span=16), Request("B", 0x1F, ""))
+    with pytest.raises(ValueError, match=r"^1FH is B and A$"):
+        RowTable(Request("A", 0x10, "", span=16), Request("B", 0x1F, ""))
 
 
 def test_a_name_given_twice_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^A stands in the table twice$"):
-        RequestTable(Request("A", 0x10, ""), Request("A", 0x11, ""))
+        RowTable(Request("A", 0x10, ""), Request("A", 0x11, ""))
 
 
 def test_a_run_of_bytes_may_stand_behind_numbers() -> None:

@@ -110,7 +110,7 @@ def test_a_session_without_chips_says_so(
         ("lines /RD", "error: '/RD'; allowed is NAME=0 or NAME=1"),
         ("lines /RD=2", "error: '/RD=2'; allowed is NAME=0 or NAME=1"),
         ("lines /RD=0 /RD=1", "error: /RD stands there twice; name each line once"),
-        ("step 10", "error: '10' is no duration; a number with ps, ns, us, ms or s is"),
+        ("step 10", "error: '10' is no duration; write a number with ps, ns, us, ms or s"),
         ("step 0.1ps", "error: '0.1ps' is finer than a picosecond; that is as fine as time gets"),
         ("wait 9999999999s", "error: '9999999999s' is too long; at most 9151314 s are possible"),
         ("help q", f"error: no help on 'q'; allowed are {', '.join(VERBS)}"),
@@ -183,6 +183,18 @@ def test_a_line_that_has_to_wait_keeps_what_is_behind_it(
     wire.resume()
     first = {"s": "5us", "w": "busy 5us", "c": "OK 5000"}[line[0]]
     assert wire.take().decode() == f"{first}\n5us\n5us\n"
+
+
+@pytest.mark.parametrize(
+    ("lines", "left"),
+    [("", False), ("wait 5us\n", False), ("wait 5us\nnow\n", True), ("w 0 1\n", True)],
+)
+def test_a_wait_alone_is_nothing_that_a_host_leaves_behind(
+    wire: TextProtocol, port: FakePort, lines: str, left: bool
+) -> None:
+    port.held = True
+    wire.receive(lines.encode())
+    assert wire.awaited() == left
 
 
 def test_a_request_of_which_a_port_says_not_yet_is_made_again(

@@ -269,7 +269,7 @@ def test_refused_it_is_as_it_was_and_says_who_is_there(
     state = hand.board.state_hash(), hand.path.read_bytes()
     assert refused() == f"{only} when it is paused"
     hand.order("pause")
-    assert refused("soon") == "'soon' is no duration; a number with ps, ns, us, ms or s is"
+    assert refused("soon") == "'soon' is no duration; write a number with ps, ns, us, ms or s"
     assert refused("1 s") == "it is 5us: 1 s is still to come"
     hand.onlookers.append(hand.__class__.__new__(Hand))
     assert refused() == f"{only} when nothing else is recorded or watches; here is a scope"

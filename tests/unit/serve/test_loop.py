@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.waiting import PATIENCE
 from vbus.serve.loop import HostLoop
 
 
@@ -75,7 +76,7 @@ def test_a_direct_reader_is_called_while_the_event_loop_waits_for_something_else
         wake.send(b"done")
 
     loop.add_direct_reader(echo.near.fileno(), answer)
-    assert loop.run_until_complete(asyncio.wait_for(done, 20)) == b"done"
+    assert loop.run_until_complete(asyncio.wait_for(done, PATIENCE)) == b"done"
     loop.remove_reader(other.fileno())
     other.close()
     wake.close()

@@ -93,6 +93,44 @@ def test_a_stream_is_changed_only_when_it_begins(tmp_path: Path) -> None:
         assert path.read_text() == "new"
 
 
+MARKS = {
+    "journal": b"vbus journal 1\n", "snapshot": b"vbus snapshot\n",
+    "board": b'[board]\nname = "a"\n', "program": b"\x7fELF\x02",
+    "accepted": b'[[suppress]]\nrule = "lm628.T4"\n',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("there", MARKS)
+@pytest.mark.parametrize("begins", [b"", b"lm628: 3 of 69", MARKS["journal"], MARKS["snapshot"]])
+def test_a_name_given_by_mistake_costs_no_board_file_journal_or_program(
+    tmp_path: Path, kind: str, there: str, begins: bytes
+) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(MARKS[there])
+    if begins == MARKS[there]:
+        OutputFile(path, kind == "result", begins).close()
+    else:
+        with pytest.raises(VbusError, match=r"a: it looks like a .*, and is not replaced; give an"):
+            OutputFile(path, kind == "result", begins)
+    assert path.read_bytes() == MARKS[there]
+    assert [one.name for one in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("there", [b"import os\n", b"$date today $end", b"{}", b""])
+def test_a_journal_replaces_journals_alone_and_a_text_any_text(
+    tmp_path: Path, there: bytes
+) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(there)
+    if there:
+        with pytest.raises(VbusError, match="and is not replaced"):
+            write_file(path, MARKS["journal"])
+        assert path.read_bytes() == there
+    write_file(path, b"a report")
+    assert path.read_bytes() == b"a report"
+
+
 def test_a_result_that_is_not_kept_leaves_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "r.txt"
     path.write_text("old")

@@ -475,7 +475,7 @@ def test_a_host_that_asks_finds_a_resting_board_at_the_present_and_awake() -> No
     assert pacer.catch_up()
     assert board.now == pacer.wall()
     port.write(0, 0x1F)
-    pacer.touched()
+    pacer.served()
 
     assert pacer._asleep <= board.now + 10 * MS
     assert pacer.lag == 0
@@ -742,7 +742,7 @@ def test_an_lm629_is_at_rest_only_while_nothing_is_due_inside() -> None:
     port = board.open_port("host", ["x"])
     port.write(0, 0x06)
     assert not chip.resting(), "the command has its effect when busy falls"
-    pacer.touched()
+    pacer.served()
     sleep(pacer, wall, 60 * SECOND)
     assert chip.resting()
 
@@ -755,12 +755,12 @@ def test_an_mcp_1200_is_at_rest_only_while_nothing_is_due_inside() -> None:
     port = board.open_port("host", ["y"])
     port.write(0x09, 40)
     assert not chip.resting(), "the byte is visible some clocks later"
-    pacer.touched()
+    pacer.served()
     sleep(pacer, wall, 20 * MS)
     assert not chip.resting(), "the motor turns, in idle mode too"
 
     port.write(0x09, 0)
-    pacer.touched()
+    pacer.served()
     sleep(pacer, wall, 60 * SECOND)
     assert chip.resting(), "it has come to a stand"
 
@@ -791,7 +791,7 @@ def test_a_stepper_chip_set_is_at_rest_only_while_nothing_is_due_inside(
             wall.ns += 1_000_000
             assert pacer.catch_up()
             port.write(address, byte)
-        pacer.touched()
+        pacer.served()
 
     send("GET_TIME")
     assert not chip.resting(), "the command is carried out when HostRdy rises"
@@ -823,7 +823,7 @@ def test_a_chip_that_begins_to_move_is_brought_up_to_date_again() -> None:
             wall.ns += 1_000_000
             assert pacer.catch_up()
             port.write(1, byte)
-    pacer.touched()
+    pacer.served()
 
     sleep(pacer, wall, 10 * SECOND)
 
@@ -846,7 +846,7 @@ def test_a_host_of_a_node_is_woken_when_the_nodes_grant_what_it_waits_for() -> N
     for board.limit in (2 * MS - 1, 2 * MS):
         pacer.grant_came()
     assert woken == [2 * MS]
-    pacer.touched()
+    pacer.served()
     assert len(moved) == 2
 
 
@@ -863,7 +863,7 @@ def test_the_time_of_nodes_counts_from_their_epoch_and_follows_its_drift() -> No
         wall.ns += 2_000_000
         pacer.catch_up()
         assert board.now == 4 * MS
-        pacer.touched()
+        pacer.served()
         assert moved == [4 * MS]
         pacer.stop()
 

@@ -1,6 +1,7 @@
 """Boards by their names: who owns one, and whether it answers."""
 
 import json
+import os
 import socket
 import threading
 from contextlib import suppress
@@ -31,6 +32,15 @@ def test_a_name_is_owned_until_the_outermost_owner_leaves_it() -> None:
     with pytest.raises(NameInUseError, match=r'^a board called "bench" runs already \('):
         own_board("bench").__enter__()
     other.give_back()
+
+
+@pytest.mark.parametrize(("here", "ready"), [([], False), (["a"], False), (["a", "b"], True)])
+def test_a_machine_answers_when_each_of_its_nodes_does(
+    monkeypatch: pytest.MonkeyPatch, here: list[str], ready: bool
+) -> None:
+    nodes = {name: {"others": ["a", "b"]} for name in here}
+    monkeypatch.setattr(registry, "nodes_of", lambda machine: nodes)
+    assert answers("machine") is ready
 
 
 def test_a_board_answers_with_what_it_tells_of_itself() -> None:
@@ -85,3 +95,40 @@ def test_a_board_that_answers_byte_by_byte_is_given_up_in_time(
             ask(path)
         over.set()
         board.join()
+
+
+def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[int] = []
+    turn = threading.Event()
+
+    class NoTurn:
+        def __init__(self, pid: int) -> None:
+            looks.append(pid)
+
+        def lacking(self) -> bool:
+            looks.append(0)
+            if len(looks) == 4:
+                turn.set()
+            return True
+
+    monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.05)
+    monkeypatch.setattr(registry, "TURN_SECONDS", 0.01)
+    monkeypatch.setattr(registry, "STARVED", 60.0)
+    monkeypatch.setattr(registry, "Turns", NoTurn)
+    status = json.dumps({"done": {"board": "bench"}}).encode()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(socket_path("bench")))
+        socket_path("bench").chmod(0o600)
+        listener.listen()
+
+        def serve() -> None:
+            link, _ = listener.accept()
+            with link:
+                assert turn.wait(60)
+                link.sendall(len(status).to_bytes(4, "little") + status)
+
+        board = threading.Thread(target=serve)
+        board.start()
+        assert ask(socket_path("bench")) == {"board": "bench"}
+        board.join()
+    assert looks[0] == os.getpid()

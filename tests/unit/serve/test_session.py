@@ -16,9 +16,10 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.fast_path import CROWDED, LATE_NS
 from vbus.serve.message_session import SLICE, MessageSession
-from vbus.serve.session import BURST, Serving, Session, SpinTurn
+from vbus.serve.session import BURST, Services, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
+from vbus.serve.time.steps import Steps
 from vbus.transports import states
 from vbus.transports.base import Link, MessageLink
 from vbus.transports.sockets import SocketLink
@@ -48,7 +49,7 @@ class Served:
         self.disconnects.open()
         self.pacer.look_for_hosts = self.disconnects.look
         self.detached.look_for_hosts = self._look_for_hosts
-        self.serving = Serving(
+        self.services = Services(
             self.loop, self.pacer, SpinTurn(), Histogram(ROUND_TRIP_NS), self.disconnects,
             self.detached, self.ended.append,
         )  # fmt: skip
@@ -68,7 +69,7 @@ class Served:
 
     def _begin(self, link: Link) -> None:
         port = self.board.open_port("host0")
-        session = Session(self.serving, link, port, ByteProtocol(port))
+        session = Session(self.services, link, port, ByteProtocol(port))
         self.sessions.append(session)
         session.begin()
 
@@ -201,6 +202,27 @@ def test_a_host_that_comes_and_goes_meanwhile_is_served_too() -> None:
         assert it.board.now == SECOND + 2 * US
 
 
+@pytest.mark.parametrize("carried_out", [True, False])
+def test_a_host_that_goes_while_it_waits_begins_if_what_it_has_sent_is_carried_out(
+    carried_out: bool,
+) -> None:
+    with served() as it:
+        first = it.connect()
+        first.send(delay(SECOND))
+        it.turn(1)
+        first.close()
+        it.turn(1)
+        near, far = socket.socketpair()
+        link, begun = SocketLink(near, "x"), list[Link]()
+        it.detached.admit(link, begun.append)
+        link.on_end(carried_out)
+        it.rest()
+        assert begun == [link] * carried_out
+        assert (near.fileno() >= 0) == carried_out
+        near.close()
+        far.close()
+
+
 @pytest.mark.parametrize("behind", [b"", READ])
 def test_in_real_time_a_wait_outlives_its_host_for_what_stands_behind_it_alone(
     behind: bytes,
@@ -291,14 +313,14 @@ def test_a_host_is_not_looked_for_where_others_have_the_processor(gap: int, look
     wall, ways = [0], [0]
     with served() as it:
         it.pacer.clock = lambda: wall[0]
-        it.serving.turns.looks = 3
+        it.services.turns.looks = 3
 
         def give_way() -> None:
             wall[0] += gap
             ways[0] += 1
             host.send(READ)
 
-        it.serving.turns.give_way = give_way
+        it.services.turns.give_way = give_way
         host = it.connect()
         for _ in range(2):  # the session served last is looked for
             host.send(READ)
@@ -339,6 +361,31 @@ def test_an_error_of_the_program_ends_one_session_and_the_board_goes_on(
         assert second.recv(100) == b"D\x84"
 
 
+@pytest.mark.parametrize("durable", [True, False])
+def test_what_a_durable_journal_does_not_hold_is_not_answered(durable: bool) -> None:
+    with served() as it:
+        it.services = it.services._replace(settle=lambda: durable)
+        host = it.connect()
+        host.send(READ)
+        it.turn(10)
+        assert host.recv(100) == (b"D\x84" if durable else b"")
+        assert len(it.ended) == (not durable)
+
+
+def test_what_is_wrong_with_a_link_changes_what_is_sent_and_not_what_is_done() -> None:
+    with served() as it:
+        host = it.connect()
+        session = it.sessions[0]
+        session.add_filter(bytearray.reverse)
+        host.send(READ)
+        it.turn(10)
+        session.remove_filter(bytearray.reverse)
+        host.send(READ)
+        it.turn(10)
+        assert host.recv(100) == b"\x84D" + b"D\x84"
+        assert it.board.counters["reads"] == 2
+
+
 class LeftBehind(MessageLink):
     """A host that goes while messages of its own wait."""
 
@@ -353,13 +400,47 @@ class LeftBehind(MessageLink):
         pass
 
 
+class Asking(LeftBehind):
+    """A host that is there, and takes what it is answered."""
+
+    def __init__(self) -> None:
+        super().__init__([])
+        self.answers: list[bytes] = []
+
+    def answer(self, data: bytes) -> None:
+        self.answers.append(data)
+
+
+@pytest.mark.parametrize(("message", "answer"), [(READ, b"D\x84"), (WRITES, b"")])
+@pytest.mark.parametrize("durable", [True, False])
+def test_a_message_that_a_durable_journal_does_not_hold_is_not_answered(
+    durable: bool, message: bytes, answer: bytes
+) -> None:
+    with served() as it:
+        port = it.board.open_port("host0")
+        link = Asking()
+        services = it.services._replace(settle=lambda: durable)
+        session = MessageSession(services, link, port, ByteProtocol(port))
+        session.begin()
+        link.on_data(message)
+        it.turn(10)
+        assert link.answers == [answer] * durable
+        assert link.reason == (
+            ""
+            if durable
+            else "the journal takes no more, and what it does not hold is not answered"
+        )
+        session.end("the board stops")
+        assert link.reason.startswith("the board stops" if durable else "the journal takes no more")
+
+
 @pytest.mark.parametrize("policy", ["lockstep", "realtime"])
 @pytest.mark.parametrize("wait", [b"", delay(3 * MS)])
 def test_the_rest_of_a_host_that_has_gone_takes_its_turns(policy: str, wait: bytes) -> None:
     with served(policy) as it:
         port = it.board.open_port("host0")
         link = LeftBehind([wait + b"\x20\x00" * SLICE, b"\x20\x00" * 2])
-        session = MessageSession(it.serving, link, port, ByteProtocol(port))
+        session = MessageSession(it.services, link, port, ByteProtocol(port))
         session.begin()
         before = it.board.counters["writes"]
         link.on_end(False)
@@ -371,3 +452,22 @@ def test_the_rest_of_a_host_that_has_gone_takes_its_turns(policy: str, wait: byt
         until(lambda: (it.turn(3), session.state == states.CLOSED)[1], "the end of the rest")
         assert it.board.counters["writes"] - before == SLICE + 2
         assert len(it.sessions) == 1
+
+
+@pytest.mark.parametrize("turns", [0, 1, 3])
+def test_a_pause_between_two_slices_of_what_was_left_behind_ends_with_the_pause(turns: int) -> None:
+    with served() as it:
+        port = it.board.open_port("host0")
+        link = LeftBehind([b"\x20\x00" * SLICE, b"\x20\x00" * 2])
+        session = MessageSession(it.services, link, port, ByteProtocol(port))
+        steps = Steps(it.board, it.pacer, lambda: iter(()))
+        session.begin()
+        before = it.board.counters["writes"]
+        link.on_end(False)
+        steps.pause("paused")
+        it.turn(turns)
+        assert it.board.counters["writes"] - before == SLICE // 2
+        steps.go()
+        it.rest()
+        assert it.board.counters["writes"] - before == SLICE + 2
+        assert session.state == states.CLOSED

@@ -1,14 +1,17 @@
 """Each transition of a session and of a terminal, walked."""
 
+import ast
+import inspect
 import logging
 import os
+import select
 import socket
 from contextlib import suppress
+from itertools import pairwise
 from typing import NoReturn
 
 import pytest
 
-from contrib.generate.documents import constants
 from tests.unit.serve.test_session import CLAIM, READ, Served, served
 from tests.unit.transports.test_pty_clients import Hosts, hosts, loop
 from vbus.protocols.byte import ByteProtocol
@@ -24,9 +27,22 @@ ANSWERS = {
     states.BEGIN: True, states.GO_ON: True, states.ROOM: True, states.HOLD: False,
     states.FULL: False,
 }  # fmt: skip
-"""Whether a host that is there is answered after an event, whatever the table says."""
+"""Whether a host that is there is read and answered after an event, whatever the table says."""
 OVER = (states.END, states.DONE, states.GIVE_UP)
 """Events after which the board has no port of the session."""
+LEADS = {
+    states.BEGIN: states.READING, states.GO_ON: states.READING, states.ROOM: states.READING,
+    states.HOLD: states.HELD, states.FULL: states.PAUSED, states.FINISH: states.DRAINING,
+    states.GONE: states.LEAVING, states.OPENED: states.OWNED, states.WROTE: states.OWNED,
+    states.LEFT: states.OWNED, states.OVER: states.UNUSED,
+    **dict.fromkeys((*OVER, states.STOP, states.FREE), states.CLOSED),
+}  # fmt: skip
+AFTER = {
+    (states.LEAVING, states.HOLD): states.DEPARTED, (states.DEPARTED, states.HOLD): states.DEPARTED,
+    (states.FRESH, states.OPENED): states.SHARED, (states.FRESH, states.WROTE): states.UNUSED,
+    (states.FRESH, states.LEFT): states.UNUSED,
+}  # fmt: skip
+"""Where an event leads, whatever the table says: from every state, and after some elsewhere."""
 
 
 def full(fd: int, data: bytearray) -> NoReturn:
@@ -51,7 +67,7 @@ class OneSession:
         near.setblocking(False)
         self.it.hosts.append(self.host)
         port = self.it.board.open_port("host1")
-        self.session = Session(self.it.serving, SocketLink(near, "x"), port, ByteProtocol(port))
+        self.session = Session(self.it.services, SocketLink(near, "x"), port, ByteProtocol(port))
         self.it.sessions.append(self.session)
         if state == states.NEW:
             return
@@ -123,6 +139,7 @@ def test_a_session_goes_from_state_to_state(
             caplog.clear()
             walker.do(event)
             assert moves_of(SESSION, "x", caplog)[0] == (state, event, to)
+            assert to == AFTER.get((state, event), LEADS[event])
         if event in ANSWERS and state not in (states.LEAVING, states.DEPARTED):
             walker.host.setblocking(False)
             walker.host.send(b"\x02\x07")  # ECHO
@@ -131,6 +148,8 @@ def test_a_session_goes_from_state_to_state(
             with suppress(BlockingIOError):
                 answers = walker.host.recv(4096)
             assert (b"E\x07" in answers) == ANSWERS[event]
+            unread, *_ = select.select([walker.session.link.fd], [], [], 0)
+            assert bool(unread) != ANSWERS[event]
         if event in OVER:
             assert walker.session.port not in it.board.ports
 
@@ -175,6 +194,11 @@ def test_a_terminal_goes_from_state_to_state(
         caplog.clear()
         walker.do(event)
         assert moves_of(TERMINAL, walker.terminal.name, caplog)[0] == (state, event, to)
+        assert to == AFTER.get((state, event), LEADS[event])
+    if event == states.OPENED:
+        terminals = len(hosts.transport._terminals)
+        walker.do(states.WROTE)
+        assert len(hosts.transport._terminals) == terminals + (state == states.FRESH)
     for one in walker.open:
         os.close(one)
 
@@ -186,4 +210,11 @@ def test_a_transition_that_the_table_does_not_have_is_an_error() -> None:
 
 def test_each_state_and_event_is_used_and_described() -> None:
     rows = SESSION.rows + TERMINAL.rows
-    assert {one for row in rows for one in row} == {name for name, _ in constants(states)}
+    # A text constant is described by a docstring behind it.
+    described = {
+        getattr(states, ast.unparse(line.target))
+        for line, doc in pairwise(ast.parse(inspect.getsource(states)).body)
+        if isinstance(line, ast.AnnAssign) and isinstance(doc, ast.Expr)
+    }
+    named = {one for one in described if isinstance(one, str)}
+    assert {one for row in rows for one in row} == named

@@ -21,7 +21,7 @@ from vbus.record.replay import Replay
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.local_socket import Control, Order
 from vbus.serve.manual_host import ManualHost
-from vbus.serve.session import Serving, Session, SpinTurn
+from vbus.serve.session import Services, Session, SpinTurn
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 from vbus.serve.time.steps import PAUSED, RUNNING, STEPPING, Steps
@@ -66,11 +66,11 @@ class Bench:
         far.setblocking(False)
         self.far.append(far)
         port = self.board.open_port(f"host{len(self.sessions)}")
-        serving = Serving(
+        services = Services(
             self.loop, self.pacer, SpinTurn(), Histogram(ROUND_TRIP_NS), self.disconnects,
             DetachedWaits(self.pacer), self.sessions.remove,
         )  # fmt: skip
-        session = Session(serving, SocketLink(near, "x"), port, ByteProtocol(port))
+        session = Session(services, SocketLink(near, "x"), port, ByteProtocol(port))
         port.on_resume = session.resume_soon
         self.sessions.append(session)
         session.begin()
@@ -390,7 +390,7 @@ def test_what_makes_no_sense_is_refused_in_words(bench: Bench) -> None:
         ({"by": "cycle", "count": 0}, "0 bus cycles: allowed are 1 and more"),
         ({"by": "cycle"}, "no host is attached that could make a bus cycle; make one yourself"),
         ({"by": "time", "for": "soon"},
-         "'soon' is no duration; a number with ps, ns, us, ms or s is"),
+         "'soon' is no duration; write a number with ps, ns, us, ms or s"),
         ({}, "'by' is missing"),
     ):  # fmt: skip
         assert bench.order("step", **values) == refusal

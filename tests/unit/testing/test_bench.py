@@ -7,16 +7,32 @@ from typing import Any
 
 import pytest
 
+from vbus.campaign.world import PHASE, World
 from vbus.core.errors import ConfigError
+from vbus.core.kernel import US
 from vbus.testing.bench import _NO_VARIANT, Bench
-from vbus.testing.boards import of_part
+from vbus.testing.boards import Variant, of_part
+from vbus.testing.judge import Judge
 from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits
-from vbus.testing.plugins.acceptance import Acceptance
+from vbus.testing.plugins.acceptance import Acceptance, Acceptances
 from vbus.views.findings.suppress import Suppression
 
 
 def bench(budget: Limits | None = None, **keywords: Any) -> Bench:
-    return Bench("test", keywords, [Path.cwd()], Path.cwd, budget=budget or Limits())
+    return Bench("test", keywords, [Path.cwd()], Path.cwd, judge=Judge(budget=budget or Limits()))
+
+
+def test_the_chips_are_ahead_by_as_much_as_the_world_says() -> None:
+    later = Bench("t", {}, [], Path.cwd, variant=Variant(world=World(PHASE, "+64us", "of 341us")))
+    assert later.main("LM629N-8").board.now == 64 * US
+    later.close()
+
+
+def test_a_run_of_a_campaign_has_no_journal() -> None:
+    for witnessed in (False, True):
+        made = Bench("t", {}, [], Path.cwd, witnessed=witnessed)
+        assert bool(made.main("LM629N-8").journal()) == (not witnessed)
+        made.close()
 
 
 @pytest.fixture
@@ -34,7 +50,7 @@ def test_the_board_that_a_test_names_comes_before_that_of_its_fixture(plain: Ben
 
 
 def test_one_more_board_takes_no_keyword_that_is_none(plain: Bench) -> None:
-    with pytest.raises(ConfigError, match="unknown keyword 'bord'; allowed are board, "):
+    with pytest.raises(ConfigError, match=r"unknown keyword 'bord'; did you mean \"board\"\?"):
         plain.make("LM629N-8", bord=1)
 
 
@@ -66,6 +82,21 @@ def test_what_a_function_accepts_is_told_from_what_its_class_does(
 ) -> None:
     accepted = Acceptance(scope, Suppression("lm628", "", "known"), {test})
     assert accepted.of_function == of_function
+
+
+def test_what_a_worker_has_needed_counts_with_what_others_have(
+    pytestconfig: pytest.Config,
+) -> None:
+    """Workers of pytest-xdist say what each has seen of one acceptance."""
+    whole, *workers = (Acceptances(pytestconfig) for _ in range(3))
+    for number, worker in enumerate(workers):
+        one = worker._add("t.py", Suppression("lm628", "", "known"))
+        one.tests.add(f"t.py::test_{number}")
+        one.suppression.used = number
+        whole.update(worker)
+    (merged,) = whole._all.values()
+    assert merged.tests == {"t.py::test_0", "t.py::test_1"}
+    assert not merged.needless(merged.tests)
 
 
 def test_a_failing_test_is_told_how_to_run_it_again() -> None:

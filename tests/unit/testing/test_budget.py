@@ -1,8 +1,10 @@
 """A host that goes on for ever ends its test, which says what it waited for."""
 
+import runpy
 import sys
 import time
 from itertools import count
+from pathlib import Path
 
 import pytest
 
@@ -190,6 +192,17 @@ def test_wall_time_ends_though_a_test_has_stopped_its_clock(
         with pytest.raises(HostStuck, match="the machine was too slow"):
             polled(bus, 900_000, 0)
     assert watch.slow
+
+
+def test_a_host_that_makes_bus_cycles_or_lets_time_pass_makes_progress() -> None:
+    board = in_lockstep("LM629N-8")
+    watch = HostWatch(board, Limits())
+    assert watch.progress == (0, 0)
+    connect_in_process(board).read(0)
+    assert watch.progress == (1, board.now)
+    before = board.now
+    board.run_for(MS)
+    assert watch.progress == (1, before + MS)
 
 
 def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
@@ -508,3 +521,19 @@ def test_a_host_that_hangs_is_told_what_its_chip_has_and_what_it_has_not_ended()
     (values,) = [line for line in watch.details if line.startswith("x has ")]
     assert "real 0" in values
     assert [line for line in watch.details if line.startswith("x notes lm628.")]
+
+
+@pytest.mark.parametrize(("reads", "ends"), [(8, True), (12, False)])
+def test_the_driver_of_the_tutorial_has_its_whole_budget(reads: int, ends: bool) -> None:
+    run = runpy.run_path(str(Path(__file__).parents[3] / "docs/live/live.py"))["run"]
+    run.__globals__["BUDGET"] = Limits(cycles=10)
+    driver = f"""
+from vbus import connect
+with connect("pty:x") as bus:
+    for _ in range({reads}):
+        bus.read(0)
+print("done")
+"""
+    printed = run(of_part("LM629N-8"), driver)["printed"]
+    assert ("done" in printed) == ends
+    assert ("more than 10 bus cycles" in printed) != ends

@@ -4,7 +4,7 @@ import pytest
 
 from vbus.board.build import build
 from vbus.core.kernel import MS
-from vbus.serve.host_limits import KEPT
+from vbus.serve.host_limits import LAST_LINES
 from vbus.serve.in_process import connect_in_process
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.limits import HostWatch, Limits
@@ -18,7 +18,7 @@ def test_several_polls_in_turn_are_folded_and_hide_nothing() -> None:
     board.run_until(5 * MS)
     bus = connect_in_process(board)
     bus.write(0x05, 0x03)
-    for _ in range(KEPT):
+    for _ in range(LAST_LINES):
         bus.read(0x07)
         bus.read(0x07)
         bus.read(0x00)
@@ -29,7 +29,7 @@ def test_several_polls_in_turn_are_folded_and_hide_nothing() -> None:
     assert lines[1].startswith("x read STATUS FCH")
     assert lines[1].endswith(" x2")
     assert lines[2].startswith("x read FLAG ")
-    assert lines[3] == f"the same polls again x{3 * KEPT - 3}"
+    assert lines[3] == f"the same polls again x{3 * LAST_LINES - 3}"
     assert len(lines) == 5
 
 
@@ -55,7 +55,7 @@ def test_github_is_told_where_and_why(
             pass
         """
     )
-    result = suite.runpytest("-q", "--vbus-github", "--vbus-coverage")
+    result = suite.runpytest("-q", "--tb=no", "--vbus-github", "--vbus-coverage")
     result.assert_outcomes(failed=2, passed=1)
     lines = [line for line in result.outlines if line.startswith("::")]
     (line,) = lines

@@ -93,14 +93,19 @@ def test_a_program_gets_its_name_when_it_is_whole(
     suite.runpytest("-q").assert_outcomes(passed=1)
 
 
-def test_a_program_is_compiled_again_when_what_it_includes_has_changed(
-    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def write_host(suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write a host whose exit code is in code.h; its compiler writes down what it is asked for."""
     compiler = suite.path / "compiler"
     compiler.write_text(f'#!/bin/sh\necho "$1" >> called\nexec {require("cc")} "$@"\n')
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
     suite.path.joinpath("host.c").write_text('#include "code.h"\nint main(void) { return CODE; }\n')
+
+
+def test_a_program_is_compiled_again_when_what_it_includes_has_changed(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_host(suite, monkeypatch)
     suite.makepyfile(
         """
         from pathlib import Path
@@ -113,6 +118,23 @@ def test_a_program_is_compiled_again_when_what_it_includes_has_changed(
         """
     )
     suite.runpytest("-q").assert_outcomes(passed=1)
+
+
+def test_worlds_of_a_campaign_run_what_its_reference_run_has_compiled(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_host(suite, monkeypatch)
+    suite.makepyfile(
+        """
+        def test_it(vbus_exec):
+            assert vbus_exec("host.c").code == 7
+        """
+    )
+    suite.path.joinpath("code.h").write_text("#define CODE 7\n")
+    suite.runpytest("-q", "--vbus-campaign=3", "--vbus-campaign-only=phase").assert_outcomes(
+        passed=1
+    )
+    assert suite.path.joinpath("called").read_text().split() == ["-E", "-o", "-E", "-E"]
 
 
 def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:

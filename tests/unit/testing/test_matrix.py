@@ -104,6 +104,8 @@ def test_the_marker_of_the_test_stands_above_that_of_its_module(suite: pytest.Py
         ("seed=[]", "seed = []: write a list of numbers"),
         ("time=['realtime']", "time = 'realtime': allowed are lockstep and slaved"),
         ("hostile=True", "hostile = True: write a number of specimens, such as 30"),
+        ("hostile='30'", "hostile = '30': write a number of specimens, such as 30"),
+        ("hostile=-1", "hostile = -1: write a number of specimens, such as 30"),
     ],
 )
 def test_a_marker_that_makes_no_sense_is_refused(
@@ -215,7 +217,7 @@ def test_a_board_in_real_time_is_refused(suite: pytest.Pytester) -> None:
         "def test_it(vbus_board): pass\n"
     )
     result = suite.runpytest("-q")
-    result.stdout.fnmatch_lines(["*hostile: a board in real time does no run twice; leave rate o*"])
+    result.stdout.fnmatch_lines(["*hostile: a board in real time never repeats a run;*"])
 
 
 def test_an_acceptance_and_a_golden_are_judged_once(suite: pytest.Pytester) -> None:

@@ -37,7 +37,9 @@ def test_each_chip_is_ready_to_use(suite: pytest.Pytester) -> None:
             assert abs(axis.plant.count - 2000) < 10
 
         def test_mcp1200(vbus_mcp1200):
-            vbus_mcp1200.host.reset()
+            vbus_mcp1200.host.write_kp(5)
+            assert vbus_mcp1200.host.read_kp() == 5
+            assert not vbus_mcp1200.board.violations, "it is out of its reset"
             assert vbus_mcp1200.board.chips[0].part == "MCP-1200"
 
         def test_mc1241a(vbus_mc1241a):
@@ -80,7 +82,7 @@ def test_the_marker_names_the_board_and_what_is_special_about_it(suite: pytest.P
     ("mark", "message"),
     [
         ('board="nowhere.toml"', "*nowhere.toml: there is no such board file*"),
-        ("bord=1", "*unknown keyword 'bord'; allowed are board, plant*"),
+        ("bord=1", "*unknown keyword 'bord'; did you mean \"board\"? allowed are board, plant*"),
         ("rate=-1", "*rate=-1: it is chip seconds per second*"),
         ('board="LM999"', "*LM999*"),
         ('accept={"lm628.reset-wrte": "why"}', "*unknown rule 'lm628.reset-wrte'; did you mean*"),
@@ -97,6 +99,9 @@ def test_a_mark_that_makes_no_sense_is_said_in_one_sentence(
     result = suite.runpytest("-q")
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines([message])
+    # No line of pytest's or of vbus's: the mistake is the user's.
+    for line in ("*def vbus_*", "*pluggy*", "*During handling*", "*plugin.py:*"):
+        result.stdout.no_fnmatch_line(line)
 
 
 def test_the_clock_moves_time_exactly_and_refuses_what_cannot_be(suite: pytest.Pytester) -> None:
@@ -186,7 +191,7 @@ def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
     assert "RSTI" in str(told["vbus.transcript"])
     assert "lm628.busy-write" in str(told["vbus.violations"])
     assert Path(str(told["vbus.journal"])).stat().st_size > 0
-    page = Path(str(told["vbus.views.scope"]))
+    page = Path(str(told["vbus.scope"]))
     assert page.suffix == ".html"
     assert of_page(page.read_bytes()).packets("x bus")[-1][2] == "RDSTAT 80H MOTOR_OFF  [LM-CMD-23]"
     assert "$enddefinitions" in Path(str(told["vbus.wave"])).read_text()
@@ -293,7 +298,7 @@ def test_a_terminal_serves_the_board_while_the_test_holds_its_clock(suite: pytes
 
         def test_bytes(vbus_pty, vbus_clock):
             vbus_clock.advance("5ms")
-            with serial.Serial(vbus_pty, timeout=20) as port:
+            with serial.Serial(vbus_pty, timeout=60) as port:
                 port.write(bytes([0x10]))
                 assert port.read(2) == bytes([0x44, 0x84])
             assert vbus_clock.now == 5_001_000_000
@@ -383,10 +388,12 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
 
         def test_nothing():
             loaded = {name for name in sys.modules if name.startswith("vbus.")}
-            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugins",
+            mine = {"vbus.compiled", "vbus.core", "vbus.core.entry_points",
+                    "vbus.testing", "vbus.testing.plugins",
                     "vbus.testing.plugins.plugin", "vbus.version",
                     "vbus.testing.plugins.acceptance_plugin",
-                    "vbus.testing.plugins.golden_plugin", "vbus.testing.plugins.worlds_plugin"}
+                    "vbus.testing.plugins.golden_plugin", "vbus.testing.plugins.workers",
+                    "vbus.testing.plugins.worlds_plugin"}
             assert loaded <= mine
         """
     )

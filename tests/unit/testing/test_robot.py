@@ -53,6 +53,18 @@ Accepted In Vain
     Accept Violation    lm628.reset-write    the bootloader cannot wait
     Open Board    LM629N-8
 
+Stop That Waits
+    Open Board    LM629N-8
+    Advance Time    5ms
+    FOR    ${port}    ${byte}    IN
+    ...    0    0x1E    1    0    1    0x08    1    0    1    0x10    0    0x04
+    ...    0    0x1F    1    0    1    0x2A    1    0    1    0    1    0    1    9
+    ...    1    0    1    1    1    0    1    0    1    0    1    0    1    0    1    0
+    ...    0    0x01    0    0x1F    1    0x01    1    0
+        Write Bus    ${port}    ${byte}
+        Advance Time    100us
+    END
+
 No Board
     Read Bus    0
 """
@@ -69,7 +81,7 @@ def test_keywords_do_what_the_fixtures_do(tmp_path: Path) -> None:
         timeout=100,
     )  # fmt: skip
     printed = done.stdout
-    assert done.returncode == 6, printed + done.stderr
+    assert done.returncode == 7, printed + done.stderr
     assert re.search(r"Reset Is Shown +\| PASS", printed), printed
     assert re.search(r"Reset Ends +\| PASS", printed), printed
     assert '"x.real > 3 and x.HI" has not come to hold within 2000us of chip time' in printed
@@ -80,6 +92,7 @@ def test_keywords_do_what_the_fixtures_do(tmp_path: Path) -> None:
     assert "x broke lm628.reset-write at 1us: Nothing is written during reset" in printed
     assert len(re.findall(r"Write Too Early Is (Reported|Accepted) +\| PASS", printed)) == 2
     assert "lm628.reset-write is accepted (the bootloader cannot wait), and never hap" in printed
+    assert "x broke lm628.off-waits at " in printed
     assert "there is no board yet: begin with Open Board" in printed
     replay = re.search(r"^replay:  vbus (replay .*)$", printed, re.MULTILINE)
     assert replay is not None

@@ -10,6 +10,7 @@ from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, US
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
+from vbus.testing.judge import Judge
 from vbus.testing.limits import Limits
 from vbus.testing.triggers import Triggers
 
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.asyncio
 
 @pytest.fixture
 def bench() -> Bench:
-    return Bench("test", {}, [Path.cwd()], Path.cwd, budget=Limits(polling=0.3))
+    return Bench("test", {}, [Path.cwd()], Path.cwd, judge=Judge(budget=Limits(polling=0.3)))
 
 
 @pytest.fixture

@@ -29,10 +29,10 @@ from vbus.testing.triggers import Triggers
 PARTS = ("LM629", "MCP-1200", "MC1241A")
 ACTS = {
     "advance", "after_load", "before_save", "catch_up", "chip", "close", "come_true", "connect",
-    "end", "end_leases", "end_read", "first_heard", "fail_resets", "flush", "heard_changed",
-    "follow_clock", "jam", "journal", "page", "pass_until", "rearm", "relent", "release", "resolve",
-    "settle", "start", "start_trace", "tell_drivers", "touched", "trace", "unclaim", "unsolder",
-    "wave",
+    "course", "depart", "end", "end_leases", "end_read", "first_heard", "fail_resets", "flush",
+    "heard_changed", "follow_clock", "forget_course", "jam", "journal", "page", "pass_until",
+    "rearm", "relent", "release", "resolve", "settle", "start", "start_trace", "tell_drivers",
+    "input_changed", "trace", "unclaim", "unsolder", "wave",
 }  # fmt: skip
 """Methods without an argument that do something: all others tell something, and are asked."""
 NO_VALUES = {

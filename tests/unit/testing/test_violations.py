@@ -310,6 +310,51 @@ def test_reported(driver):
     )
 
 
+def test_what_no_right_driver_leaves_fails_a_test_that_has_passed(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+import pytest
+
+@pytest.fixture
+def axis(vbus_lm629):
+    axis = vbus_lm629.host
+    axis.check_reset()
+    axis.load_filter(kp=300, kd=2000)
+    axis.move(50, acc=400, vel=4 << 16)
+    axis.ltrj(0x0100)
+    return axis
+
+@pytest.fixture
+def ended(axis):
+    yield
+    axis.stt()
+
+def test_leaves(axis):
+    pass
+
+def test_its_fixture_ends_it(ended):
+    pass
+
+def test_fails_anyway(axis):
+    assert False
+
+@pytest.mark.vbus(accept={"lm628.off-waits": "the load alone is tested"})
+def test_accepted(axis):
+    pass
+"""
+    )
+    result = suite.runpytest("-q", "-rE")
+    result.assert_outcomes(passed=3, failed=1, errors=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*ERROR at teardown of test_leaves*",
+            "x broke lm628.off-waits at *: LTRJ has loaded a stop that no STT has taken*",
+            "violations: 1",
+            "ERROR *::test_leaves*",
+        ]
+    )
+
+
 @pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
 @pytest.mark.parametrize("board", [True, False], ids=["a board", "no board"])
 def test_an_acceptance_is_found_needless_whatever_runs_first(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from vbus.core.errors import NameInUseError, TransportError
-from vbus.core.runtime import lock_of, lock_state, runtime_directory, subdirectory
+from vbus.core.runtime import expanded, lock_of, lock_state, runtime_directory, subdirectory
 from vbus.network.places import endpoints_at, register, router_place, unregister
 from vbus.transports.runtime import NameLock
 
@@ -39,6 +39,14 @@ def test_else_it_lies_in_the_directory_of_the_users_session(
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
     assert runtime_directory() == places / "vbus"
+
+
+@pytest.mark.parametrize("variable", ["$VBUS_RUNTIME", "${VBUS_RUNTIME}"])
+def test_its_variable_stands_for_it_where_the_environment_has_none(
+    places: Path, monkeypatch: pytest.MonkeyPatch, variable: str
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    assert expanded(f"{variable}/axis.sock") == str(places / "vbus" / "axis.sock")
 
 
 @pytest.mark.parametrize("mine", ["/run/vbus", "/run"])

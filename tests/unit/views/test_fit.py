@@ -180,7 +180,7 @@ def test_a_capture_of_pwm_and_encoder_is_a_move() -> None:
             Driven(1e-4, -1.0, -7),
         ],
     )
-    with pytest.raises(CaptureError, match="no channel 'is named' for a; give it with --map"):
+    with pytest.raises(CaptureError, match="a: its channel is not given; give it with --map"):
         capture_move(Capture(["p"], 0, iter(samples)), "c", {"pwm": "p"}, 100 * US)
     jump = [(0, 0), (1, 0b1100)]
     with pytest.raises(CaptureError, match="1 ps: both channels"):

@@ -237,8 +237,11 @@ class CardCycle:
         chips: those that are read or written, in the order of the reports.
         places: the address at each of them.
         fall: how long before its end a read begins at the chip (ps).
+
+    Attributes:
         answer: what is read if no chip answers.
-        kept: data buses that float afterwards and what is left on each; BYTE: that of the cycle.
+        floating: data buses that float afterwards, and what is left on each; BYTE: that of the
+            cycle.
         steps: for chips that want every edge, what moves the wires to them: when, counted from the
             latching edge, and to which levels.
         source: the data bus of the chip that answers such a read; None: there is none.
@@ -250,25 +253,16 @@ class CardCycle:
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(
-        self,
-        chips: list[Chip] | None = None,
-        places: list[int] | None = None,
-        fall: int = 0,
-        answer: int = 0xFF,
-        kept: list[tuple[Net, int]] | None = None,
-        steps: list[tuple[int, Levels]] | None = None,
-        source: Net | None = None,
-        after: WireState | None = None,
-        by_byte: "dict[int, CardCycle] | None" = None,
+        self, chips: list[Chip] | None = None, places: list[int] | None = None, fall: int = 0
     ) -> None:
         self.chips: list[Chip] = chips or []
         self.places: list[int] = places or []
         self.chip: Chip | None = chips[0] if chips else None
         self.place: int = places[0] if places else 0
         self.fall: i64 = fall
-        self.answer: int = answer
-        self.kept: list[tuple[Net, int]] = kept or []
-        self.steps: list[tuple[int, Levels]] | None = steps
-        self.source: Net | None = source
-        self.after: WireState | None = after
-        self.by_byte: dict[int, CardCycle] | None = by_byte
+        self.answer: int = 0xFF
+        self.floating: list[tuple[Net, int]] = []
+        self.steps: list[tuple[int, Levels]] | None = None
+        self.source: Net | None = None
+        self.after: WireState | None = None
+        self.by_byte: dict[int, CardCycle] | None = None

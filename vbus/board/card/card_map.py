@@ -95,8 +95,8 @@ def remarks(file: BoardFile, board: Board, found: list[CardAnswer]) -> Iterator[
                 )
             if chip.name not in reached:
                 select = [chip.pins[p].net for p, role in roles(chip).items() if role == SELECT]
-                kept = any(map(_has_clock, board.glue.leading_to(select)))
-                as_they_stand = " as the registers stand after power-on" if kept else ""
+                clocked = any(map(_has_clock, board.glue.leading_to(select)))
+                as_they_stand = " as the registers stand after power-on" if clocked else ""
                 yield (
                     f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
                     f" {card.base:X}H to {card.last:X}H{as_they_stand}; look at what drives its"

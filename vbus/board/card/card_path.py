@@ -42,7 +42,7 @@ class OutsideGuard(Guard):
     """Watches the wires that no cycle moves and that decide what comes of one.
 
     Args:
-        path: its ``disturb`` is called when one moves.
+        path: its ``invalidate`` is called when one moves.
     """
 
     WIRING: ClassVar[Names] = ("*",)
@@ -50,15 +50,9 @@ class OutsideGuard(Guard):
     def __init__(self, path: "CardPath") -> None:
         self._path: CardPath = path
 
-    def touched(self) -> None:
+    def pin_moved(self) -> None:
         """One moves: what is remembered of the wires holds no more."""
-        self._path.disturb()
-
-    def come_true(self) -> None:
-        """The wires here are never owed anything."""
-
-    def cut_short(self) -> None:
-        """Nothing is held here."""
+        self._path.invalidate()
 
 
 class CardPath(CyclePath):
@@ -129,19 +123,19 @@ class CardPath(CyclePath):
         chip = cycle.chip
         if chip is None:
             data = cycle.answer
-            self._to(when)
+            self._kernel.pass_to(when)
         else:
-            self._to(when - cycle.fall)
+            self._kernel.pass_to(when - cycle.fall)
             chip.begin_read(cycle.place)
             kernel.settle()
-            self._to(when)
+            self._kernel.pass_to(when)
             data = chip.end_read()
             if teller.wanted():
                 kernel.settle()
                 self._tell(cycle, False, data, when)
         kernel.settle()
         self._bus.free_at = when + self._recovery
-        if cycle.kept:
+        if cycle.floating:
             self._keep(cycle, data)
         return data
 
@@ -158,14 +152,14 @@ class CardPath(CyclePath):
             self._step(cycle, True, data, when)
             return
         self._owe(cycle.after)
-        self._to(when)
+        self._kernel.pass_to(when)
         for number, chip in enumerate(cycle.chips):
             chip.write(cycle.places[number], data)
         self._kernel.settle()
         if cycle.chips and teller.wanted():
             self._tell(cycle, True, data, when)
         self._bus.free_at = when + self._recovery
-        if cycle.kept:
+        if cycle.floating:
             self._keep(cycle, data)
 
     def _by(self, teller: CycleTeller) -> None:
@@ -187,15 +181,8 @@ class CardPath(CyclePath):
     @staticmethod
     def _keep(cycle: CardCycle, data: int) -> None:
         """Leave on data buses that float what was there last."""
-        for net, level in cycle.kept:
+        for net, level in cycle.floating:
             net.value = data if level == BYTE else level
-
-    def _to(self, when: i64) -> None:
-        kernel = self._kernel
-        if kernel.next_stop > when:
-            kernel.now = when
-        else:
-            kernel.run_until(when)
 
     def _fits(self, when: i64) -> bool:
         """Whether there is room for a cycle between its neighbours, so that its times count."""
@@ -239,12 +226,12 @@ class CardPath(CyclePath):
         for block in self._wires.blocks:
             block.asleep = True
         for chip in self._wires.behind:
-            chip.judged = True
+            chip.timing_checked = True
         steps = cycle.steps
         assert steps is not None
         for offset, levels in steps:
             at: int = when + offset
-            self._to(at)
+            self._kernel.pass_to(at)
             if offset == 0:
                 bus.advance()
                 kernel.settle()
@@ -281,7 +268,7 @@ class CardPath(CyclePath):
             self.cut_short()
         player.flush()
         for chip in self._wires.behind:
-            chip.judged = fits
+            chip.timing_checked = fits
         before = self._state
         self._state = None
         if not watched or before is None:
@@ -315,7 +302,8 @@ class CardPath(CyclePath):
             if record.by_byte and cycle is not None:
                 known = before.cycles[key]
                 if known is None:
-                    known = before.cycles[key] = CardCycle(by_byte={})
+                    known = before.cycles[key] = CardCycle()
+                    known.by_byte = {}
                 if known.by_byte is not None:
                     known.by_byte[data] = cycle
             else:
@@ -377,14 +365,14 @@ class CardPath(CyclePath):
             state = self._states[key] = self._wires.state()
         return state
 
-    def touched(self) -> None:
+    def pin_moved(self) -> None:
         """A pin on a wire that cycles move has moved, or a listener has come."""
         if self._record is not None:
-            self._record.touched()
+            self._record.pin_moved()
         elif not self._moving:
-            self.disturb()
+            self.invalidate()
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """What is remembered of the wires holds no more."""
         self._state = None
         if self._record is not None:
@@ -406,7 +394,7 @@ class CardPath(CyclePath):
         """Let chips take their lines as they stand: there were no edges."""
         for chip in self._wires.behind:
             if chip.on_levels is not None and not self._wires.edged:
-                chip.judged = True
+                chip.timing_checked = True
                 chip.on_levels()
 
     def cut_short(self) -> None:

@@ -218,7 +218,7 @@ class CardRecord(Task):
         self.lost: bool = False
         self.by_byte: bool = False
 
-    def touched(self) -> None:
+    def pin_moved(self) -> None:
         """A wire moves: look once all that moves with it has."""
         if not self._pending:
             self._pending = True
@@ -511,7 +511,9 @@ class CardRecord(Task):
             ]  # fmt: skip
             if moved or number == rise:
                 steps.append((shots[number].when - self._when, moved))
-        return CardCycle(steps=steps, after=wires.standing(last, nets, found[-1]))
+        made = CardCycle()
+        made.steps, made.after = steps, wires.standing(last, nets, found[-1])
+        return made
 
     # -- how it ended -------------------------------------------------------------------------
 
@@ -532,7 +534,7 @@ class CardRecord(Task):
                 if drivers := wires.drivers(shot, place):
                     carried = self._through(shot, set(self._sources))
                     byte = carried.issuperset(drivers)
-                    cycle.kept.append((net, BYTE if byte else shot.nets[place]))
+                    cycle.floating.append((net, BYTE if byte else shot.nets[place]))
                     break
         cycle.after = after
         return True

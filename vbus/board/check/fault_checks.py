@@ -4,7 +4,7 @@ from vbus import plugins
 from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile, FaultSection
 from vbus.boardfile.source import Mistakes
-from vbus.core.values.settings import listed
+from vbus.core.values.settings import listed, quoted
 from vbus.faults.row import LINK, NET, PART, WIRE, misfit
 from vbus.faults.table import faults
 from vbus.faults.trigger import read_until, read_when
@@ -20,7 +20,8 @@ def check_faults(file: BoardFile, scheme: str) -> Mistakes:
         try:
             when = read_when(section.when or None)
         except ValueError as error:
-            yield (*path, "when"), str(error).partition(": ")[2]
+            reason = str(error).partition(": ")[2]
+            yield (*path, "when"), f"found {quoted(section.when)}; {reason}"
         try:
             read_until(section.until or None, when, fault)
         except ValueError as error:

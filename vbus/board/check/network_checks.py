@@ -60,6 +60,11 @@ def check_network(file: BoardFile) -> Mistakes:
                 f'"{listen}" lets other computers in; write "{loopback_like(host)}:{port}", or'
                 " remote = true with certificate and key in [scope] if that is meant",
             )
+    if scope.remote and not scope.certificate:
+        yield (
+            ("scope", "remote"),
+            "pages go to other computers by TLS alone; give certificate and key",
+        )
     yield from check_zenoh(file.zenoh)
     yield from _hosts(file)
 

@@ -6,7 +6,7 @@ from vbus.boardfile.lines import Path
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Mistakes
 from vbus.core.addresses import refused_endpoint
-from vbus.core.values.settings import listed
+from vbus.core.values.settings import listed, quoted
 
 
 def check_nodes(file: BoardFile, nodes: list[str]) -> Mistakes:
@@ -24,7 +24,7 @@ def check_nodes(file: BoardFile, nodes: list[str]) -> Mistakes:
         if nodes and not chip.node:
             yield (
                 ("chips", chip.name),
-                f"to which node does it belong? write node = one of {listed(nodes)}",
+                f"to which node does it belong? write node = {' or '.join(map(quoted, nodes))}",
             )
     listening = [node.name for node in file.nodes if node.listen]
     for node in file.nodes:

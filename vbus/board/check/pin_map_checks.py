@@ -146,10 +146,11 @@ class PinMapChecks:
             both = chip in by_card and any(name in mine for name in own)
             if lacking and (both or chip not in by_card):
                 also = ", or leave out all of its bus: a card reaches it, too" if both else ""
+                are = "is" if len(lacking) == 1 else "are"
                 yield (
                     path,
-                    f'"{chip}" cannot be reached: {listed(lacking)} not wired; wire each to a port'
-                    f' bit, or tie it with "low" or "high"{also}',
+                    f'"{chip}" cannot be reached: {listed(lacking)} {are} not wired; wire each'
+                    f' to a port bit, or tie it with "low" or "high"{also}',
                 )
 
     def _by_glue(self, chip: str, pin: str) -> bool:

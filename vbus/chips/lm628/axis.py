@@ -7,6 +7,7 @@ from mypy_extensions import i64
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Trajectory
+from vbus.chips.tables import names_of
 from vbus.core import state
 from vbus.core.bits import clamp, wrap, wrap_word
 from vbus.core.options import Settings
@@ -59,10 +60,11 @@ class ServoAxis:
         "profile: part", "pid: part", "count", "real", "real_change", "error", "following",
         "command", "flags", "mask", "motor_off: bool", "port8: bool", "threshold",
         "stop_on_error: bool", "sip: bool", "index", "start", "udf: bool", "breakpoint",
-        "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
+        "breakpoint_side", "breakpoint_armed: bool", "stuck: bool", "unseen: bool",
+        "interrupts_wanted: bool", "reads", "reads_off", "vain_moves", "off_loaded: bool",
+        "passed_over: bool", "port12_wanted: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_settings", "stuck_part")
-    DERIVED: ClassVar[Names] = ("interrupts_wanted", "reads")
 
     def __init__(self, settings: Settings) -> None:
         self._settings: Settings = settings
@@ -90,10 +92,22 @@ class ServoAxis:
         self.breakpoint_side: i64 = 0
         self.breakpoint_armed: bool = False
         self.stuck: bool = False
+        self.unseen: bool = False
+        """HI has risen, and no status byte was read since."""
         self.interrupts_wanted: bool = False
-        """MSKI has enabled a flag, and no RSTI has let HI fall since; no part of saved state."""
+        """MSKI has enabled a flag, and no RSTI has let HI fall since."""
         self.reads: i64 = 0
-        """By their codes, which commands the host has read with; no part of saved state."""
+        """By their codes, which commands the host has read with."""
+        self.reads_off: i64 = 0
+        """The same since the motor went off."""
+        self.vain_moves: i64 = 0
+        """Moves with ki above 0 and il 0; -1 once UDF has taken both."""
+        self.off_loaded: bool = False
+        """The last LTRJ has loaded stop bit 8 at rest."""
+        self.passed_over: bool = False
+        """A move has begun after LFIL and before UDF."""
+        self.port12_wanted: bool = False
+        """The last PORT was PORT12, through resets, too."""
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -132,14 +146,31 @@ class ServoAxis:
         """Whether the chip is in motion in the sense of LM-TRJ-4."""
         return not self.motor_off and not self.profile.done
 
+    def releases(self, control: int) -> bool:
+        """Whether a control word is to turn off the motor of an axis that it holds at rest."""
+        at_rest = not (self.motor_off or self.moving() or self.start)
+        return at_rest and control & ds.TURN_OFF != 0
+
+    def awaited(self) -> int:
+        """Return the flags that a motion is still to raise: its end, an index, a breakpoint."""
+        profile = self.profile
+        if self.start:
+            ends = profile.started & (ds.STOPS | ds.VELOCITY_MODE) != ds.VELOCITY_MODE
+        elif self.moving():
+            ends = profile.stopping or not profile.velocity_mode
+        else:
+            return 0
+        flags = ds.TRAJECTORY_COMPLETE if ends else 0
+        flags |= ds.INDEX if self.sip else 0
+        return flags | ds.BREAKPOINT if self.breakpoint_armed else flags
+
     # -- what commands do ---------------------------------------------------------------------
 
     def reset(self) -> None:
         """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
         fresh = ServoAxis(self._settings)
-        fresh.count = self.count
+        fresh.count, fresh.port12_wanted = self.count, self.port12_wanted
         state.load(self, state.save(fresh))
-        self.interrupts_wanted, self.reads = False, 0
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-2)."""
@@ -214,6 +245,9 @@ class ServoAxis:
         """UDF: have the next sample use what is loaded now (LM-CMD-5)."""
         self.pid.send()
         self.udf = True
+        self.passed_over = False
+        if self.pid.sent[2] and self.pid.sent[4]:
+            self.vain_moves = -1
 
     # -- the sample ---------------------------------------------------------------------------
 
@@ -351,8 +385,7 @@ class ServoAxis:
 
     def signal_names(self) -> str:
         """Return the names of the signals that are set."""
-        signals = self.signals
-        return " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask)
+        return names_of(ds.SIGNALS, self.signals, " ")
 
     # -- rest ---------------------------------------------------------------------------------
 

@@ -9,12 +9,12 @@ from vbus.chips.base import EDGE, SAMPLE, AcLimits, Chip, check_drive
 from vbus.chips.bus_watch import BusTable
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import ServoAxis
-from vbus.chips.lm628.commands import UNKNOWN, AxisCommands, flag_names
+from vbus.chips.lm628.commands import UNKNOWN, AxisCommands
 from vbus.chips.lm628.encoder import EncoderCounts
 from vbus.chips.lm628.host_port import PortState
 from vbus.chips.lm628.output import ServoOutput, ServoOutputPins
 from vbus.chips.lm628.pins import BusPins, EncoderPins, FrontEndHost
-from vbus.chips.tables import PinRow
+from vbus.chips.tables import PinRow, names_of
 from vbus.core.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.core.kernel.clock import PS_PER_SECOND
 from vbus.core.options import Option, Settings
@@ -32,17 +32,6 @@ _INSIDE: Final = (
     "_course: tuple[i64 | bool, ...]", "_still: bool", "_outputs: part",
 )  # fmt: skip
 """Everything behind the front-end: what a cycle that is lost has changed."""
-
-
-def check_clock(part: str, hz: int) -> None:
-    """Refuse a clock that is a slip of the pen.
-
-    Raises:
-        ValueError: no such part could be meant to run at ``hz``.
-    """
-    slowest, fastest = ds.CLOCK_ABSURD
-    if not slowest <= hz <= fastest:
-        raise ValueError(f"a clock of {hz} Hz: a {part} runs at 1 MHz to {part[-1]} MHz")
 
 
 def judge_clock(chip: Chip, duty: float) -> None:
@@ -98,12 +87,12 @@ class LM628(FrontEndHost):
     TRACELESS: ClassVar[bool] = True
     PERIOD_CLK: ClassVar[int] = ds.SAMPLE_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
-    KEPT: ClassVar[Names] = _INSIDE
+    CHECKPOINT: ClassVar[Names] = _INSIDE
     STATE: ClassVar[Names] = (
-        *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
+        *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell",
+        "timing_checked: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_hi", "ac")
-    DERIVED: ClassVar[Names] = ("_due_at", "_unseen")
+    DERIVED: ClassVar[Names] = ("_due_at",)
 
     def __init__(
         self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
@@ -111,7 +100,9 @@ class LM628(FrontEndHost):
     ) -> None:  # fmt: skip
         if part not in ds.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(ds.PARTS)}")
-        check_clock(part, clock.hz)
+        slowest, fastest = ds.CLOCK_ABSURD
+        if not slowest <= clock.hz <= fastest:
+            raise ValueError(f"a clock of {clock.hz} Hz: a {part} runs at 1 MHz to {part[-1]} MHz")
         pwm = part.startswith("LM629")
         # Machine words first: see CONTRIBUTING, "The compiled core".
         self._reset_end: i64 = NEVER
@@ -136,8 +127,6 @@ class LM628(FrontEndHost):
         drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
         driven = tuple(self.pins[name] for name in drivers)
         self._outputs: ServoOutputPins = ServoOutputPins(self.output, clock, driven)
-        self._unseen: bool = False
-        """HI has risen, and no status byte was read since; no part of the saved state."""
         self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
@@ -162,7 +151,7 @@ class LM628(FrontEndHost):
         if runs:
             # LM-RST-9: the status byte stays 00h, whatever began the reset.
             self._mode, self._reset_end = _RESET_BY_PIN, NEVER
-            self.touched()
+            self.input_changed()
         self._fails_left += times - runs
         return runs
 
@@ -204,7 +193,7 @@ class LM628(FrontEndHost):
             self.axis.finish_reset(self.encoder.count_at(now))
         else:
             self._reset(_RESET_BY_PIN)
-        self.touched()
+        self.input_changed()
 
     def _cycle_from(self, when: int) -> int:
         """Return the first clock cycle that starts at ``when`` or later."""
@@ -228,10 +217,6 @@ class LM628(FrontEndHost):
         self.output.zero()
         self._outputs.begin(self._cycle_from(self._when))  # LM-RST-3
 
-    def _finish_reset(self) -> None:
-        self._mode, self._reset_end = _RUNNING, NEVER
-        self.axis.finish_reset(self.encoder.count_at(self._when))
-
     def _reset_moved(self) -> None:
         """/RST has moved; it acts when it rises (LM-RST-1)."""
         now = self.kernel.now
@@ -245,11 +230,11 @@ class LM628(FrontEndHost):
         # LM-TIM-6: the pulse is low for 8 clock periods; under the strict policy a shorter one
         # resets nothing.
         low = now - self._reset_fell
-        if self.judged and self.ac.short("T6", low):
+        if self.timing_checked and self.ac.short("T6", low):
             return
         self._when = now
         self._reset(_RESET_BY_PIN)
-        self.touched()
+        self.input_changed()
 
     # -- bus cycles ---------------------------------------------------------------------------
 
@@ -263,13 +248,13 @@ class LM628(FrontEndHost):
         self.advance()
         host = self.host
         if host.reading_status():
-            self._unseen = False
+            self.axis.unseen = False
             return self.status()
         # LM-BUS-12: the flag rises with the strobe, not when busy falls: no busy follows.
         if host.unasked():
             self.axis.flags |= ds.COMMAND_ERROR
         data = host.end_data(self.kernel.now)
-        self.touched()
+        self.input_changed()
         return data
 
     def read_byte(self) -> int:
@@ -290,7 +275,7 @@ class LM628(FrontEndHost):
                 self.axis.flags |= ds.COMMAND_ERROR
         else:
             self.host.write_command(data, now)
-        self.touched()
+        self.input_changed()
 
     def status(self) -> int:
         """Return the status byte (LM-STA-1, LM-RST-4)."""
@@ -356,7 +341,8 @@ class LM628(FrontEndHost):
                 if self.axis.sip and self.encoder.index_at == NEVER:
                     self.encoder.seek(when)
             elif self._reset_end == when:
-                self._finish_reset()
+                self._mode, self._reset_end = _RUNNING, NEVER
+                self.axis.finish_reset(self.encoder.count_at(when))
             elif self.encoder.index_at == when:
                 self.encoder.index_at = NEVER
                 self.index_seen(self.encoder.index_count)
@@ -420,13 +406,13 @@ class LM628(FrontEndHost):
         self._sample_at = self.clock.ps(self._cycle + ds.SAMPLE_CLK)
         self.encoder.lasts(self.clock.ps(self._cycle), self._sample_at)
 
-    def touched(self) -> None:
+    def input_changed(self) -> None:
         """Something from outside has changed the chip: pins and timers follow."""
         self._course, self._still = (), False
         self._refresh()
-        super().touched()
+        super().input_changed()
 
-    def expect(self, when: int) -> None:
+    def schedule(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
         self._due_at = min(self._due_at, when)
 
@@ -434,7 +420,7 @@ class LM628(FrontEndHost):
         """Bring the output pins up to now, and find when anything is due next."""
         hi = HIGH if self.axis.interrupt() else LOW
         if hi != self._hi.level:
-            self._unseen = hi == HIGH
+            self.axis.unseen = hi == HIGH
             self._hi.drive(hi)
         self._outputs.show(self.kernel.now)
         if self._front.driving:
@@ -480,20 +466,40 @@ class LM628(FrontEndHost):
         flags = axis.kept_flags(word) if code == ds.RSTI and step else int(axis.flags)
         found = []
         if flags & axis.mask and (self._hi.net.heard or axis.interrupts_wanted):
-            unseen = ", and no status byte was read since it rose" if self._unseen else ""
-            names = flag_names(int(flags & axis.mask))
+            unseen = ", and no status byte was read since it rose" if axis.unseen else ""
+            names = names_of(ds.STATUS, int(flags & axis.mask))
             text = f"HI is high at the end{unseen}: {names}; RSTI lets it fall"
             found.append((ds.HI_STANDS, text))
-        errors = flag_names(flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
+        errors = names_of(ds.STATUS, flags & (ds.COMMAND_ERROR | ds.POSITION_ERROR))
         if errors:
             found.append((ds.ERRORS_STAND, f"at the end: {errors}"))
         # The command that would take it may be in its busy time: then it is not left.
         if code != ds.UDF and (axis.pid.waits() or (code == ds.LFIL and step > 1)):
-            found.append((ds.LEFT_LOADED, "LFIL has loaded a filter that no UDF has taken"))
-        if code != ds.STT and (axis.profile.waits() or (code == ds.LTRJ and step > 1)):
-            found.append((ds.LEFT_LOADED, "LTRJ has loaded a trajectory that no STT has taken"))
+            over = axis.passed_over and axis.profile.done and not axis.breakpoint_armed
+            rule = ds.UPDATE_WAITS if over and axis.pid.waits() else ds.LEFT_LOADED
+            found.append((rule, "LFIL has loaded a filter that no UDF has taken"))
+        begun = code == ds.LTRJ and step == 1
+        control = word if begun else int(axis.profile.control)
+        stops = control & ds.STOPS
+        if code != ds.STT and (
+            (stops if begun else axis.profile.waits()) or (code == ds.LTRJ and step > 1)
+        ):
+            what = "stop" if stops else "trajectory"
+            off = axis.releases(control) if begun else axis.off_loaded and stops
+            rule = ds.OFF_WAITS if off else ds.LEFT_LOADED
+            found.append((rule, f"LTRJ has loaded a {what} that no STT has taken"))
+        if axis.vain_moves > 1:
+            text = f"{axis.vain_moves} moves with ki above 0, and il 0 in all of them"
+            found.append((ds.VAIN_INTEGRAL, text))
         if axis.sip:
             found.append((ds.LEFT_ARMED, "SIP waits for an index pulse, and none has come"))
+        if axis.breakpoint_armed:
+            text = f"a breakpoint waits at {axis.breakpoint}, and the axis is at {axis.real}"
+            found.append((ds.LEFT_ARMED, text))
+        runs = axis.profile.velocity_mode and not axis.profile.stopping and axis.moving()
+        if runs and axis.profile.velocity and not axis.start and code != ds.STT:
+            text = f"velocity mode runs on at {axis.profile.speed()}"
+            found.append((ds.LEFT_RUNNING, text))
         if axis.reads & (1 << ds.RDDP) and not axis.reads & (1 << ds.RDRP):
             text = "RDDP was read, which the motor does not change, and RDRP never"
             found.append((ds.DESIRED_ALONE, text))

@@ -31,18 +31,18 @@ COMMANDS: Final = CommandTable(
             title="Select 8-Bit Output", note="2"),
     Command("PORT12", 0x06, clause="LM-CMD-7", hook="select_port", value=12,
             title="Select 12-Bit Output", note="2"),
-    Command("DFH", 0x02, clause="LM-CMD-3", hook="define_home", title="Define Home", note="1"),
+    Command("DFH", 0x02, clause="LM-CMD-3", hook="set_home", title="Define Home", note="1"),
     Command("SIP", 0x03, clause="LM-CMD-4", parameter="sip", value=True, title="Set Index Position",
             note="1"),
     Command("LPEI", 0x1B, write=1, clause="LM-CMD-16", hook="load_threshold", value=0,
             unit="cnt", title="Interrupt on Error", note="1"),
     Command("LPES", 0x1A, write=1, clause="LM-CMD-15", hook="load_threshold", value=1,
             unit="cnt", title="Stop on Error", note="1"),
-    Command("SBPA", 0x20, write=2, clause="LM-CMD-21", hook="set_breakpoint", unit="cnt",
+    Command("SBPA", 0x20, write=2, clause="LM-CMD-21", hook="set_absolute_breakpoint", unit="cnt",
             title="Set Breakpoint, Absolute", note="1", signed=True),
     Command("SBPR", 0x21, write=2, clause="LM-CMD-22", hook="set_relative_breakpoint", unit="cnt",
             title="Set Breakpoint, Relative", note="1", signed=True),
-    Command("MSKI", 0x1C, write=1, clause="LM-CMD-17", hook="mask_interrupts",
+    Command("MSKI", 0x1C, write=1, clause="LM-CMD-17", hook="enable_interrupts",
             title="Mask Interrupts", note="1"),
     Command("RSTI", 0x1D, write=1, clause="LM-CMD-18", hook="reset_interrupts",
             title="Reset Interrupts", note="1"),
@@ -78,6 +78,7 @@ UDF: Final = COMMANDS["UDF"].code
 LTRJ: Final = COMMANDS["LTRJ"].code
 STT: Final = COMMANDS["STT"].code
 RDDP: Final = COMMANDS["RDDP"].code
+RDIP: Final = COMMANDS["RDIP"].code
 RDRP: Final = COMMANDS["RDRP"].code
 
 NOTES: Final = {
@@ -141,6 +142,8 @@ LOADS: Final = (0x20, 0x08, 0x02)
 
 RATE_MAX: Final = 0x3FFFFFFF
 """Largest acceleration and velocity, 1/65536 counts per sample (per sample)."""
+FOLLOWED_MAX: Final = 256 << 16
+"""Largest velocity at which an encoder is followed: a state lasts 8 clock periods (LM-TIM-2)."""
 POSITION_BITS: Final = 31
 POSITION_MAX: Final = (1 << 30) - 1
 POSITION_MIN: Final = -(1 << 30)
@@ -215,7 +218,7 @@ AC: Final = AcTable(
     AcLimit("T18", "LM-TIM-18", "Write recovery at least 120 ns (data port)", min_ps=120 * NS),
 )  # fmt: skip
 
-CLOCK_LIMITS: Final = {"6": (78 * NS, 166 * NS), "8": (57 * NS, 125 * NS)}
+CLOCK_LIMITS: Final = {"6": (78 * NS, 166 * NS), "8": (AC["T4"].min_ps, AC["T5"].min_ps)}
 """T4 and T5 minima (ps) by speed grade, the last character of the part number."""
 CLOCK_ABSURD: Final = (10_000, 80_000_000)
 """Clocks (Hz) below and above which no such part can be meant at all."""
@@ -283,6 +286,10 @@ PORT_IN_MOTION: Final = Rule(
 PORT12_ON_LM629: Final = Rule(
     "lm628.port12-on-lm629", "LM-CMD-7", "PORT12 is not for the LM629.", "warning"
 )
+PORT_LOST: Final = Rule(
+    "lm628.port-lost", "LM-CMD-7",
+    "A host that has chosen 12 bits chooses them again after a reset, which chooses 8.", "warning",
+)  # fmt: skip
 STT_REFUSED: Final = Rule(
     "lm628.stt-refused", "LM-TRJ-4",
     "After a change of acceleration, STT waits until the motion is over.", "warning",
@@ -316,16 +323,37 @@ VELOCITY_WRAPS: Final = Rule(
     "lm628.velocity-wraps", "LM-TRJ-2",
     "A velocity has 32 bits: cut to 16, it wraps at 1 count per sample.", "warning",
 )  # fmt: skip
+HASTY: Final = Rule(
+    "lm628.hasty", "LM-TRJ-15",
+    "The acceleration that a move loads is not above its velocity.", "warning",
+)  # fmt: skip
+TOO_FAST: Final = Rule(
+    "lm628.too-fast", "LM-TIM-2",
+    "A velocity is not above 256 counts per sample: the encoder inputs follow no faster axis.",
+    "note",
+)  # fmt: skip
 NO_INTEGRAL: Final = Rule(
     "lm628.no-integral", "LM-PID-5",
-    "An integral coefficient has a limit il above 0: with 0 the integral term is 0.", "note",
+    "An integral coefficient and its limit il are both above 0: with one of them 0 the integral"
+    " term is 0.", "note",
+)  # fmt: skip
+VAIN_INTEGRAL: Final = Rule(
+    "lm628.vain-integral", "LM-PID-5",
+    "When a run of several moves ends, a ki above 0 has once had an il above 0 beside it.",
+    "warning",
 )  # fmt: skip
 NO_TRAJECTORY: Final = Rule(
     "lm628.no-trajectory", "LM-CMD-2", "STT starts what LTRJ has loaded before.", "note"
 )
 OFF_AT_SPEED: Final = Rule(
     "lm628.off-at-speed", "LM-TRJ-10",
-    "A stop bit 9 or 10 ends a motion; with bit 8 the axis runs on without drive.", "note",
+    "A stop bit 9 or 10 ends a motion; with bit 8, or RESET, the axis runs on without drive.",
+    "note",
+)  # fmt: skip
+OFF_WAITS: Final = Rule(
+    "lm628.off-waits", "LM-TRJ-10",
+    "When a run ends, STT has taken a stop bit 8 that was loaded at rest: until then the motor"
+    " stays on.", "warning",
 )  # fmt: skip
 RESETS_NOTHING: Final = Rule(
     "lm628.resets-nothing", "LM-CMD-18",
@@ -335,6 +363,18 @@ RESETS_NOTHING: Final = Rule(
 LEAVES_FLAGS: Final = Rule(
     "lm628.leaves-flags", "LM-CMD-18", "RSTI clears a flag that is set.", "note"
 )
+CLEARS_AWAITED: Final = Rule(
+    "lm628.clears-awaited", "LM-CMD-18",
+    "RSTI leaves alone the flag of what is still to come: it may have come just before.", "note",
+)  # fmt: skip
+RESET_FORGETS: Final = Rule(
+    "lm628.reset-forgets", "LM-RST-2",
+    "RESET comes before what it sets back is loaded: filter, limits, mask, port.", "note",
+)  # fmt: skip
+STOP_LOST: Final = Rule(
+    "lm628.stop-lost", "LM-CMD-16",
+    "LPEI ends what LPES has asked for: a position error does not stop the motor any more.", "note",
+)  # fmt: skip
 HI_STANDS: Final = Rule(
     "lm628.hi-stands", "LM-STA-7",
     "When a run ends, HI has been answered by RSTI, if it is wired.", "note",
@@ -347,10 +387,38 @@ LEFT_LOADED: Final = Rule(
     "lm628.left-loaded", "LM-CMD-20",
     "When a run ends, UDF or STT has taken what LFIL or LTRJ has loaded.", "note",
 )  # fmt: skip
+LOAD_LOST: Final = Rule(
+    "lm628.load-lost", "LM-CMD-20",
+    "STT takes a velocity or a position that LTRJ has loaded before LTRJ loads another one.",
+    "note",
+)  # fmt: skip
 IDLE_BITS: Final = Rule(
     "lm628.idle-bits", "LM-TRJ-1",
-    "A control word has no bit that does nothing: one not used, a relative one without its load.",
-    "note",
+    "A control word has no bit that does nothing: one not used, a relative one without its load,"
+    " a position or direction that the mode has not.", "note",
+)  # fmt: skip
+MISPLACED: Final = Rule(
+    "lm628.misplaced", "LM-TRJ-1",
+    "Flags stand in bits 6 to 1 of MSKI's and RSTI's word, the load bits of LFIL's control word in"
+    " bits 3 to 0, its interval in bits 15 to 8: none in bits that do nothing.", "warning",
+)  # fmt: skip
+UPDATE_WAITS: Final = Rule(
+    "lm628.update-waits", "LM-CMD-5",
+    "When a run ends, UDF has taken what LFIL had loaded before a move that is over.", "warning",
+)  # fmt: skip
+MODE_LOST: Final = Rule(
+    "lm628.mode-lost", "LM-TRJ-13",
+    "LTRJ of an axis that runs in velocity mode has bit 11, a stop bit or a position: else the axis"
+    " goes to an old target.", "note",
+)  # fmt: skip
+TARGET_LOST: Final = Rule(
+    "lm628.target-lost", "LM-TRJ-13",
+    "A move ends before velocity mode begins: it never comes to its target otherwise.", "note",
+)  # fmt: skip
+DESIRED_OFF: Final = Rule(
+    "lm628.desired-off", "LM-TRJ-10",
+    "Where an axis stands whose motor went off on its way, RDRP reads: RDDP stays where the profile"
+    " was.", "note",
 )  # fmt: skip
 INTERVAL_LOST: Final = Rule(
     "lm628.interval-lost", "LM-PID-1",
@@ -362,8 +430,20 @@ EARLY_BREAKPOINT: Final = Rule(
     "warning",
 )  # fmt: skip
 LEFT_ARMED: Final = Rule(
-    "lm628.left-armed", "LM-POS-3", "When a run ends, the index has come that SIP waits for.",
-    "note",
+    "lm628.left-armed", "LM-POS-3",
+    "When a run ends, the index that SIP waits for has come, and so has a breakpoint.", "note",
+)  # fmt: skip
+LEFT_RUNNING: Final = Rule(
+    "lm628.left-running", "LM-TRJ-13",
+    "When a run ends, velocity mode has been stopped: it has no end of its own.", "note",
+)  # fmt: skip
+EARLY_INDEX: Final = Rule(
+    "lm628.early-index", "LM-CMD-10",
+    "RDIP is read when the index has come that SIP waits for.", "note",
+)  # fmt: skip
+HOME_IN_MOTION: Final = Rule(
+    "lm628.home-in-motion", "LM-POS-4",
+    "DFH is given at rest: in motion home is where the axis happens to be.", "note",
 )  # fmt: skip
 DESIRED_ALONE: Final = Rule(
     "lm628.desired-alone", "LM-CMD-9",
@@ -457,8 +537,7 @@ VALUES: Final = ValueTable(
     Value("real velocity", group=_POSITION, command="RDRV", key="real_velocity", lane="velocity"),
     Value("desired velocity", group=_POSITION, command="RDDV", key="velocity", lane="profile"),
     Value("index position", group=_POSITION, command="RDIP"),
-    Value("breakpoint", "axis.breakpoint", _POSITION, "LM-CMD-21",
-          "as SBPA or SBPR set it", "cnt"),
+    Value("breakpoint", "axis.breakpoint", _POSITION, "LM-CMD-21", "as SBPA or SBPR set it", "cnt"),
     Value("breakpoint armed", "axis.breakpoint_armed", _POSITION, "LM-POS-5",
           "whether it can be reached", words=("no", "yes")),
     Value("error threshold", "axis.threshold", _POSITION, "LM-CMD-15",

@@ -104,7 +104,10 @@ class EncoderCounts:
                 self.index_at = at if at < self._end else self._end
                 self.index_count = count
                 return
-            found, count = self.plant.index_between(count, self._to)
+            before, end = count, self._to
+            found, count = self.plant.index_between(before, end)
+            # Each lies further on, or a wrong plant's would be looked for for ever.
+            found = found and (before < count <= end or end <= count < before)
 
     def resting(self) -> bool:
         """Whether another sample with the same drive would leave everything as it is."""

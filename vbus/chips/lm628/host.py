@@ -94,7 +94,10 @@ class Lm628(Lm628Calls):
         Raises:
             NotReadyError: the chip has not been reset, or does not come out of it.
         """
-        lacking = "status {0:02X}h {1} after reset; 84h or C4h is required"
+        lacking = (
+            "status {0:02X}h for {1}; after a reset it is 84h or C4h: a chip that was in use needs"
+            " reset() first"
+        )
         await read_until(
             self.bus, self.status, lambda status: status in (0x84, 0xC4), longest, "100us", lacking
         )
@@ -105,15 +108,9 @@ class Lm628(Lm628Calls):
         return status
 
     async def load_filter(
-        self,
-        *,
-        kp: int | None = None,
-        ki: int | None = None,
-        kd: int | None = None,
-        il: int | None = None,
-        ds: int = 0,
-        update: bool = True,
-    ) -> None:
+        self, *, kp: int | None = None, ki: int | None = None, kd: int | None = None,
+        il: int | None = None, ds: int = 0, update: bool = True,
+    ) -> None:  # fmt: skip
         """Load the coefficients given, 0 to 7FFFh each, and let them take effect (LM-PID-1).
 
         Args:
@@ -144,16 +141,10 @@ class Lm628(Lm628Calls):
             await self.udf()
 
     async def load_trajectory(
-        self,
-        *,
-        acc: int | None = None,
-        vel: int | None = None,
-        pos: int | None = None,
-        relative: bool = False,
-        velocity_mode: bool = False,
-        forward: bool = True,
+        self, *, acc: int | None = None, vel: int | None = None, pos: int | None = None,
+        relative: bool = False, velocity_mode: bool = False, forward: bool = True,
         start: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Load the values given into the trajectory buffers (LM-TRJ-1).
 
         Args:
@@ -190,15 +181,22 @@ class Lm628(Lm628Calls):
             await self.stt()
         if start and self.checked:
             modes = lm.VELOCITY_MODE | lm.FORWARD
-            await self._check_signals(control & modes, modes)
+            # They are those in use, and STT takes effect at the next sample: 2048 clocks at most.
+            await self._check_signals(control & modes, modes, "3ms")
 
-    async def _check_signals(self, wanted: int, mask: int) -> None:
-        signals = await self.rdsigs()
-        if signals & (mask | wanted) != wanted:
-            raise ReadBackError(
-                f"signals register {signals:04X}h after a load of the trajectory: of the bits"
-                f" {mask | wanted:04X}h, {wanted:04X}h must be set"
-            )
+    async def _check_signals(self, wanted: int, mask: int, longest: str = "0ms") -> None:
+        bits = mask | wanted
+        lacking = (
+            "signals register {0:04X}h {1} after a load of the trajectory: of the bits"
+            f" {bits:04X}h, {wanted:04X}h must be set"
+        )
+        try:
+            await read_until(
+                self.bus, self.rdsigs, lambda signals: signals & bits == wanted, longest, "100us",
+                lacking,
+            )  # fmt: skip
+        except NotReadyError as error:
+            raise ReadBackError(str(error)) from None
 
     async def stop(self, how: str = "smoothly") -> None:
         """Stop ``"smoothly"``, ``"abruptly"``, or by turning the motor ``"off"`` (LM-TRJ-5).

@@ -58,9 +58,7 @@ class PortState:
         "busy_end", "words_due", "_pending", "_value", "_code", "_step", "_reply: list[i64, ...]",
         "_second: bool", "_high", "_latched", "_kind", "_random",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_busy_clk", "_clock", "_execute", "_jitter_clk", "_report", "worst",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_execute", "worst")
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock

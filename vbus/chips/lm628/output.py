@@ -42,7 +42,6 @@ class ServoOutput:
     """
 
     STATE: ClassVar[Names] = ("_mode", "_code", "_sign", "_high_clk", "command: float")
-    WIRING: ClassVar[Names] = ("_frame_clk", "_pwm")
 
     def __init__(self, pwm: bool, frame_clk: int) -> None:
         if frame_clk not in ds.PWM_FRAMES:
@@ -156,7 +155,6 @@ class ServoOutputPins:
     """
 
     STATE: ClassVar[Names] = ("anchor",)
-    WIRING: ClassVar[Names] = ("_clock", "_output", "_pins")
     DERIVED: ClassVar[Names] = ("_word", "due")
 
     def __init__(self, output: ServoOutput, clock: Clock, pins: tuple[Pin, ...]) -> None:

@@ -30,6 +30,7 @@ class Lm628Decoder(CommandPackets):
 
     FAMILY = ds.FAMILY
     WORDS = {"status": 8, "signals": 16}
+    NAMES = ("RDSTAT",)
     LOST = frozenset({"lm628.busy-write", "lm628.busy-read", "lm628.reset-write"})
     APART = frozenset({STATUS})
     COMMANDS = ds.COMMANDS
@@ -46,7 +47,7 @@ class Lm628Decoder(CommandPackets):
         if not cycle.write:
             return [Packet(STATUS, "RDSTAT", _status(cycle.data), "LM-CMD-23", (cycle,))]
         packets = self.finish()
-        row = ds.COMMANDS.by_code(cycle.data)
+        row = ds.COMMANDS.at(cycle.data)
         if row is not None:
             return packets + self.begin(row, cycle)
         self.last = f"undefined command {cycle.data:02X}H"

@@ -49,7 +49,6 @@ class Pid:
         "kp", "ki", "kd", "il", "ds", "loaded: list[i64]", "sent: list[i64]", "sum", "term",
         "derivative", "last_error", "phase", "limited: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_limits_sum", "_wraps")
 
     def __init__(self, wraps: bool, limits_sum: bool) -> None:
         self._wraps: bool = wraps
@@ -96,9 +95,12 @@ class Pid:
             return "its filter has not taken effect: UDF has not followed LFIL"
         return "it has no filter: all coefficients are 0 until LFIL and UDF"
 
-    def unlimited(self) -> bool:
-        """Whether UDF has taken an integral coefficient, and an il that cuts its term to 0."""
-        return self.sent[2] != 0 and self.sent[4] == 0
+    def unlimited(self) -> str:
+        """Return which of ki and il UDF has taken as 0, where the other one is not; "" if none."""
+        ki, il = self.sent[2], self.sent[4]
+        if bool(ki) == bool(il):
+            return ""
+        return "ki above 0 and il 0" if ki else "il above 0 and ki 0"
 
     def clear(self) -> None:
         """Forget integral and derivative history (LM-TRJ-7, LM-TRJ-10)."""

@@ -13,7 +13,7 @@ from vbus.chips.lm628.host_port import PortState
 from vbus.chips.motion import quadrature as q
 from vbus.core.kernel import NEVER
 from vbus.core.signals import LOW, STRICT, Watcher
-from vbus.core.state import Names, Saved, keep, take_back
+from vbus.core.state import Names, Saved, checkpoint, rollback
 
 _LONG_AGO: Final = -(1 << 60)
 # Bits of the control lines' levels.
@@ -39,7 +39,7 @@ class FrontEndHost(Chip):
         """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
         raise NotImplementedError
 
-    def expect(self, when: int) -> None:
+    def schedule(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
         raise NotImplementedError
 
@@ -62,11 +62,7 @@ class BusPins(BusFrontEnd):
     STATE: ClassVar[Names] = (
         "_old: tuple[i64]", "_ps_moved", "_rd_fell", "_wr_fell", "_began", "_lost: bool",
         "_fought: bool", "show_at", "driving: bool", "_ended", "_wrote", "_read", "_data_wrote",
-        "_data_read", "_byte", "_left", "_undo: kept[_chip]",
-    )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_ac", "_data", "_host", "_kernel", "_late", "_live", "_owner", "_read_undone", "_timer",
-        "_write_undone",
+        "_data_read", "_byte", "_left", "_undo: checkpoint[chip]",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_levels",)
 
@@ -86,6 +82,12 @@ class BusPins(BusFrontEnd):
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
+        self.forget_edges()
+        chip.on_levels = self.forget_edges
+
+    def forget_edges(self) -> None:
+        """Take the control lines as they are; no edge has been, and no time is judged from one."""
+        self._levels = self.levels()
         self._ps_moved: int = _LONG_AGO
         self._rd_fell: int = _LONG_AGO
         self._wr_fell: int = _LONG_AGO
@@ -105,7 +107,9 @@ class BusPins(BusFrontEnd):
         self._byte: int = 0
         self._left: int = 0
         self._undo: Saved = {}
-        chip.on_levels = self.forget_edges
+        self.show_at = NEVER
+        self._timer.cancel()
+        self._live.cancel()
 
     @property
     def _old(self) -> tuple[int, ...]:
@@ -122,7 +126,7 @@ class BusPins(BusFrontEnd):
 
     def moved(self) -> None:
         """One or more control lines have moved at this instant."""
-        chip = self._chip
+        chip = self.chip
         chip.advance()
         before, self._levels = self._levels, self.levels()
         fell = before & ~self._levels
@@ -142,8 +146,8 @@ class BusPins(BusFrontEnd):
         if action == "begin":
             port: i64 = after >> 2 & 1
             self._begin(now, self._rd_fell)
-            if port and self._chip.judged:
-                # LM-TIM-17: /RD of the data port stays high for 120 ns.
+            if port and self.chip.timing_checked:
+                # LM-TIM-17: /RD of the data port stays high between two reads.
                 self._judge("T17", now - self._data_read)
             self._begin_read(now, port, not after & _WR)
         elif action == "take":
@@ -155,13 +159,13 @@ class BusPins(BusFrontEnd):
             self._port_moved(now, not ever & _CS and ever & (_RD | _WR) != _RD | _WR)
         elif action == "enter":
             self._begin(now, self._wr_fell)
-            if after & _PS and self._chip.judged:
-                # LM-TIM-18: /WR of the data port stays high for 120 ns.
+            if after & _PS and self.chip.timing_checked:
+                # LM-TIM-18: /WR of the data port stays high between two writes.
                 self._judge("T18", now - self._data_wrote)
         # LM-BUS-4: reported once in a cycle; the read gives FFh, the write is carried out.
         elif action == "clash" and not self._fought:
             self._fought = True
-            self._lost |= self._chip.report(ds.CONTENTION)
+            self._lost |= self.chip.report(ds.CONTENTION)
             self._host.lose_read()
 
     def _begin(self, now: int, strobe_fell: int) -> None:
@@ -170,14 +174,14 @@ class BusPins(BusFrontEnd):
         self._began = now
         self._lost = False
         self._fought = False
-        if self._chip.judged:
+        if self.chip.timing_checked:
             # LM-TIM-7: /CS is low before the strobe falls.
             self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
-            # LM-TIM-8: /PS stands for 30 ns before the strobe falls.
+            # LM-TIM-8: /PS stands before the strobe falls.
             self._judge("T8", now - self._ps_moved)
 
     def _begin_read(self, now: int, port: i64, writing: bool) -> None:
-        chip = self._chip
+        chip = self.chip
         self.driving = True
         # From here on D0-D7 are the chip's own again.
         self._read = _LONG_AGO
@@ -186,9 +190,9 @@ class BusPins(BusFrontEnd):
             return
         chip.begin_read(port)
         # LM-TIM-10: a strict limit shows FFh until the byte is sure to be there.
-        if self._late and chip.judged:
+        if self._late and chip.timing_checked:
             self.show_at = now + self._ac.least["T10"]
-            self._owner.expect(self.show_at)
+            self._owner.schedule(self.show_at)
 
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
@@ -200,18 +204,18 @@ class BusPins(BusFrontEnd):
         if self._ac.short(symbol, hold, when=when):
             undo, self._undo = self._undo, {}
             if undo:
-                take_back(self._chip, undo)
+                rollback(self.chip, undo)
 
     def _port_moved(self, now: int, busy: bool) -> None:
         """/PS has moved: too late for the cycle under way, or too early after the last one."""
         self._ps_moved = now
-        if not self._chip.judged:
+        if not self.chip.timing_checked:
             return
         if busy:
             # LM-TIM-8: moved within the strobe, the set-up time is negative.
             self._judge("T8", self._began - now, "/PS moved during the strobe")
         else:
-            # LM-TIM-9: /PS stands for 30 ns after the strobe has risen.
+            # LM-TIM-9: /PS stands on after the strobe has risen.
             self._judge_hold("T9", now - self._ended)
 
     # -- ends of cycles -----------------------------------------------------------------------
@@ -224,24 +228,24 @@ class BusPins(BusFrontEnd):
             port: 0 for the command port, 1 for the data port.
             early: whether /CS rose first, so that /WR is still low.
         """
-        chip = self._chip
+        chip = self.chip
         net = self._data.net
         # LM-BUS-2: data that moves together with the edge comes too late.
         byte = net.before
         floats = net.floats
-        if chip.judged:
+        if chip.timing_checked:
             # LM-TIM-7: /CS stays low until the strobe has risen.
             if early:
                 self._judge("T7", -1, "/CS rose before /WR")
-            # LM-TIM-14: /WR is low for 100 ns.
+            # LM-TIM-14: /WR is low long enough.
             self._judge("T14", now - self._began)
-            # LM-TIM-15: the byte stands for 50 ns before /WR rises.
+            # LM-TIM-15: the byte stands before /WR rises.
             if byte == net.value and not floats:
                 self._judge("T15", now - net.changed_at)
             self._ended = now
             self._wrote = _LONG_AGO if floats else now
             self._byte = byte
-            self._undo = keep(chip) if self._write_undone else {}
+            self._undo = checkpoint(chip) if self._write_undone else {}
             if port:
                 self._data_wrote = now
             self._timer.at(now + self._ac.least["T16"])
@@ -255,19 +259,19 @@ class BusPins(BusFrontEnd):
             self.settle()
 
     def _end_read(self, now: int, port: i64, early: bool) -> None:
-        chip = self._chip
-        if chip.judged:
+        chip = self.chip
+        if chip.timing_checked:
             # LM-TIM-7: /CS stays low until the strobe has risen.
             if early:
                 self._judge("T7", -1, "/CS rose before /RD")
-            # LM-TIM-10: a byte is valid 180 ns after /RD falls; a host that ends the read before
-            # has taken anything.
+            # LM-TIM-10: a byte is valid some time after /RD falls; a host that ends the read
+            # before has taken anything.
             self._judge("T10", now - self._began)
             # LM-TIM-11: until /RD rises D0-D7 are the chip's.
             if not self._fought and self._others_drive():
                 self._judge("T11", -1)
             self._ended = self._read = now
-            self._undo = keep(chip) if self._read_undone else {}
+            self._undo = checkpoint(chip) if self._read_undone else {}
             if port:
                 self._data_read = now
             self._timer.at(now + self._ac.least["T12"])
@@ -284,14 +288,14 @@ class BusPins(BusFrontEnd):
         return any(pin.level >= 0 and pin is not self._data for pin in self._data.net.pins)
 
     def _strict(self, symbol: str) -> bool:
-        return self._chip.policy.of(ds.AC.rules[symbol].name) == STRICT
+        return self.chip.policy.of(ds.AC.rules[symbol].name) == STRICT
 
     # -- hold times ---------------------------------------------------------------------------
 
     def _hold_over(self) -> None:
-        self._chip.advance()
+        self.chip.advance()
         self.settle()
-        self._chip.rearm()
+        self.chip.rearm()
 
     def settle(self) -> None:
         """Find what has happened to D0-D7 since the last cycle ended."""
@@ -307,7 +311,7 @@ class BusPins(BusFrontEnd):
             hold = moved - self._wrote
             if late or now - self._wrote >= self._ac.least["T16"]:
                 self._wrote = _LONG_AGO
-            # LM-TIM-16: the byte stands for 120 ns after /WR has risen.
+            # LM-TIM-16: the byte stands on after /WR has risen.
             if late:
                 self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
@@ -315,7 +319,7 @@ class BusPins(BusFrontEnd):
             others = hold > 0 or (hold == 0 and net.value != self._left)
             if others or now - self._read >= self._ac.least["T12"]:
                 self._read = _LONG_AGO
-            # LM-TIM-12: the chip lets go of D0-D7 within 180 ns after /RD rises.
+            # LM-TIM-12: until the chip has let go of D0-D7 no other part drives it.
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
 
@@ -324,18 +328,6 @@ class BusPins(BusFrontEnd):
         self.settle()
         self._wrote = self._read = _LONG_AGO
         self._undo = {}
-
-    def forget_edges(self) -> None:
-        """Take the control lines as they are; no edge has been, and no time is judged from one."""
-        self._levels = self.levels()
-        self._ps_moved = self._rd_fell = self._wr_fell = _LONG_AGO
-        self._ended = self._wrote = self._read = self._data_wrote = self._data_read = _LONG_AGO
-        self._began = self._byte = self._left = 0
-        self._lost = self._fought = self.driving = False
-        self.show_at = NEVER
-        self._undo = {}
-        self._timer.cancel()
-        self._live.cancel()
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
@@ -349,20 +341,20 @@ class BusPins(BusFrontEnd):
         # The wires have what whole cycles have left there; the pin drives what it drove.
         self._data.level = self._shown()
         self._data.net.resolve()
-        self._live.at(self._chip.due(OUTPUT))
+        self._live.at(self.chip.due(OUTPUT))
 
     def show(self) -> None:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
         self._data.drive(self._shown())
-        self._live.at(self._chip.due(OUTPUT))
+        self._live.at(self.chip.due(OUTPUT))
 
     def _shown(self) -> int:
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
-        return _FLOATING if self.show_at != NEVER else self._chip.read_byte()
+        return _FLOATING if self.show_at != NEVER else self.chip.read_byte()
 
     def _changes(self) -> None:
-        self._chip.advance()
+        self.chip.advance()
         if self.driving:  # or another state has been loaded since
             self.show()
 
@@ -376,7 +368,6 @@ class EncoderPins:
     """
 
     STATE: ClassVar[Names] = ("_low_from", "_low: bool")
-    WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_turn")
 
     def __init__(self, chip: FrontEndHost, encoder: EncoderCounts) -> None:
         self._chip: FrontEndHost = chip
@@ -408,9 +399,9 @@ class EncoderPins:
         now = chip.kernel.now
         a, b, index = self._pins
         found = self._inputs.edge(now, a.value, b.value, index.value)
-        late = bool(found) and chip.judged and q.judge_inputs(chip.ac, self._inputs, found)
+        late = bool(found) and chip.timing_checked and q.judge_inputs(chip.ac, self._inputs, found)
         self.settle(now, late)
-        chip.touched()
+        chip.input_changed()
 
     def settle(self, now: int, late: bool = False) -> None:
         """Take what has come of earlier edges by ``now``; ``late``: strict T3 loses the index."""

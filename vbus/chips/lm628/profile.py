@@ -93,9 +93,9 @@ class Trajectory:
         "position", "velocity", "target", "top", "accel", "velocity_mode: bool", "forward: bool",
         "stopping: bool", "done: bool", "wrapped: bool", "control", "raw: list[i64]",
         "relative: list[bool]", "accel_loaded: bool", "started", "_sent_raw: list[i64]",
-        "_sent_relative: list[bool]", "_newer: list[bool]",
+        "_sent_relative: list[bool]", "_newer: list[bool]", "_low_words: list[i64, ...]",
+        "_before",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_low_words",)
 
     def __init__(self) -> None:
         self.position: i64 = 0
@@ -113,7 +113,9 @@ class Trajectory:
         self.relative: list[bool] = [False, False, False]
         self.accel_loaded: bool = False
         self._low_words: list[int] = []
-        """The last velocities, as long as every high word was 0; no part of the saved state."""
+        """The last velocities, as long as every high word was 0."""
+        self._before: int = -1
+        """What a word that is loaded overwrites and no STT has taken, else -1."""
         self.start()
 
     # -- LTRJ ---------------------------------------------------------------------------------
@@ -128,6 +130,8 @@ class Trajectory:
             relative: the control word says the data is relative.
         """
         old = self.raw[number]
+        if not low:
+            self._before = old if self._newer[number] else -1
         self.raw[number] = (old & 0xFFFF0000 | word) if low else (word << 16 | old & 0xFFFF)
         self.relative[number] = relative
         self._newer[number] = True
@@ -146,9 +150,23 @@ class Trajectory:
         """Whether LTRJ has loaded anything since the reset."""
         return bool(self.control or any(self._newer) or any(self.raw) or any(self._sent_raw))
 
+    def newer(self, number: int) -> bool:
+        """Whether LTRJ has loaded this parameter since the last STT."""
+        return self._newer[number]
+
+    def overwritten(self, number: int) -> bool:
+        """Whether the datum just loaded has taken the place of another one before any STT."""
+        return self._before not in (-1, self.raw[number])
+
     def waits(self) -> bool:
-        """Whether LTRJ has loaded what no STT has taken."""
-        return any(self._newer)
+        """Whether LTRJ has loaded what no STT has taken: data, or another mode or stop alone."""
+        return any(self._newer) or self.control != self.started & ~ds.STOPS
+
+    def hasty(self) -> bool:
+        """Whether an acceleration was loaded that is above the velocity (LM-TRJ-15)."""
+        acceleration, velocity = (self.raw[n] & ds.RATE_MAX for n in (ACCELERATION, VELOCITY))
+        absolute = not self.relative[ACCELERATION] and not self.relative[VELOCITY]
+        return absolute and self._newer[ACCELERATION] and acceleration > velocity > 0
 
     def wraps(self) -> bool:
         """Tell whether the velocity just loaded goes on where 16 bits have ended (LM-TRJ-2).

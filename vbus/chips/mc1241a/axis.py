@@ -11,6 +11,7 @@ from vbus.chips.mc1241a.chipset import ChipSet, ProfileRegisters, SharedParamete
 from vbus.chips.mc1241a.encoder import AxisInputs
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.profile import Profile
+from vbus.chips.tables import names_of
 from vbus.core.bits import sign_extend
 from vbus.core.kernel import NEVER
 from vbus.core.signals import HIGH, LOW, Pin, Rule
@@ -118,9 +119,9 @@ class StepperAxis:
         "breakpoint_mode", "breakpoint_value", "start_velocity", "step_ratio",
         "position_error_limit", "position_error", "_error_offset", "buffer: part", "_taken: part",
         "active: part", "profile: part", "limits: part", "encoder: part", "stepper: part",
+        "unread", "watched: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_report", "_shared", "number")
-    DERIVED: ClassVar[Names] = ("unread",)
+    WIRING: ClassVar[Names] = ("number",)
 
     def __init__(
         self,
@@ -157,12 +158,14 @@ class StepperAxis:
         self._motor_command_taken: bool = False
         self._motor_command_from: int = UPDATED
         self.unread: int = 0
-        """Errors that no status word has shown the host; no part of the saved state."""
+        """Errors that no status word has shown the host."""
         self.interrupt_mask: int = 0
         self.breakpoint_mode: int = ds.BRK_OFF
         self.breakpoint_value: int = 0
         self.start_velocity: int = 0
         self.step_ratio: int = 0
+        self.watched: bool = False
+        """A step ratio above 0 has been set since a reset."""
         self.position_error_limit: int = ERROR_LIMIT
         self.position_error: int = 0
         """Target minus actual position (counts), clamped to 16 bits."""
@@ -216,7 +219,7 @@ class StepperAxis:
         if self.encoder.wrapped:
             self.events |= ds.WRAP
         # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
-        met = self._breakpoint_met()
+        met = self.breakpoint_met()
         # PMD-BUS-9: what UPDATE copies it copies at the beginning of a cycle.
         if self._update_pending:
             self._update()
@@ -236,15 +239,20 @@ class StepperAxis:
         # The look-ups of the cycle spread its way from here on (PMD-USTP-2).
         start = profile.position
         ended = profile.step(self.active, self.start_velocity, counts)
-        if ended & ds.MOTION_COMPLETE and self.active.motor_command == 0:
-            self._report(
-                ds.WITHOUT_CURRENT,
-                f"axis {self.number + 1}: the profile has run to its end while the motor command"
-                " was 0: set it by SET_MTR_CMD, or by SET_BUF_MTR_CMD and UPDATE",
-            )
+        if ended & ds.MOTION_COMPLETE:
+            self._judge_end()
         self.events |= ended
         self.stepper.begin_cycle(start, profile.moved)
         self._check_error()
+
+    def _judge_end(self) -> None:
+        """Say so if a profile has run to its end in vain."""
+        text = f"axis {self.number + 1}: the profile has run to its end"
+        if self.active.motor_command == 0:
+            how = "set it by SET_MTR_CMD, or by SET_BUF_MTR_CMD and UPDATE"
+            self._report(ds.WITHOUT_CURRENT, f"{text} while the motor command was 0: {how}")
+        if self.events & ds.MOTION_ERROR:
+            self._report(ds.RUNS_ON, f"{text} after a motion error: auto stop is off")
 
     def _limits(self) -> tuple[bool, bool]:
         """Return whether the limit switches are active, by their sense (PMD-LIM-1)."""
@@ -253,7 +261,7 @@ class StepperAxis:
         # PMD-LIM-1: each bit of SET_LMT_SENSE says at which level its switch is active.
         return positive != sense & 1, negative != sense >> 1 & 1
 
-    def _breakpoint_met(self) -> bool:
+    def breakpoint_met(self) -> bool:
         """Tell whether the breakpoint's condition holds."""
         mode, value = self.breakpoint_mode, self.breakpoint_value
         if mode == ds.BRK_OFF:
@@ -307,14 +315,16 @@ class StepperAxis:
 
     # -- update -------------------------------------------------------------------------------
 
-    def loaded(self) -> bool:
-        """Whether the buffer has what no update has taken."""
+    def loaded(self) -> Rule | None:
+        """Return what to say of the buffer if it has what no update has taken."""
         buffer, active = self.buffer, self._taken if self._update_pending else self.active
-        return (
-            buffer.differs(active)
-            or (self.motor_command_given and buffer.motor_command != active.motor_command)
-            or buffer.stop + buffer.smooth_stop + buffer.synch > 0
-        )
+        if buffer.differs(active) or buffer.stop + buffer.smooth_stop + buffer.synch > 0:
+            return ds.LEFT_LOADED
+        if not self.motor_command_given or buffer.motor_command == active.motor_command:
+            return None
+        # A breakpoint that is set is to bring it, or the host at the end of the motion.
+        waits = self.breakpoint_mode != ds.BRK_OFF or self.profile.in_motion()
+        return ds.LEFT_LOADED if waits else ds.CURRENT_LEFT
 
     def up_to_date(self) -> bool:
         """Whether an update now would change nothing: of a move that goes on, or has ended."""
@@ -336,6 +346,29 @@ class StepperAxis:
         """Whether an update now gives a velocity below the starting velocity (PMD-CMD-14)."""
         ramps = self.profile.mode in (ds.TRAPEZOIDAL, ds.VELOCITY)
         return ramps and 0 < self.buffer.velocity < self.start_velocity
+
+    def waits_for_motor(self) -> bool:
+        """Whether an update now would begin a motion, were the motor on (PMD-MTR-2)."""
+        return not self.motor_on and self._begins()
+
+    def moves_unwatched(self) -> bool:
+        """Whether a motion begins with an error limit that no step ratio has ever served."""
+        limited = self.position_error_limit != ERROR_LIMIT
+        return limited and not self.step_ratio and not self.watched and self._begins()
+
+    def begun(self) -> bool:
+        """Whether a move is under way, or about to be, that no breakpoint has begun."""
+        coming = self._update_pending and self._position_taken
+        return (coming or self.profile.in_motion()) and not self.events & ds.BREAKPOINT
+
+    def _begins(self) -> bool:
+        buffer, mode = self.buffer, self.profile.mode
+        if buffer.stop or buffer.smooth_stop or buffer.velocity == 0:
+            return False
+        if mode == ds.VELOCITY:
+            return buffer.acceleration != 0
+        elsewhere = buffer.position != self.profile.target_position
+        return mode != ds.GEAR and self.position_given and elsewhere
 
     def request_update(self) -> None:
         """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""
@@ -467,6 +500,12 @@ class StepperAxis:
 
     def set_motor_command(self, value: int) -> None:
         """SET_MTR_CMD: past the buffer (PMD-CMD-64)."""
+        if self._update_pending and self._motor_command_taken:
+            self._report(
+                ds.MOTOR_COMMAND_LOST,
+                f"axis {self.number + 1}: the update that came before SET_MTR_CMD {value} acts"
+                f" after it, and brings the buffered {self._taken.motor_command}",
+            )
         self.active.motor_command = value
         self._motor_command_from = DIRECT
 
@@ -481,6 +520,7 @@ class StepperAxis:
     def set_step_ratio(self, value: int) -> None:
         """SET_STEP_RATIO: counts per ustep times 256; the error starts from 0."""
         self.step_ratio = value
+        self.watched |= value != 0
         self.zero_error()
 
     def renumber(self, value: int) -> None:
@@ -525,8 +565,7 @@ class StepperAxis:
 
     def unread_errors(self) -> str:
         """Return the axis and what of :attr:`unread` is set, in words."""
-        names = [bit.name for bit in ds.STATUS_BITS if self.unread & bit.mask]
-        return f"axis {self.number + 1}: {', '.join(names)}"
+        return f"axis {self.number + 1}: {names_of(ds.STATUS_BITS, self.unread)}"
 
     # -- rest ---------------------------------------------------------------------------------
 
@@ -543,7 +582,7 @@ class StepperAxis:
         # What the next cycle may do is asked here once: every answer of 0 runs that cycle.
         if not self.limits.steady(positive, negative, self.events, self._shared.sensing):
             return 0
-        if self._breakpoint_met() or (
+        if self.breakpoint_met() or (
             self._has_motion_error() and not self.events & ds.MOTION_ERROR
         ):
             return 0
@@ -566,7 +605,7 @@ class Interrupts:
     """
 
     STATE: ClassVar[Names] = ("axis", "quiet_until")
-    WIRING: ClassVar[Names] = ("_axes", "_chip", "_pin")
+    WIRING: ClassVar[Names] = ("_axes",)
 
     def __init__(self, chip: ChipSet, axes: list[StepperAxis]) -> None:
         self._chip: Final[ChipSet] = chip

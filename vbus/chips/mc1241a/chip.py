@@ -17,7 +17,7 @@ from vbus.chips.mc1241a.host_port import PacketPort
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.pins import AdapterPins
-from vbus.chips.tables import CardRow, PinRow
+from vbus.chips.tables import CardRow, PinRow, names_of
 from vbus.core.kernel import HELD, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
 from vbus.core.signals import Plant, Policy, Rule, ValueTable, Violation
@@ -53,21 +53,14 @@ class MC1241A(ChipSet):
     STATE: ClassVar[Names] = (
         "_wake", "_hold_at", "held: bool", "_adapter_read: bool", "busy_stretch", "commands: part",
         "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
-        "axes: parts", "judged: bool",
+        "axes: parts", "timing_checked: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("ac", "shared")
     DERIVED: ClassVar[Names] = ("instant",)
 
     def __init__(
-        self,
-        name: str,
-        part: str,
-        kernel: Kernel,
-        clock: Clock,
-        settings: Settings | None = None,
-        policy: Policy | None = None,
-        file: Callable[[Violation], None] | None = None,
-    ) -> None:
+        self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
+        policy: Policy | None = None, file: Callable[[Violation], None] | None = None,
+    ) -> None:  # fmt: skip
         if part not in self.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
         self._wake: i64 = 0
@@ -118,7 +111,7 @@ class MC1241A(ChipSet):
         if self._adapter_read:
             return self.adapter_status()
         data = self.port.end_read()
-        self.touched()
+        self.input_changed()
         return data
 
     def write(self, address: int, data: int) -> None:
@@ -131,7 +124,7 @@ class MC1241A(ChipSet):
         # PMD-BUS-12: a write there pulses ~Reset, long enough.
         elif address == ds.RESET_PORT:
             self.release_reset(False)
-        self.touched()
+        self.input_changed()
 
     def adapter_status(self) -> int:
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
@@ -161,12 +154,12 @@ class MC1241A(ChipSet):
         self.restart(self.kernel.now, 0 if done else ds.RESET_CLK)
         self._reckon()
         self.advance()
-        self.touched()
+        self.input_changed()
 
     def hold_reset(self, when: int) -> None:
         """~Reset is low; if it still is at ``when``, everything stops."""
         self._hold_at = when
-        self.touched()
+        self.input_changed()
 
     def release_reset(self, lost: bool) -> None:
         """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
@@ -174,7 +167,7 @@ class MC1241A(ChipSet):
         if not lost:
             self.held = False
             self.restart(self.kernel.now)
-        self.touched()
+        self.input_changed()
 
     def reset_command(self) -> None:
         """RESET: like ~Reset, counted from when the command was written (PMD-CMD-75)."""
@@ -190,6 +183,7 @@ class MC1241A(ChipSet):
         self.interrupts.reset()
         # PMD-RST-2: axis 1 is the current one.
         self.commands.current = 0
+        self.commands.left_switch = False
         for axis in self.axes:
             axis.reset()
         self.output.rest()
@@ -263,7 +257,7 @@ class MC1241A(ChipSet):
         self.port.finish()
         # PMD-USTP-7: all pins of the mode that was left take their resting levels.
         if self.shared.output_mode != mode:
-            self.output.rest()
+            self.output.change_mode(self.cycles.clk_from(self.kernel.now))
         if self.port.due() == NEVER:
             self.port.show_ready(True)
         self.interrupts.look()
@@ -292,10 +286,10 @@ class MC1241A(ChipSet):
             due = min(due, self.port.busy_until)  # PMD-BUS-12
         return due
 
-    def touched(self) -> None:
+    def input_changed(self) -> None:
         """Something from outside has changed the chip set: find what is due next."""
         self._reckon()
-        super().touched()
+        super().input_changed()
 
     # -- neighbours ---------------------------------------------------------------------------
 
@@ -357,16 +351,19 @@ class MC1241A(ChipSet):
             found.append(
                 (ds.INTERRUPT_STANDS, f"~HostIntrpt is low at the end, for axis {number + 1}")
             )
+        if self.commands.left_switch:
+            text = "LMTS_OFF was given on a limit switch, and no LMTS_ON since"
+            found.append((ds.LIMITS_OFF, text))
         for axis in self.axes:
             errors = axis.events & (ds.COMMAND_ERROR | ds.MOTION_ERROR)
-            names = [bit.name for bit in ds.STATUS_BITS if errors & bit.mask]
-            if names:
-                text = f"axis {axis.number + 1} at the end: {', '.join(names)}"
+            if errors:
+                text = f"axis {axis.number + 1} at the end: {names_of(ds.STATUS_BITS, errors)}"
                 found.append((ds.ERRORS_STAND, text))
             if axis.unread:
                 text = f"{axis.unread_errors()}, and no status word has shown it to the host"
                 found.append((ds.ERROR_UNREAD, text))
-            if axis.loaded() and self.port.coming not in ds.UPDATES:
+            loaded = axis.loaded()
+            if loaded is not None and self.port.coming not in ds.UPDATES:
                 text = f"axis {axis.number + 1}: what is loaded last no update has taken"
-                found.append((ds.LEFT_LOADED, text))
+                found.append((loaded, text))
         return found

@@ -27,8 +27,8 @@ class Commands:
         interrupts: which of them interrupts.
     """
 
-    STATE: ClassVar[Names] = ("current",)
-    WIRING: ClassVar[Names] = ("_axes", "_chip", "_cycles", "_interrupts", "_version")
+    STATE: ClassVar[Names] = ("current", "left_switch: bool")
+    WIRING: ClassVar[Names] = ("_axes",)
 
     def __init__(
         self, chip: ChipSet, axes: list[StepperAxis], cycles: SampleCycles, interrupts: Interrupts
@@ -41,6 +41,8 @@ class Commands:
         self._version: int = int(chip.settings["version_word"]) or ds.VERSIONS[chip.part]
         self.current: int = 0
         """Current axis, 0-based."""
+        self.left_switch: bool = False
+        """LMTS_OFF was given on a limit switch, no LMTS_ON since."""
 
     def execute(self, row: Command, value: int) -> int:
         """Carry out ``row`` with the data ``value``; return what the host may read."""
@@ -128,6 +130,32 @@ class Commands:
             self._chip.find(ds.LATE_VALUE, f"{text} {axis.breakpoint_value}")
         axis.breakpoint_value = value
 
+    def set_breakpoint(self, mode: int) -> None:
+        """Set what the breakpoint compares (PMD-CMD-27 to PMD-CMD-33)."""
+        axis = self._axis
+        axis.breakpoint_mode = mode
+        name = f"axis {self.current + 1}"
+        value = axis.breakpoint_value
+        if mode == ds.BRK_TIME:
+            time = self._cycles.shared.time
+            # The nearer half of all times lies ahead.
+            if not 0 < value - time & 0xFFFFFFFF < 1 << 31:
+                text = f"{name}: SET_TIME_BRK for cycle {value & 0xFFFFFFFF} in cycle {time}"
+                self._chip.find(ds.TIME_PASSED, text)
+            return
+        if mode == ds.BRK_EXT:
+            self._cycles.follow_encoders()
+        if not axis.breakpoint_met():
+            return
+        if mode == ds.BRK_MTN_CMPLT:
+            text = f"{name}: SET_MTN_CMPLT_BRK while bit 0 of the status word is 1"
+            self._chip.find(ds.STALE_COMPLETE, text)
+        elif mode == ds.BRK_EXT:
+            self._chip.find(ds.MET_AT_ONCE, f"{name}: SET_EXT_BRK while the home input is low")
+        else:
+            text = f"{name}: the position is beyond {sign_extend(value, 32)} already"
+            self._chip.find(ds.MET_AT_ONCE, text)
+
     def _update(self, axis: StepperAxis) -> None:
         unused = axis.unused()
         if unused:
@@ -137,6 +165,13 @@ class Commands:
         elif axis.starts_fast():
             text = f"axis {axis.number + 1}: it begins faster than its profile is to be"
             self._chip.find(ds.START_VELOCITY, text)
+        if axis.waits_for_motor():
+            text = f"axis {axis.number + 1}: the update of a motion while the motor is off"
+            self._chip.find(ds.MOTOR_IS_OFF, text)
+        if axis.moves_unwatched():
+            limit = f"error limit {axis.position_error_limit} and step ratio 0"
+            text = f"axis {axis.number + 1}: a motion begins with {limit}"
+            self._chip.find(ds.LIMIT_UNWATCHED, text)
         speed = abs(axis.profile.target_velocity)
         if axis.buffer.stop and speed > max(axis.start_velocity, _SLOW):
             text = f"axis {axis.number + 1}: UPDATE of STOP at {speed / 65536:.6g} ustep/cycle"
@@ -161,7 +196,12 @@ class Commands:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
         number = self._interrupts.axis
         # PMD-INT-3: without an interrupt the command clears nothing.
-        if number != NO_AXIS:
+        if number == NO_AXIS:
+            meant = self._axis.events & ~keep
+            if meant:
+                text = f"RST_INTRPT is to clear {meant:04X}H, and ~HostIntrpt is high"
+                self._chip.find(ds.NO_INTERRUPT, text)
+        else:
             axis = self._axes[number]
             enabled = axis.events & axis.interrupt_mask
             if enabled & keep == enabled != 0:
@@ -169,6 +209,22 @@ class Commands:
                 self._chip.find(ds.KEEPS_INTERRUPT, f"{text}: it interrupts again at once")
             axis.clear_events(keep)
             self._interrupts.release()
+
+    def reset_status(self, keep: int) -> None:
+        """Clear events of the current axis (PMD-CMD-46)."""
+        events = self._axis.events
+        if events and keep & ds.EVENTS == ds.EVENTS:
+            text = f"axis {self.current + 1}: RST_STATUS {keep:04X}H leaves {events:04X}H as it is"
+            self._chip.find(ds.KEEPS_STATUS, text)
+        self.clear_status(keep)
+
+    def clear_status(self, keep: int = 0) -> None:
+        """Clear events of the current axis, without an interrupt (PMD-CMD-45)."""
+        axis = self._axis
+        if axis.events & ~keep & ds.MOTION_COMPLETE and axis.begun():
+            text = f"axis {self.current + 1}: motion complete is cleared while a move is under way"
+            self._chip.find(ds.CLEARED_LATE, text)
+        axis.clear_events(keep)
 
     # -- the encoder ---------------------------------------------------------------------------
 
@@ -210,6 +266,7 @@ class Commands:
     def set_sensing(self, on: int) -> None:
         """Sense limit switches from now on, or no longer; bits set stay (PMD-CMD-72, -73)."""
         self._cycles.shared.sensing = bool(on)
+        self.left_switch = not on and not all(axis.limits.armed for axis in self._axes)
         if on:  # PMD-CMD-72
             for axis in self._axes:
                 axis.limits.forget()

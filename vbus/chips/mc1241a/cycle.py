@@ -50,10 +50,7 @@ class Windings:
         """Run the motor through the slot that begins, with the currents just looked up."""
         if self.motor is not None:
             a, b = self._stepper.outputs(slot, self._active.motor_command)
-            c = self._third(a, b)
-            # At rest and in slow motion most slots look up the same: then nothing is divided.
-            if a != self.a or b != self.b or c != self.c:
-                self.take(a, b, c)
+            self.take(a, b, self._third(a, b))
             self.motor.phases(self._share_a, self._share_b, self._share_c)
 
     def steady(self, slot: i64) -> bool:
@@ -82,7 +79,7 @@ class SampleCycles:
         "shared: part", "_driven: list[(i64, i64, i64)]", "motors: parts", "_origin", "_slot",
         "boundary", "_reset_since", "_slot_start", "_slot_end",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_axes", "_chip", "_encoders", "skipping")
+    WIRING: ClassVar[Names] = ("_axes", "_encoders")
     DERIVED: ClassVar[Names] = ("_slotted", "_windings", "heard", "run_count")
 
     def __init__(self, chip: ChipSet, axes: list[StepperAxis], shared: SharedParameters) -> None:
@@ -157,7 +154,7 @@ class SampleCycles:
 
     def overdue(self, instant: int) -> bool:
         """Tell whether the slot that comes next began more than some cycles before an instant."""
-        # No machine words: what was kept may lie anywhere.
+        # No machine words: what was saved may lie anywhere.
         there: int = self._chip.clock.cycle_at(instant)
         origin: int = self._origin
         coming: int = self._slot

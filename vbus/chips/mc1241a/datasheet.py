@@ -199,19 +199,19 @@ COMMANDS: Final = CommandTable(
             parameter="profile.target_velocity", signed=True, fraction=16, unit="ustep/cycle",
             title="Get current target velocity"),
     # Parameter update
-    Command("SET_TIME_BRK", 0x17, scope="c", clause="PMD-CMD-27", parameter="breakpoint_mode",
+    Command("SET_TIME_BRK", 0x17, scope="c", clause="PMD-CMD-27", hook="set_breakpoint",
             value=BRK_TIME, title="Set breakpoint mode to time"),
-    Command("SET_POS_BRK", 0x18, scope="c", clause="PMD-CMD-28", parameter="breakpoint_mode",
+    Command("SET_POS_BRK", 0x18, scope="c", clause="PMD-CMD-28", hook="set_breakpoint",
             value=BRK_POS, title="Set breakpoint mode to positive target position"),
-    Command("SET_NEG_BRK", 0x19, scope="c", clause="PMD-CMD-29", parameter="breakpoint_mode",
+    Command("SET_NEG_BRK", 0x19, scope="c", clause="PMD-CMD-29", hook="set_breakpoint",
             value=BRK_NEG, title="Set breakpoint mode to negative target position"),
-    Command("SET_ACTL_POS_BRK", 0x1B, scope="c", clause="PMD-CMD-30", parameter="breakpoint_mode",
+    Command("SET_ACTL_POS_BRK", 0x1B, scope="c", clause="PMD-CMD-30", hook="set_breakpoint",
             value=BRK_ACTL_POS, title="Set breakpoint mode to positive actual position"),
-    Command("SET_ACTL_NEG_BRK", 0x1C, scope="c", clause="PMD-CMD-31", parameter="breakpoint_mode",
+    Command("SET_ACTL_NEG_BRK", 0x1C, scope="c", clause="PMD-CMD-31", hook="set_breakpoint",
             value=BRK_ACTL_NEG, title="Set breakpoint mode to negative actual position"),
-    Command("SET_MTN_CMPLT_BRK", 0x35, scope="c", clause="PMD-CMD-32", parameter="breakpoint_mode",
+    Command("SET_MTN_CMPLT_BRK", 0x35, scope="c", clause="PMD-CMD-32", hook="set_breakpoint",
             value=BRK_MTN_CMPLT, title="Set breakpoint mode to motion complete"),
-    Command("SET_EXT_BRK", 0x5E, scope="c", clause="PMD-CMD-33", parameter="breakpoint_mode",
+    Command("SET_EXT_BRK", 0x5E, scope="c", clause="PMD-CMD-33", hook="set_breakpoint",
             value=BRK_EXT, title="Set breakpoint mode to external"),
     Command("SET_BRK_OFF", 0x6D, scope="c", clause="PMD-CMD-34", parameter="breakpoint_mode",
             value=BRK_OFF, title="Set breakpoint mode off"),
@@ -237,9 +237,9 @@ COMMANDS: Final = CommandTable(
     Command("GET_INTRPT_MASK", 0x56, read=1, scope="c", clause="PMD-CMD-44",
             parameter="interrupt_mask", title="Get interrupt mask"),
     # Status/mode
-    Command("CLR_STATUS", 0x33, scope="c", clause="PMD-CMD-45", hook="clear_events", value=0,
+    Command("CLR_STATUS", 0x33, scope="c", clause="PMD-CMD-45", hook="clear_status", value=0,
             title="Reset status of current axis"),
-    Command("RST_STATUS", 0x34, write=1, scope="c", clause="PMD-CMD-46", hook="clear_events",
+    Command("RST_STATUS", 0x34, write=1, scope="c", clause="PMD-CMD-46", hook="reset_status",
             title="Reset events for current axis"),
     Command("GET_STATUS", 0x31, read=1, scope="c", clause="PMD-CMD-47", parameter="status",
             title="Get axis status word"),
@@ -358,33 +358,7 @@ FAMILY_CODES: Final[dict[int, tuple[str, int, int]]] = {
 
 # -- version word (PMD-VER-1) --------------------------------------------------------------------
 
-
-def version_word(
-    generation: int, axes: int, part: int, dash: int, major: int, minor: int
-) -> int:  # fmt: skip
-    """Return a GET_VRSN word from its fields (PMD-VER-1).
-
-    Args:
-        generation: bits 15-14.
-        axes: number of axes, 1 to 8 (bits 13-11 hold one less).
-        part: bits 10-8: 0 = 00, 1 = 01, 2 = 31, 3 = 41, 4 = 51.
-        dash: bits 7-5: 0 = no dash, 1 = -P.
-        major: bits 4-3.
-        minor: bits 2-0.
-    """
-    fields = ((generation, 2), (axes - 1, 3), (part, 3), (dash, 3), (major, 2), (minor, 3))
-    word = 0
-    for value, bits in fields:
-        if not 0 <= value < 1 << bits:
-            raise ValueError(f"{value} does not fit in {bits} bits of the version word")
-        word = word << bits | value
-    return word
-
-
-VERSIONS: Final = {
-    "MC1241A": version_word(1, 2, 2, 0, 2, 0),
-    "MC1141A": version_word(1, 1, 2, 0, 2, 0),
-}
+VERSIONS: Final = {"MC1241A": 0x4A10, "MC1141A": 0x4210}
 """The manual's worked word with the first version of "A" parts, 2.0 (PMD-VER-2, NOTES 22)."""
 
 # -- pins ----------------------------------------------------------------------------------------
@@ -468,8 +442,7 @@ AC: Final = AcTable(
     AcLimit("reset", "PMD-TIM-5", "~Reset low", min_ps=1_000_000),
     AcLimit("T4", "PMD-TIM-6", "clock high or low", min_ps=19_500, max_ps=75_000),
     AcLimit("T5", "PMD-TIM-7", "clock period", min_ps=39_000, max_ps=149_000),
-    AcLimit("T6", "PMD-TIM-8", "~HostSlct hold after the strobe", min_ps=15_000,
-            max_ps=2_000_000),
+    AcLimit("T6", "PMD-TIM-8", "~HostSlct hold after the strobe", min_ps=15_000, max_ps=2_000_000),
     AcLimit("T7w", "PMD-TIM-9", "~HostSlct set-up before ~HostWrite", min_ps=10_000),
     AcLimit("T7r", "PMD-TIM-9", "~HostSlct set-up before ~HostRead", min_ps=-20_000),
     AcLimit("T8w", "PMD-TIM-10", "HostCmd set-up before ~HostWrite", min_ps=10_000),
@@ -567,6 +540,16 @@ KEEPS_INTERRUPT: Final = Rule(
     "RST_INTRPT clears an event that interrupts: of its word a 0 clears, and a 1 leaves.",
     "warning",
 )  # fmt: skip
+KEEPS_STATUS: Final = Rule(
+    "mc1241a.keeps-status", "PMD-CMD-46",
+    "RST_STATUS clears an event: of its word a 0 clears, and FFH in its low byte leaves all.",
+    "warning",
+)  # fmt: skip
+LIMIT_UNWATCHED: Final = Rule(
+    "mc1241a.limit-unwatched", "PMD-STL-1",
+    "A limit set by SET_POS_ERR has a step ratio above 0: without one it is never compared.",
+    "warning",
+)  # fmt: skip
 NO_STEP_RATIO: Final = Rule(
     "mc1241a.no-step-ratio", "PMD-STL-1",
     "With a step ratio above 0 the axis is compared with its encoder; with 0 no stall is found.",
@@ -613,6 +596,49 @@ ABRUPT_STOP: Final = Rule(
 OTHER_PROFILE: Final = Rule(
     "mc1241a.other-profile", "PMD-CMD-10",
     "SET_ACC is for trapezoids and velocities, SET_MAX_ACC and SET_JERK are for S-curves.", "note",
+)  # fmt: skip
+STALE_COMPLETE: Final = Rule(
+    "mc1241a.stale-complete", "PMD-CMD-32",
+    "SET_MTN_CMPLT_BRK comes with motion complete cleared: else the breakpoint is met at once.",
+    "warning",
+)  # fmt: skip
+MET_AT_ONCE: Final = Rule(
+    "mc1241a.met-at-once", "PMD-UPD-2",
+    "The condition of a breakpoint does not hold yet when it is set, or the update comes at once.",
+    "note",
+)  # fmt: skip
+TIME_PASSED: Final = Rule(
+    "mc1241a.time-passed", "PMD-CMD-27",
+    "A time breakpoint lies ahead: its value is a number of cycles since reset, not from now on.",
+    "warning",
+)  # fmt: skip
+MOTOR_IS_OFF: Final = Rule(
+    "mc1241a.motor-off", "PMD-MTR-2",
+    "MTR_ON comes before the update that is to start a motion: with the motor off none begins.",
+    "warning",
+)  # fmt: skip
+RUNS_ON: Final = Rule(
+    "mc1241a.runs-on", "PMD-STL-1",
+    "A motion error ends its motion: by auto stop, or the host stops the axis.", "note",
+)  # fmt: skip
+CLEARED_LATE: Final = Rule(
+    "mc1241a.cleared-late", "PMD-STA-2",
+    "Motion complete is cleared before a move begins: later, that of a short move goes with it.",
+    "note",
+)  # fmt: skip
+NO_INTERRUPT: Final = Rule(
+    "mc1241a.no-interrupt", "PMD-INT-3",
+    "RST_INTRPT answers an interrupt: where none stands it clears nothing, and RST_STATUS does.",
+    "note",
+)  # fmt: skip
+LIMITS_OFF: Final = Rule(
+    "mc1241a.limits-off", "PMD-CMD-73",
+    "When a run ends, LMTS_ON has followed an LMTS_OFF that was given on a limit switch.", "note",
+)  # fmt: skip
+CURRENT_LEFT: Final = Rule(
+    "mc1241a.current-left", "PMD-CMD-66",
+    "When a run ends, an update has taken a motor command that was loaded alone, at rest.",
+    "warning",
 )  # fmt: skip
 LEFT_LOADED: Final = Rule(
     "mc1241a.left-loaded", "PMD-UPD-1", "When a run ends, an update has taken what was loaded.",

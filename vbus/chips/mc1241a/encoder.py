@@ -20,8 +20,6 @@ from vbus.core.kernel import NEVER
 from vbus.core.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
 from vbus.core.state import Names
 
-FAR: Final = (1 << 62) - 1
-"""Beyond every count."""
 _HALF: Final = 1 << ds.POSITION_BITS - 1
 
 
@@ -31,13 +29,11 @@ def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
     Returns:
         ``(True, first count at which it is low)`` or ``(False, 0)``.
     """
-    if switch.active == LOW:
-        return switch.closing_between(start, end)
-    for gap in (Switch(-FAR, switch.low), Switch(switch.high, FAR)):
-        found, count = gap.closing_between(start, end)
-        if found:
-            return True, count
-    return False, 0
+    found, at = switch.change_between(start, end)
+    # It changes twice at most: the first time it may rise.
+    if found and switch.level(at) != LOW:
+        found, at = switch.change_between(at, end)
+    return found, at
 
 
 class AxisInputs:
@@ -58,9 +54,7 @@ class AxisInputs:
         "count", "_zero", "_read", "counted", "actual", "wrapped: bool", "_turn", "_capture_source",
         "_armed: bool", "_captured", "_fresh: bool", "_decoder: part", "_home_filter: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_chip", "_home", "_limits", "_mechanics", "_number", "_plant", "_quadrature", "_source",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_mechanics", "_plant")
     DERIVED: ClassVar[Names] = ("_unsettled",)
 
     def __init__(self, chip: ChipSet, number: int, source: int) -> None:
@@ -309,9 +303,9 @@ class AxisInputs:
             self._wired = True
         self._unsettled = True
         found = self._decoder.edge(now, a.value, b.value, index.value)
-        if found and chip.judged:
+        if found and chip.timing_checked:
             judge_inputs(chip.ac, self._decoder, found)
-        chip.touched()
+        chip.input_changed()
 
     def _home_moved(self) -> None:
         """~Home has moved."""
@@ -321,7 +315,7 @@ class AxisInputs:
         self._home_wired = self._home.net.driven
         self._unsettled = True
         self._home_filter.edge(chip.kernel.now, self._home.value)
-        chip.touched()
+        chip.input_changed()
 
     def limit_moved(self) -> None:
         """A limit switch pin has moved."""
@@ -329,7 +323,7 @@ class AxisInputs:
         for place, pin in enumerate(self._limits):
             # An input that is let go follows the plant's switch again.
             self._levels[place] = pin.value if pin.net.driven else -1
-        self._chip.touched()
+        self._chip.input_changed()
 
     def after_load(self) -> None:
         """Look at the pins."""

@@ -4,10 +4,11 @@ waiting, for asyncio."""
 from typing import TYPE_CHECKING, Final
 
 from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.tables import names_of
 from vbus.client.aio.access import Packets, calls_of
 from vbus.client.aio.bus import Bus, Chip, ChipCycles
 from vbus.client.aio.waits import read_until
-from vbus.core.errors import ChecksumError
+from vbus.core.errors import ChecksumError, ReadBackError
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
 """Profile modes as their ``SET_PRFL_`` commands call them."""
@@ -17,6 +18,8 @@ READY_POLLS: Final = 10_000
 """Status reads after which a chip set is given up: a reset takes 2 ms."""
 _RESET: Final = ds.COMMANDS["RESET"].code
 """After a reset there is no checksum (PMD-RST-1)."""
+_ENDS: Final = ds.MOTION_ERROR | ds.POSITIVE_LIMIT | ds.NEGATIVE_LIMIT
+"""Events that end a move elsewhere."""
 
 
 class Mc1241aPackets(Packets):
@@ -77,7 +80,7 @@ class Mc1241a(Mc1241aCalls):
         chip: the chip set's name on the board; None if there is only one.
         ready: how HostRdy is waited for, ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip set is given up.
-        checked: read and compare the checksum of every packet.
+        checked: read and compare the checksum of every packet, and the events that end a move.
     """
 
     def __init__(
@@ -104,27 +107,15 @@ class Mc1241a(Mc1241aCalls):
         Raises:
             ValueError: ``mode`` is none of these.
         """
-        choose = {
-            "trap": self.set_prfl_trap,
-            "vel": self.set_prfl_vel,
-            "s_crv": self.set_prfl_s_crv,
-            "gear": self.set_prfl_gear,
-        }
-        if mode not in choose:
+        if mode not in PROFILES:
             raise ValueError(f"profile {mode!r}: allowed are {', '.join(PROFILES)}")
-        await choose[mode]()
+        await getattr(self, f"set_prfl_{mode}")()
 
     async def load(
-        self,
-        *,
-        pos: int | None = None,
-        vel: int | None = None,
-        acc: int | None = None,
-        max_acc: int | None = None,
-        jerk: int | None = None,
-        ratio: int | None = None,
+        self, *, pos: int | None = None, vel: int | None = None, acc: int | None = None,
+        max_acc: int | None = None, jerk: int | None = None, ratio: int | None = None,
         mtr_cmd: int | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Load the buffered registers given of the current axis; an update makes them act.
 
         Args:
@@ -171,9 +162,13 @@ class Mc1241a(Mc1241aCalls):
 
         Raises:
             NotReadyError: motion is not complete after ``longest`` of chip time.
+            ReadBackError: a limit switch or a motion error has ended it (``checked``).
         """
         await self.rst_status(ds.EVENTS & ~ds.MOTION_COMPLETE)
         await self.load(pos=pos, vel=vel, acc=acc)
         await self.update()
-        await self.wait_event(ds.MOTION_COMPLETE, longest)
+        status = await self.wait_event(ds.MOTION_COMPLETE, longest)
+        if self.checked and status & _ENDS:
+            names = names_of(ds.STATUS_BITS, status & _ENDS)
+            raise ReadBackError(f"the move has ended with status {status:04X}h: {names}")
         return await self.get_actl_pos()

@@ -36,12 +36,9 @@ class PacketPort:
         "busy_until", "busy_since", "last_driven", "_pending", "_pending_value", "_code",
         "known: bool", "_illegal: bool", "_writes", "_reads", "_given", "_taken", "_value",
         "_result", "_checksum", "_high", "_low_write_next: bool", "_low_read_next: bool", "_word",
-        "_word_is_data: bool", "_reading: bool",
+        "_word_is_data: bool", "_reading: bool", "unchecked",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = (
-        "_chip", "_commands", "_cycles", "_noop_codes", "_ready_pin", "_slot_busy",
-    )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_row", "unchecked")
+    DERIVED: ClassVar[Names] = ("_row",)
 
     def __init__(self, chip: ChipSet, commands: Commands, cycles: SampleCycles) -> None:
         self._chip: ChipSet = chip
@@ -55,8 +52,7 @@ class PacketPort:
         self._word: int = 0
         self._word_is_data: bool = False
         self.unchecked: int = 0
-        """Packets begun before a checksum was read at all, -1 from then on; no part of the state
-        that is saved."""
+        """Packets begun before a checksum was read at all, -1 from then on."""
         self.reset(0, 0)
 
     def reset(self, since: int, ready: int) -> None:
@@ -212,7 +208,7 @@ class PacketPort:
         self._checksum = code
         if self.unchecked >= 0:
             self.unchecked += 1
-        row = ds.COMMANDS.by_code(code)
+        row = ds.COMMANDS.at(code)
         if row is not None:
             # PMD-PKT-1: words one way, then the checksum, if the host reads it.
             self._open(row, row.write, row.read)
@@ -266,4 +262,4 @@ class PacketPort:
 
     @known.setter
     def known(self, known: bool) -> None:
-        self._row = ds.COMMANDS.by_code(self._code) if known else None
+        self._row = ds.COMMANDS.at(self._code) if known else None

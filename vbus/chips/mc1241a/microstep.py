@@ -58,8 +58,6 @@ def pwm_magnitude(output: int) -> int:
 class PhasePlace:
     """What both phases put out at one place in the electrical cycle, of full scale."""
 
-    WIRING: ClassVar[Names] = ("a", "b")
-
     def __init__(self, a: i64, b: i64) -> None:
         self.a: i64 = a
         self.b: i64 = b
@@ -82,19 +80,11 @@ class Microstepper:
         "_held_b",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_three", "_two")
-    DERIVED: ClassVar[Names] = (
-        "_a", "_angle", "_b", "_command", "_start", "_two_looked_up", "_way",
-    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_start", "_way")
 
     def __init__(self, b_leads: bool) -> None:
         self._two: list[PhasePlace] = _places(True, b_leads)
         self._three: list[PhasePlace] = _places(False, b_leads)
-        # What was looked up last, and what came of it.
-        self._angle: i64 = -1
-        self._command: i64 = 0
-        self._two_looked_up: bool = False
-        self._a: i64 = 0
-        self._b: i64 = 0
         self.two_phase: bool = False
         self._shift: int = 0
         self._from: int = 0
@@ -162,20 +152,8 @@ class Microstepper:
 
     def _look_up(self, slot: i64, command: i64) -> tuple[i64, i64]:
         angle = self.angle((slot & SLOTS - 1) + 1)
-        # Three comparisons for two products and two divisions: a rotor at rest looks up the same
-        # for ever.
-        if (
-            angle != self._angle
-            or command != self._command
-            or self.two_phase != self._two_looked_up
-        ):
-            place = self._two[angle] if self.two_phase else self._three[angle]
-            self._a = scaled(command, place.a)
-            self._b = scaled(command, place.b)
-            self._angle = angle
-            self._command = command
-            self._two_looked_up = self.two_phase
-        return self._a, self._b
+        place = self._two[angle] if self.two_phase else self._three[angle]
+        return scaled(command, place.a), scaled(command, place.b)
 
     @property
     def phase_info(self) -> int:

@@ -46,7 +46,6 @@ class Output:
     """
 
     STATE: ClassVar[Names] = ("_frame", "_sequence", "_queue: heap[(i64, i64, i64, i64)]")
-    WIRING: ClassVar[Names] = ("_axes", "_chip", "_cycles", "_pins", "_positive_sign")
 
     def __init__(self, chip: ChipSet, cycles: SampleCycles, axes: int) -> None:
         self._chip: ChipSet = chip
@@ -66,13 +65,21 @@ class Output:
             next_clk: clocks since the count began, to find the next frame from.
         """
         heard = any(pin.net.heard for pin in self._pins)
-        if heard and not self._cycles.heard:
-            # PMD-USTP-6: frames are counted from the reset, observed or not: an observer sees whole
-            # ones.
-            self._frame = max(0, -(-next_clk // ds.FRAME_CLK))
+        if heard != self._cycles.heard:
+            self._cycles.heard = heard
+            self._find_frame(next_clk)
         if not heard:
             self._queue = []
-        self._cycles.heard = heard
+
+    def _find_frame(self, next_clk: int) -> None:
+        # PMD-USTP-6: frames are counted from the reset, observed or not: whole ones are seen.
+        counts = self._cycles.heard and self._cycles.shared.output_mode == ds.OUTPUT_PWM
+        self._frame = max(0, -(-next_clk // ds.FRAME_CLK)) if counts else 0
+
+    def change_mode(self, next_clk: int) -> None:
+        """Another output mode is in force: all pins rest, and frames begin or end (PMD-USTP-7)."""
+        self._find_frame(next_clk)
+        self.rest()
 
     def reset(self) -> None:
         """All outputs rest; frames are counted anew."""
@@ -80,7 +87,7 @@ class Output:
         self.rest()
 
     def rest(self) -> None:
-        """Let every pin take its resting level: a reset, or a change of the output mode."""
+        """Let every pin take its resting level."""
         self._queue = []
         for pin in self._pins:
             self._chip.put(pin, pin.net.rest)

@@ -66,7 +66,7 @@ class Mc1241aDecoder(CommandPackets):
 
     def _command(self, cycle: Cycle) -> list[Packet]:
         code = cycle.data
-        row = ds.COMMANDS.by_code(code)
+        row = ds.COMMANDS.at(code)
         family = ds.FAMILY_CODES.get(code)
         if row is None and self._family_codes and family is not None:
             name, writes, reads = family

@@ -37,7 +37,6 @@ class AdapterPins(BusFrontEnd):
         "_read_fell", "_strobe_ended", "_write_ended", "_read_ended", "_reset_fell", "_data_judged",
         "_command_at", "_data_at", "_data_before",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_ac", "_owner", "_port")
 
     def __init__(self, chip: ChipSet, port: PacketPort) -> None:
         super().__init__(chip)
@@ -73,7 +72,7 @@ class AdapterPins(BusFrontEnd):
 
     def edges(self, before: i64, after: i64) -> None:
         """Note which lines have fallen; carry out what comes of it."""
-        now, fell = self._chip.kernel.now, before & ~after
+        now, fell = self.chip.kernel.now, before & ~after
         if fell & _SELECT:
             self._select_fell = now
         if fell & _WRITE:
@@ -84,7 +83,7 @@ class AdapterPins(BusFrontEnd):
 
     def act(self, action: str, before: i64, after: i64) -> None:
         """Carry out one action of the table."""
-        now = self._chip.kernel.now
+        now = self.chip.kernel.now
         if action == "write":
             self._end_write(now)
         elif action in ("take", "empty"):
@@ -100,9 +99,9 @@ class AdapterPins(BusFrontEnd):
             self._begin_read(now)
 
     def _end_write(self, now: int) -> None:
-        chip = self._chip
+        chip = self.chip
         lost = False
-        if chip.judged:
+        if chip.timing_checked:
             begun = max(self._write_fell, self._select_fell)
             # PMD-TIM-16: ~HostWrite is low long enough.
             lost = self._ac.short("T14", now - self._write_fell)
@@ -120,7 +119,7 @@ class AdapterPins(BusFrontEnd):
         self._last_was_write = True
         if not lost:
             # PMD-BUS-2: HostCmd as it was before the edge chooses the port.
-            address = ds.COMMAND_PORT if self._place.net.before else ds.DATA_PORT
+            address = ds.COMMAND_PORT if self.address_pin.net.before else ds.DATA_PORT
             data = chip.bus_net.before
             # PMD-BUS-13: what the wires keep is taken, and the value is reported.
             if chip.bus_net.floats:
@@ -132,8 +131,8 @@ class AdapterPins(BusFrontEnd):
             self._after_strobe("T16", 0)
 
     def _begin_read(self, now: int) -> None:
-        chip = self._chip
-        if chip.judged:
+        chip = self.chip
+        if chip.timing_checked:
             # PMD-TIM-9: ~HostSlct is low before the strobe.
             lost = self._ac.short("T7r", self._read_fell - self._select_fell)
             # PMD-TIM-10: HostCmd stands before the strobe.
@@ -148,18 +147,18 @@ class AdapterPins(BusFrontEnd):
         chip.data_pin.drive(self._port.last_driven)
 
     def _end_read(self, now: int) -> None:
-        chip = self._chip
+        chip = self.chip
         self._strobe_ended = self._read_ended = now
         self._last_was_write = False
         clashed, self._clashed = self._clashed, False
         if self._driving:
             self._driving = False
             # PMD-TIM-12: the byte is valid so long after the strobe's fall.
-            if chip.judged and self._ac.short("T10", now - self._read_fell):
+            if chip.timing_checked and self._ac.short("T10", now - self._read_fell):
                 self._port.cancel_read()
             chip.end_read()
             chip.data_pin.release()
-        elif self._place.net.before and not clashed:
+        elif self.address_pin.net.before and not clashed:
             chip.report(ds.READ_COMMAND)  # PMD-BUS-4
 
     def _clash(self) -> None:
@@ -167,28 +166,28 @@ class AdapterPins(BusFrontEnd):
         # PMD-BUS-2: reported once in a cycle.
         if not self._clashed:
             self._clashed = True
-            self._chip.report(ds.BOTH_STROBES)
+            self.chip.report(ds.BOTH_STROBES)
         if self._driving:
             self._driving = False
             self._port.cancel_read()
-            self._chip.data_pin.release()
+            self.chip.data_pin.release()
 
     def _released(self, now: int) -> None:
         """~HostSlct has risen (T6, PMD-TIM-8)."""
-        chip = self._chip
+        chip = self.chip
         held = now - self._strobe_ended
         self._after_strobe("T6", held)
         limit = ds.AC["T6"].max_ps
         busy = self._port.busy_since == self._strobe_ended
         # PMD-TIM-8, PMD-AMB-19: held longer than 2 us is reported, and has no other effect.
-        if chip.judged and busy and held > limit:
+        if chip.timing_checked and busy and held > limit:
             chip.report(ds.AC.rules["T6"], held, limit)
 
     def _data_moved(self) -> None:
-        chip = self._chip
+        chip = self.chip
         now = chip.kernel.now
         self._data_before, self._data_at = self._data_at, now
-        if not chip.judged or self._driving:
+        if not chip.timing_checked or self._driving:
             return
         # PMD-TIM-18: the byte stands on after the strobe has ended.
         if now != self._data_judged:
@@ -210,7 +209,7 @@ class AdapterPins(BusFrontEnd):
             chip.hold_reset(now + self._ac.least["reset"])
             return
         lost = False
-        if chip.judged:
+        if chip.timing_checked:
             lost = self._ac.short("reset", now - self._reset_fell)
             # PMD-TIM-4: power is stable before the reset ends.
             if chip.settings["cold_start"]:
@@ -221,7 +220,7 @@ class AdapterPins(BusFrontEnd):
 
     def _data_since(self, now: int) -> int:
         """Return since when the byte that is latched has been on the bus."""
-        net = self._chip.bus_net
+        net = self.chip.bus_net
         late = net.before != net.value and self._data_at == now
         return self._data_before if late else self._data_at
 
@@ -234,7 +233,7 @@ class AdapterPins(BusFrontEnd):
 
     def _after_strobe(self, symbol: str, held: int) -> None:
         """Judge a hold time; what was latched too soon released is lost again (strict)."""
-        chip = self._chip
-        if chip.judged and self._ac.short(symbol, held) and self._last_was_write:
+        chip = self.chip
+        if chip.timing_checked and self._ac.short(symbol, held) and self._last_was_write:
             self._port.lose()
-            chip.touched()
+            chip.input_changed()

@@ -26,11 +26,11 @@ class Mc1241aUpsets(ChipFaults):
 
     chip: MC1241A
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """Tell the chip set that something behind it is different now."""
         for each in self.chip.axes:
             each.encoder.limit_moved()
-        super().disturb()
+        super().invalidate()
 
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""

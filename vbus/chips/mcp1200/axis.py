@@ -1,6 +1,5 @@
 """What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
 
-from collections.abc import Callable
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -17,33 +16,28 @@ from vbus.chips.mcp1200.control_loop import (
     SampleTimer,
 )
 from vbus.chips.mcp1200.encoder import (
+    Breakpoint,
+    EncoderCourse,
+    PositionCounter,
+    index_edge,
+    trigger_edge,
+)
+from vbus.chips.mcp1200.host_port import HostRegisters, WriteQueue, driven
+from vbus.chips.mcp1200.output import NOT_RELEASED, PlantDrive, Pwm
+from vbus.chips.mcp1200.pins import (
     HOME,
     LIMIT,
     STOP,
     SYNC,
     TRIGGER,
-    Breakpoint,
     EncoderChannels,
-    EncoderCourse,
+    HostInterface,
     InputLevels,
-    PositionCounter,
-    index_edge,
-    trigger_edge,
 )
-from vbus.chips.mcp1200.host_port import HostRegisters, Writes
-from vbus.chips.mcp1200.output import NOT_RELEASED, PlantDrive, Pwm
 from vbus.chips.mcp1200.profile import widest
 from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
-from vbus.core.kernel import Clock
-from vbus.core.options import Value
-from vbus.core.signals import Pin, Rule
 from vbus.core.state import Names, save
-
-Report = Callable[[Rule, int, int, str, int], bool]
-"""Files a violation: rule, measured, limit, detail, instant (ps)."""
-
-_RESET_GAINS: Final = tuple(ds.REGISTERS[name].reset for name in ("KP", "KI", "KD"))
 
 
 class SteadyState:
@@ -59,7 +53,6 @@ class SteadyState:
         encoder: the plant's periods.
     """
 
-    WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
     DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
     def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: EncoderCourse) -> None:
@@ -69,7 +62,7 @@ class SteadyState:
         self._state: tuple[object, ...] = ()
         self._repeats: bool = False
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """Something has happened that the last sample did not know of."""
         self._state = ()
         self._repeats = False
@@ -78,7 +71,7 @@ class SteadyState:
         """A control sample with no change of command has shown its results: compare it."""
         # A plant that moves cannot repeat: comparing the registers is left out.
         if not self._drive.at_rest():
-            self.disturb()
+            self.invalidate()
             return
         now = (self._loop.registers.image, save(self._loop))
         self._repeats = now == self._state
@@ -121,14 +114,12 @@ class ClockedAxis:
     the plant with its next period (NOTES 5).
 
     Args:
-        clock: the CLK input.
-        settings: the chip's board file keys.
-        trigger: the pin TRIG.
-        report: files a violation.
+        chip: whose axis.
 
     Attributes:
         writes: what the host has written, before it is visible.
         inputs: the levels of the inputs beside the host bus; saved by the chip.
+        channels: CHA, CHB and INDEX; saved by the chip.
     """
 
     STATE: ClassVar[Names] = (
@@ -137,21 +128,19 @@ class ClockedAxis:
         "registers: part", "loop: part", "timer: part", "encoder: part", "drive: part",
         "stepper: part", "pwm: part", "breakpoint: part", "host: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_clock", "_report", "_stall_clk", "channels", "inputs", "rest")
+    WIRING: ClassVar[Names] = ("rest",)
     DERIVED: ClassVar[Names] = ("_target",)
 
-    def __init__(
-        self, clock: Clock, settings: dict[str, Value], trigger: Pin, report: Report
-    ) -> None:
-        self._clock: Final[Clock] = clock
-        self._report: Report = report
+    def __init__(self, chip: HostInterface) -> None:
+        settings = chip.settings
+        self._chip: Final[HostInterface] = chip
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._target: i64 = 0
         registers = RegisterFile()
         self.registers: Final[RegisterFile] = registers
         self.loop: Final[ControlLoop] = ControlLoop(registers, settings["unipolar"] == "clip")
         self.timer: Final[SampleTimer] = SampleTimer(registers)
-        self.encoder: Final[EncoderCourse] = EncoderCourse(clock.hz)
+        self.encoder: Final[EncoderCourse] = EncoderCourse(chip.clock.hz)
         self.stepper: Final[Stepper] = Stepper(registers)
         self.breakpoint: Final[Breakpoint] = Breakpoint(registers)
         self.counter: Final[PositionCounter] = PositionCounter(
@@ -162,33 +151,26 @@ class ClockedAxis:
             self.loop.faults,
             settings["index"] == "high",
         )
-        self.inputs: Final[InputLevels] = InputLevels(
-            self.encoder, trigger, str(settings["home_switch"])
-        )
+        self.inputs: Final[InputLevels] = InputLevels(chip, self.encoder)
         self.pwm: Final[Pwm] = Pwm(registers)
         self.drive: Final[PlantDrive] = PlantDrive(
             registers, self.encoder, self.stepper, self.loop.following, settings
         )
         self.rest: Final[SteadyState] = SteadyState(self.loop, self.drive, self.encoder)
-        self.writes: Final[Writes] = Writes()
+        self.writes: Final[WriteQueue] = WriteQueue()
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
         self._at_reset: i64 = FAR
         self._at_sample: i64 = FAR
         self._at_results: i64 = FAR
         self._at_routine: i64 = FAR
-        find = self.find  # one object for both
         self.channels: Final[EncoderChannels] = EncoderChannels(
-            registers, self.encoder, self.counter, find
+            chip, registers, self.encoder, self.counter
         )
         self.host: Final[HostRegisters] = HostRegisters(
-            registers, self.timer, self.counter, self.channels, self.loop, self.inputs, find,
+            registers, self.timer, self.counter, self.channels, self.loop, self.inputs, chip.find,
             self.request,
         )  # fmt: skip
-
-    def find(self, rule: Rule, cycle: int, measured: int = 0, detail: str = "") -> bool:
-        """File a violation of clock cycle ``cycle``; tell whether the cycle is to be lost."""
-        return self._report(rule, measured, 0, detail, self._clock.ps(cycle))
 
     # -- order --------------------------------------------------------------------------------
 
@@ -272,7 +254,7 @@ class ClockedAxis:
 
     def _count(self, cycle: i64) -> None:
         """The position counter comes to something worth a look."""
-        self.rest.disturb()
+        self.rest.invalidate()
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
             self.look(cycle, cycle)
@@ -304,7 +286,7 @@ class ClockedAxis:
 
     def _take_write(self, cycle: i64) -> None:
         address, data = self.writes.take()
-        self.rest.disturb()
+        self.rest.invalidate()
         before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
         self.host.write(address, data, cycle)
@@ -340,7 +322,7 @@ class ClockedAxis:
 
     def _fault(self, level: i64, flag: i64, cycle: i64) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-7)."""
-        self.rest.disturb()
+        self.rest.invalidate()
         # MCP-EXC-7: the flag at once, the action with the next control sample.
         if level == 0 and self.loop.state >= STANDING:
             self.registers.fault(flag)  # MCP-EXC-4
@@ -362,7 +344,7 @@ class ClockedAxis:
             waiting < ds.HALT_CODE <= mode or (loop.state == STANDING and mode == ds.HALT_CODE)
         ):
             text = f"R05 = {mode:02X} comes before the sample that obeys R05 = {waiting:02X}"
-            self.find(ds.MODE_LOST, cycle, mode, text)
+            self._chip.find(ds.MODE_LOST, cycle, mode, text)
         # MCP-MOD-1, MCP-MOD-6: control mode obeys at the next sample's start.
         loop.request = mode
         if loop.state == STANDING and mode != ds.CONTROL_CODE:
@@ -442,6 +424,7 @@ class ClockedAxis:
         self.counter.preset(0, cycle)
         self.loop.state = STANDING
         self.host.clear_errors()
+        self.host.undo()
         # MCP-SMP-2: with /SYNC low the timer waits.
         if self.inputs.sync:
             self.start_timer(cycle)
@@ -494,9 +477,7 @@ class ClockedAxis:
         if self.breakpoint.sample():
             # MCP-BRK-3: 67 clocks after the start.
             self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
-        if loop.state == CONTROL:
-            self._go_on(cycle)
-        elif loop.state == STANDING and self.inputs.sync == 0:
+        if loop.state == STANDING and self.inputs.sync == 0:
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
@@ -505,7 +486,7 @@ class ClockedAxis:
         # MCP-MOD-6: at the command position as it is: no copy of the actual one.
         self.loop.enter_control(position)
         self._aiming = False
-        self.rest.disturb()
+        self.rest.invalidate()
         self._look_for_stall(cycle)
 
     def _judge_control(self, cycle: int, position: int) -> None:
@@ -514,16 +495,20 @@ class ClockedAxis:
         way = int(registers.command_position) - position
         if abs(way) > ds.JUMP_COUNTS and not loop.command_written:
             text = f"control begins at {position} counts, and R0C to R0E have {position + way}"
-            self.find(ds.JUMP, cycle, way, text)
+            self._chip.find(ds.JUMP, cycle, way, text)
+        if driven(registers):
+            self._chip.find(ds.OUTPUT_LEFT, cycle, 0, f"control begins while {driven(registers)}")
         lacking = "" if registers.step_mode else loop.lacking()
         if lacking:
-            self.find(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
+            self._chip.find(ds.NO_GAIN, cycle, 0, f"control begins with {lacking}")
         gains = (int(registers.kp), int(registers.ki), int(registers.kd))
-        if not registers.feature & ds.PID and gains != _RESET_GAINS:
+        if not registers.feature & ds.PID and gains != ds.RESET_GAINS:
             text = "control begins with the lead filter, and gains of the PID filter are loaded"
-            self.find(ds.PID_UNUSED, cycle, 0, text)
-        elif registers.ki and not registers.integral_limit & 0x7FFF:
-            self.find(ds.NO_INTEGRAL, cycle, 0, "control begins with a Ki above 0 and R66:R65 at 0")
+            self._chip.find(ds.PID_UNUSED, cycle, 0, text)
+        lost = self.host.serve()
+        if lost:
+            text = f"control begins with {lost} as a soft reset has left them: they were written"
+            self._chip.find(ds.LOST_IN_RESET, cycle, 0, f"{text} before it, and not since")
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
@@ -549,27 +534,24 @@ class ClockedAxis:
         # MCP-VEL-2: reported; the ramp copes with it.
         if loop.goal_step:
             most = int(widest(self.registers.sampled))
-            self._report(ds.GOAL_STEP, loop.goal_step, most, "", self._clock.ps(cycle))
-        stepping = self.registers.step_mode
-        if stepping:
+            self._chip.find(ds.GOAL_STEP, cycle, loop.goal_step, "", most)
+        if self.registers.step_mode:
             period = self.timer.period
             self.stepper.batch(cycle, loop.steps, period)
             # MCP-STP-3: counted all the same.
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
-                self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
+                self._chip.find(ds.STEP_OVERRUN, cycle, abs(int(loop.steps)), "", most)
             self.counter.replan(cycle, cycle - 1)
         if loop.steps:
-            self.rest.disturb()
+            self.rest.invalidate()
         else:
             self.rest.note()
-        if not stepping and cycle < self._at_sample and cycle < self._at_routine:
-            self._go_on(cycle)
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
         self._at_routine = FAR
-        self.rest.disturb()
+        self.rest.invalidate()
         before = self.counter.equal(cycle)
         if self.breakpoint.routine():
             self.registers.status |= ds.BREAKPOINT_OK
@@ -589,11 +571,6 @@ class ClockedAxis:
             self.encoder.skip(passed)
         return cycle
 
-    def _go_on(self, cycle: i64) -> None:
-        """Nothing else is due at ``cycle``: if the plant's period is over, run the next one."""
-        if self.encoder.end == cycle:
-            self._next_period(cycle)
-
     def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
         end: i64 = self._at_reset
@@ -611,4 +588,4 @@ class ClockedAxis:
 
     def after_load(self) -> None:
         """A sample may differ from the one before."""
-        self.rest.disturb()
+        self.rest.invalidate()

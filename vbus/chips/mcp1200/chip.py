@@ -10,11 +10,10 @@ from vbus.chips.bus_watch import BusTable
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import ClockedAxis
 from vbus.chips.mcp1200.control_loop import STANDING
-from vbus.chips.mcp1200.encoder import LONG_AGO
 from vbus.chips.mcp1200.output import OutputPins
-from vbus.chips.mcp1200.pins import ChannelPins, HostInterface, SidePins, StrobePins
+from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, StrobePins
 from vbus.chips.mcp1200.registers import FAR
-from vbus.chips.tables import PinRow
+from vbus.chips.tables import PinRow, names_of
 from vbus.core.kernel import MS, NEVER, Clock, Kernel
 from vbus.core.options import Option, Settings
 from vbus.core.signals import HIGH, LOW, Plant, Policy, Rule, ValueTable, Violation, Watcher
@@ -51,47 +50,37 @@ class MCP1200(HostInterface):
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
     STATE: ClassVar[Names] = (
-        "_reading", "_latch", "_last_rise", "judged: bool", "axis: part",
-        "side = axis.inputs: part", "encoder_pins: part", "bus: part",
+        "_reading", "_latch", "_last_rise", "timing_checked: bool", "axis: part",
+        "side = axis.inputs: part", "encoder_pins = axis.channels: part", "bus: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("ac", "outputs", "_own", "_side")
+    WIRING: ClassVar[Names] = ("outputs", "_own")
     DERIVED: ClassVar[Names] = ("_due_ps", "_quiet_ps", "_pulse_heard")
 
     def __init__(
-        self,
-        name: str,
-        part: str,
-        kernel: Kernel,
-        clock: Clock,
-        settings: Settings | None = None,
-        policy: Policy | None = None,
-        file: Callable[[Violation], None] | None = None,
-    ) -> None:
+        self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
+        policy: Policy | None = None, file: Callable[[Violation], None] | None = None,
+    ) -> None:  # fmt: skip
         self._due_ps: i64 = NEVER
         self._quiet_ps: i64 = 0  # Pulse and Sign stay before this instant
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.ac = AcLimits(self, ds.AC[str(self.settings["supply"])])
         self.read_low_ps = self.ac.least["tALDB"]
         self.cycle_ps += self.ac.least["tCSAL"]
-        self.axis: Final[ClockedAxis] = ClockedAxis(
-            clock, self.settings, self.pins["TRIG"], self.report
-        )
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
-        axis = self.axis
+        axis = ClockedAxis(self)
+        self.axis: Final[ClockedAxis] = axis
         self.outputs: OutputPins = OutputPins(
             self, axis.registers, axis.loop, axis.stepper, axis.pwm
         )
-        self._side: SidePins = SidePins(self, axis)
-        self.encoder_pins: ChannelPins = ChannelPins(self, axis)
         self.bus: StrobePins = StrobePins(self)
-        self._own = {"TRIG": self._side.own, ds.DATA: self.bus.own}
+        self._own = {"TRIG": axis.inputs.own, ds.DATA: self.bus.own}
         self._judge_clock()
         self.axis.hold(self.cycle_now())
-        self.touched()
+        self.input_changed()
 
     # -- bus cycles ---------------------------------------------------------------------------
 
@@ -141,7 +130,7 @@ class MCP1200(HostInterface):
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
             self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)
             self._stall()  # MCP-BUS-11
-        self.touched()
+        self.input_changed()
 
     def _too_soon(self, clocks: int) -> bool:
         """Note a /CS rise; judge the time since the last one (MCP-BUS-12)."""
@@ -187,13 +176,13 @@ class MCP1200(HostInterface):
         if self._reading != NO_READ:
             self.bus.refresh()
 
-    def touched(self) -> None:
+    def input_changed(self) -> None:
         """Something from outside has changed the chip: show it, and set the timer anew."""
         self._refresh_due()
         self._quiet_ps = 0
         self.outputs.show(self.cycle_now())
         self.bus.refresh()
-        super().touched()
+        super().input_changed()
 
     def _refresh_due(self) -> None:
         self._due_ps = self._instant(self.axis.next())
@@ -233,12 +222,12 @@ class MCP1200(HostInterface):
                 others = any(watcher is not own for watcher in pin.net.watchers)
                 heard = heard or others or bool(pin.net.observers) or pin.net.contested
         self._pulse_heard = self.pins["PULSE"].net.heard or self.pins["SIGN"].net.heard
-        self._heard = heard
+        self.heard = heard
         if heard:
             self.advance()
             self.rearm()
         else:
-            self._timer.cancel()
+            self.timer.cancel()
 
     # -- board --------------------------------------------------------------------------------
 
@@ -247,14 +236,14 @@ class MCP1200(HostInterface):
         cycle = self.next_cycle()
         self.axis.hold(cycle)
         self.clear_bus()
-        self._side.settle_levels()
-        self.encoder_pins.settle_levels()
+        self.axis.inputs.settle_levels()
+        self.axis.channels.settle_levels()
         # MCP-RST-1: the reset ends with the release of the pin, or now if none holds it.
         if self.pins["/RESET"].value == HIGH:
             self.axis.release(cycle)
             if done:
                 self.axis.finish_reset(cycle)
-        self.touched()
+        self.input_changed()
 
     def reset_pin(self, level: int) -> None:
         """/RESET has moved."""
@@ -274,12 +263,16 @@ class MCP1200(HostInterface):
         """Put other mechanics behind the encoder."""
         self.axis.encoder.plant = plant
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
         # MCP-EXC-7: a switch that moves sets its flag at once, as a pin does.
-        self.axis.rest.disturb()
+        self.axis.rest.invalidate()
+        self.look()
+
+    def look(self) -> None:
+        """An input beside the host bus has moved, or a switch of the axis."""
         self.axis.look(self.cycle_now(), self.next_cycle())
-        self.touched()
+        self.input_changed()
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
@@ -289,8 +282,8 @@ class MCP1200(HostInterface):
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
         # The plant's first period is run from here on.
         encoder.end = self.cycle_now()
-        self._side.settle_levels()
-        self.touched()
+        self.axis.inputs.settle_levels()
+        self.input_changed()
 
     # -- AC limits ----------------------------------------------------------------------------
 
@@ -324,6 +317,15 @@ class MCP1200(HostInterface):
         """Return the motor output as a fraction of full scale."""
         return round(self.axis.drive.level(), 4)
 
+    def hint(self, rule: str, when: int) -> str:
+        """Return that a write came into the reset at power-on."""
+        if rule != ds.RESET_WRITE.name or when > self.clock.span_up(ds.RESET_CLK):
+            return ""
+        return (
+            f"hint: {self.name} is in the reset that follows power-on (MCP-RST-5): wait until F1 is"
+            ' 1, or write power_on = "done" in [board], and the board starts after that reset'
+        )
+
     def left_over(self) -> list[tuple[Rule, str]]:
         """Return that errors of the status register stand, and what was written in vain."""
         self.advance()
@@ -331,7 +333,7 @@ class MCP1200(HostInterface):
         # An error flag is 0 when it has happened.
         standing = ds.ERROR_FLAGS & ~int(self.axis.registers.status)
         if standing:
-            names = ", ".join([bit.name for bit in ds.STATUS_BITS if standing & bit.mask])
+            names = names_of(ds.STATUS_BITS, standing)
             text = f"in R07 these are 0 at the end, and mean errors: {names}"
             found.append((ds.ERRORS_STAND, text))
         return found
@@ -344,7 +346,7 @@ class MCP1200(HostInterface):
 
     def overdue(self) -> bool:
         """Tell whether a count, a sample or a period of the plant was due long ago."""
-        # No machine words: what was kept may lie anywhere.
+        # No machine words: what was saved may lie anywhere.
         now: int = self.cycle_now()
         longest: int = self.clock.cycle_at(MS)
         due: int = self.axis.next()
@@ -352,6 +354,5 @@ class MCP1200(HostInterface):
 
     def after_load(self) -> None:
         """What the pins show is not known any more."""
-        self.outputs.forget()
         self._quiet_ps = 0
         self._refresh_due()

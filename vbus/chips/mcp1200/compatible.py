@@ -7,8 +7,8 @@ from vbus.core.signals import Rule
 from vbus.views.findings.report import Uses
 
 
-def _rule(name: str, clause: str, title: str, severity: str = "warning") -> Rule:
-    return Rule(f"mcp1200.hctl-1100.{name}", clause, title, severity)
+def _rule(name: str, clause: str, title: str) -> Rule:
+    return Rule(f"mcp1200.hctl-1100.{name}", clause, title, "warning")
 
 
 PROPORTIONAL: Final = _rule(

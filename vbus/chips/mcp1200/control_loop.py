@@ -54,7 +54,6 @@ class SampleTimer:
     """
 
     STATE: ClassVar[Names] = ("start", "pre", "counts", "running: bool")
-    WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: Final[RegisterFile] = registers
@@ -221,12 +220,11 @@ class ControlLoop:
     STATE: ClassVar[Names] = (
         "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
         "point", "velocity_point", "command_written: bool", "increment_written: bool",
-        "image: bytes[128]", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
-        "_stopping: bool", "_sampled_point", "_sampled_velocity", "command: part",
-        "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part", "ramps: part",
-        "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
+        "image = registers.sampled.image: bytes[128]", "_position", "_action", "_last_mode",
+        "_dropped", "_entering: bool", "_stopping: bool", "_sampled_point", "_sampled_velocity",
+        "command: part", "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part",
+        "ramps: part", "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_clip", "registers")
     DERIVED: ClassVar[Names] = ("request", "state")  # saved by the axis
 
     def __init__(self, registers: RegisterFile, clip: bool) -> None:
@@ -607,14 +605,3 @@ class ControlLoop:
         if following.in_position:
             status |= ds.IN_POSITION
         registers.status = status
-
-    # -- state --------------------------------------------------------------------------------
-
-    @property
-    def image(self) -> bytes:
-        """The bytes of the registers as they were when the last sample began."""
-        return self.registers.sampled.image
-
-    @image.setter
-    def image(self, image: bytes) -> None:
-        self.registers.sampled.image = image

@@ -76,58 +76,50 @@ REGISTERS: Final = RegisterMap(
              counts=SAMPLED, fields=FEATURE_BITS),
     Register("CONFIG", (0x02,), 0x00, clause="MCP-REG-3", title="Advanced Configuration Register",
              counts=LIVE, fields=CONFIG_BITS, on_write="write_config"),
-    Register("CAPTURE_CONTROL", (0x03,), 0x00, clause="MCP-REG-4",
-             title="Capture Control Register",
+    Register("CAPTURE_CONTROL", (0x03,), 0x00, clause="MCP-REG-4", title="Capture Control Register",
              counts=LIVE, fields=CAPTURE_BITS, on_write="write_capture_control"),
     Register("EXCEPTION", (0x04,), 0x09, clause="MCP-REG-5", title="Exception Handling Register",
-             counts=SAMPLED),
+             counts=SAMPLED, on_write="write_exception"),
     Register("MODE", (0x05,), 0x01, clause="MCP-REG-6", title="Mode Brancher",
              counts=REPORTED, on_write="write_mode"),
     Register("PHASE", (0x06,), 0x00, "r", clause="MCP-REG-7", title="Profile Phase Status",
              counts=REPORTED),
     Register("STATUS", (0x07,), 0xF8, clause="MCP-REG-8", title="Status Register",
              counts=REPORTED, fields=STATUS_BITS, on_write="write_status"),
-    Register("MOTOR_COMMAND", (0x08,), 0x80, clause="MCP-REG-9",
-             title="Motor Command Port (MSB)",
+    Register("MOTOR_COMMAND", (0x08,), 0x80, clause="MCP-REG-9", title="Motor Command Port (MSB)",
              counts=REPORTED, unit="1/256 of full scale", on_loaded="guard_outputs"),
     Register("PWM_COMMAND", (0x09,), 0x00, signed=True, clause="MCP-REG-10",
              title="PWM Command Port",
              counts=REPORTED, unit="% of full scale", on_loaded="guard_outputs"),
     Register("DAC_OFFSET", (0x0A,), 0x00, signed=True, clause="MCP-REG-11",
-             title="Motor Command DAC Offset",
-             counts=SAMPLED, unit="1/4096 of full scale"),
+             title="Motor Command DAC Offset", counts=SAMPLED, unit="1/4096 of full scale"),
     Register("COMMAND_INCREMENT", (0x0B,), 0x00, signed=True, clause="MCP-REG-12",
              title="Command Position Increment",
-             counts=SAMPLED, cleared=True, unit="count", on_loaded="load_command_increment"),
+             counts=SAMPLED, unit="count", on_loaded="load_command_increment"),
     Register("COMMAND_POSITION", (0x0C, 0x0D, 0x0E), 0, signed=True, clause="MCP-REG-13",
              title="Command Position",
              counts=REPORTED, unit="count", on_write="write_command_position"),
     Register("SAMPLE_TIMER", (0x0F,), 0x40, clause="MCP-REG-14", title="Sample Timer",
              counts=SAMPLED, unit="pre-scalar period", on_read="read_sample_timer"),
     Register("PRESCALER", (0x10, 0x11), 0x003F, clause="MCP-REG-15",
-             title="Sample Timer Pre-scalar",
-             counts=SAMPLED, unit="clk"),
+             title="Sample Timer Pre-scalar", counts=SAMPLED, unit="clk"),
     Register("ACTUAL_POSITION", (0x12, 0x13, 0x14), 0, "r", signed=True, clause="MCP-REG-16",
-             title="Read Actual Position",
-             counts=LIVE, unit="count", on_read="read_actual_position",
-             on_write="write_actual_position"),
+             title="Read Actual Position", counts=LIVE, unit="count",
+             on_read="read_actual_position", on_write="write_actual_position"),
     Register("PRESET_POSITION", (0x15, 0x16, 0x17), 0, signed=True, clause="MCP-REG-17",
              title="Preset Actual Position",
              counts=LIVE, unit="count", on_loaded="preset_position"),
     Register("INTERPOLATOR_PRESET", (0x18,), 0, clause="MCP-REG-18",
-             title="Interpolator Counter Preset",
-             counts=SAMPLED),
+             title="Interpolator Counter Preset", counts=SAMPLED),
     Register("INTERPOLATOR_COUNT", (0x19,), 0, "r", clause="MCP-REG-19",
-             title="Interpolator Counter Value",
-             counts=REPORTED, unit="sample"),
+             title="Interpolator Counter Value", counts=REPORTED, unit="sample"),
     Register("ENCODER_PWM", (0x1A,), 0, clause="MCP-REG-20",
              title="Encoder Filter Clock / PWM Resolution",
              counts=LIVE, on_write="write_encoder_pwm"),
     Register("STEP_WIDTH", (0x1B,), 0x0F, clause="MCP-REG-21", title="Stepper Pulse Width",
              counts=LIVE, unit="clk"),
     Register("ENCODER_RATIO", (0x1C, 0x1D), 0, fraction=8, clause="MCP-REG-22",
-             title="Encoder / Stepper Ratio",
-             counts=SAMPLED, unit="count/step"),
+             title="Encoder / Stepper Ratio", counts=SAMPLED, unit="count/step"),
     Register("LEAD_ZERO", (0x20,), 0xE5, clause="MCP-REG-23", title="Lead Filter Zero",
              counts=SAMPLED),
     Register("LEAD_POLE", (0x21,), 0x40, clause="MCP-REG-23", title="Lead Filter Pole",
@@ -136,65 +128,49 @@ REGISTERS: Final = RegisterMap(
              counts=SAMPLED),
     Register("VELOCITY", (0x23, 0x24, 0x25), 0, signed=True, fraction=8, clause="MCP-REG-24",
              title="High Resolution Velocity",
-             counts=SAMPLED, cleared=True, unit="count/sample", on_loaded="load_velocity"),
-    Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25",
-             title="Acceleration",
+             counts=SAMPLED, unit="count/sample", on_loaded="load_velocity"),
+    Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25", title="Acceleration",
              counts=SAMPLED, unit="count/sample²"),
     Register("PROFILE_VELOCITY", (0x28,), 0, clause="MCP-REG-26",
-             title="Profile Velocity (Low Res)",
-             counts=SAMPLED, unit="count/sample"),
+             title="Profile Velocity (Low Res)", counts=SAMPLED, unit="count/sample"),
     Register("FINAL_POSITION", (0x2B, 0x2A, 0x29), 0, signed=True, clause="MCP-REG-27",
-             title="Final Position",
-             counts=SAMPLED, unit="count", on_loaded="load_final_position"),
+             title="Final Position", counts=SAMPLED, unit="count", on_loaded="load_final_position"),
     Register("POSITION_ERROR", (0x2D, 0x2C), 0, "r", signed=True, clause="MCP-REG-28",
-             title="Position Error",
-             counts=REPORTED, unit="count"),
+             title="Position Error", counts=REPORTED, unit="count"),
     Register("CAPTURE", (0x30, 0x2F, 0x2E), 0, "r", signed=True, clause="MCP-REG-29",
-             title="Capture Count",
-             counts=LIVE, unit="count"),
+             title="Capture Count", counts=LIVE, unit="count"),
     Register("ACCEL_DELTA", (0x33, 0x32, 0x31), 0, "r", clause="MCP-REG-30",
-             title="Accel. Delta Position",
-             counts=REPORTED, unit="count"),
+             title="Accel. Delta Position", counts=REPORTED, unit="count"),
     Register("ACTUAL_VELOCITY", (0x35, 0x34), 0, "r", signed=True, clause="MCP-REG-31",
-             title="Actual Velocity",
-             counts=REPORTED, unit="count/sample"),
+             title="Actual Velocity", counts=REPORTED, unit="count/sample"),
     Register("DECEL_POSITION", (0x3B, 0x3A, 0x39), 0, "r", signed=True, clause="MCP-REG-32",
-             title="Deceleration Position",
-             counts=REPORTED, unit="count"),
+             title="Deceleration Position", counts=REPORTED, unit="count"),
     Register("VELOCITY_COMMAND", (0x3C,), 0, signed=True, clause="MCP-REG-33",
-             title="Velocity Command",
-             counts=SAMPLED, cleared=True, unit="count/sample"),
+             title="Velocity Command", counts=SAMPLED, unit="count/sample"),
     Register("BREAKPOINT", (0x3F, 0x3E, 0x3D), 0x800000, signed=True, clause="MCP-REG-34",
-             title="Break-point Position",
-             counts=SAMPLED, unit="count"),
+             title="Break-point Position", counts=SAMPLED, unit="count"),
     Register("BACKLASH", (0x44,), 0, clause="MCP-REG-35", title="Backlash",
              counts=SAMPLED, unit="count"),
     Register("DEADBAND", (0x45,), 0, clause="MCP-REG-36", title="Deadband",
              counts=SAMPLED, unit="count"),
-    Register("FORCED_EXCEPTION", (0x46,), 0, clause="MCP-REG-37",
-             title="Forced Exception Register",
+    Register("FORCED_EXCEPTION", (0x46,), 0, clause="MCP-REG-37", title="Forced Exception Register",
              counts=SAMPLED),
     Register("MAX_ERROR", (0x4A, 0x49), 0xFFFF, clause="MCP-REG-38", title="Maximum Error",
              counts=SAMPLED, unit="count"),
-    Register("SATURATION", (0x4B,), 0xF0, clause="MCP-REG-39",
-             title="Saturation Foldback Setting",
+    Register("SATURATION", (0x4B,), 0xF0, clause="MCP-REG-39", title="Saturation Foldback Setting",
              counts=SAMPLED, unit="1/256 of full scale"),
     Register("MOTOR_COMMAND_LOW", (0x4C,), 0, clause="MCP-REG-40",
-             title="Motor Command Port (extended)",
-             counts=REPORTED, on_write="write_output_low"),
+             title="Motor Command Port (extended)", counts=REPORTED, on_write="write_output_low"),
     Register("PWM_FRACTION", (0x4D,), 0, clause="MCP-REG-41", title="PWM Command Port (extended)",
              counts=REPORTED, on_write="write_output_low"),
     Register("JERK", (0x55, 0x54), 0, fraction=16, clause="MCP-REG-42", title="Jerk",
              counts=SAMPLED, unit="count/sample³"),
     Register("FEED_FORWARD", (0x57, 0x56), 0, signed=True, fraction=8, clause="MCP-REG-43",
-             title="Command Feed-forward",
-             counts=SAMPLED, unit="count/sample"),
+             title="Command Feed-forward", counts=SAMPLED, unit="count/sample"),
     Register("KP", (0x61,), 0x40, clause="MCP-REG-44", title="Proportional Gain, Kp",
              counts=SAMPLED),
-    Register("KI", (0x62,), 0x00, clause="MCP-REG-44", title="Integral Gain, Ki",
-             counts=SAMPLED),
-    Register("KD", (0x63,), 0x40, clause="MCP-REG-44", title="Derivative Gain, Kd",
-             counts=SAMPLED),
+    Register("KI", (0x62,), 0x00, clause="MCP-REG-44", title="Integral Gain, Ki", counts=SAMPLED),
+    Register("KD", (0x63,), 0x40, clause="MCP-REG-44", title="Derivative Gain, Kd", counts=SAMPLED),
     Register("DERIVATIVE_SPAN", (0x64,), 0x01, clause="MCP-REG-45", title="Derivative Span",
              counts=SAMPLED, unit="sample"),
     Register("INTEGRAL_LIMIT", (0x66, 0x65), 0x7FFF, clause="MCP-REG-46", title="Integral Limit",
@@ -213,11 +189,12 @@ SOFT_RESET: Final = (
 )  # fmt: skip
 """What a soft reset reloads; every other register keeps its value (MCP-RST-4)."""
 
-# Of these a host program takes single bytes.
+# Addresses that host programs use as numbers: these registers have one byte.
 
 FLAG: Final = REGISTERS["FLAG"].low
 CONFIG: Final = REGISTERS["CONFIG"].low
 CAPTURE_CONTROL: Final = REGISTERS["CAPTURE_CONTROL"].low
+RESET_GAINS: Final = tuple(REGISTERS[name].reset for name in ("KP", "KI", "KD"))
 STATUS: Final = REGISTERS["STATUS"].low
 
 MODE_FLAGS: Final = 0x39
@@ -381,8 +358,7 @@ def _ac(period: int, k: int, low: int, latch: int, valid: int, oe: int, high: in
         AcLimit("tALAL", "MCP-TIM-26", "Read Cycle, Address Latch to Address Latch", k, 2),
         AcLimit("tOF", "MCP-TIM-27", "Output Pulse Width", 0, 1, output=True),
         AcLimit("tOR", "MCP-TIM-28", "Output Rise/Fall Time", max_ps=valid, output=True),
-        AcLimit("tEP", "MCP-TIM-28", "Delay Time, Clock Rise to Output", max_ps=valid,
-                output=True),
+        AcLimit("tEP", "MCP-TIM-28", "Delay Time, Clock Rise to Output", max_ps=valid, output=True),
         AcLimit("tALH", "MCP-TIM-29", "Hold Time, ALE High After CS Rise", k),
         AcLimit("tALPWH", "MCP-TIM-30", "Pulse Width, ALE High", high),
         AcLimit("tCA", "MCP-TIM-31", "Delay Time, CS Fall to ALE Fall", k),
@@ -436,7 +412,19 @@ LISTED_RANGE: Final = Rule(
     "mcp1200.range", "MCP-REG-26", "A register is written with what the manual lists for it.",
     "warning",
 )  # fmt: skip
-LISTED_MOST: Final = {0x18: 0x07, 0x27: 0x7F, 0x28: 0x7F}
+LISTED_MOST: Final = {0x05: 0x03, 0x18: 0x07, 0x1A: 0x08, 0x27: 0x7F, 0x28: 0x7F}
+"""Largest numbers that the manual lists for some registers (MCP-REG-6, -18, -20, -25, -26)."""
+LISTED_BITS: Final = {0x1A: 0x0F}
+"""Which bits of a register hold its number, if not all do."""
+READ_ONLY: Final = Rule(
+    "mcp1200.read-only", "MCP-REG-16",
+    "A register that can only be read is not written: R15 to R17 preset the position.", "warning",
+)  # fmt: skip
+RESET_WRITE: Final = Rule(
+    "mcp1200.reset-write", "MCP-RST-5",
+    "Nothing but R05 = 00 is written in a reset, until F1 rises: it may overwrite what is.",
+    "warning",
+)  # fmt: skip
 NO_FORCE: Final = Rule(
     "mcp1200.no-force", "MCP-OUT-1",
     "The saturation limit R4B differs from 80H and 7FH, with which a saturated DAC gives no force.",
@@ -460,11 +448,21 @@ PID_UNUSED: Final = Rule(
     "mcp1200.pid-unused", "MCP-REG-2",
     "Gains of the PID filter count with bit 3 of R01 set: without it the lead filter runs.", "note",
 )  # fmt: skip
+OTHER_FILTER: Final = Rule(
+    "mcp1200.other-filter", "MCP-REG-2",
+    "A mode begins with the filter whose values are written: bit 3 of R01 chooses the PID filter.",
+    "warning",
+)  # fmt: skip
 NO_INTEGRAL: Final = Rule(
     "mcp1200.no-integral", "MCP-FLT-3",
-    "An integral gain has a limit above 0: with R66:R65 at 0 it does nothing.", "note",
+    "An integral gain has a limit above 0, at some time: with R66:R65 at 0 it does nothing.",
+    "warning",
 )  # fmt: skip
-"""Largest bytes that the manual lists for some registers (MCP-REG-18, -25, -26)."""
+FILTER_CHANGED: Final = Rule(
+    "mcp1200.filter-changed", "MCP-REG-2",
+    "R01 is written in control mode with bit 3 as it was: else a filter with gains of the reset"
+    " takes over.", "warning",
+)  # fmt: skip
 JUMP: Final = Rule(
     "mcp1200.jump", "MCP-MOD-6",
     "The command position is written before control begins, or the axis jumps to the old one.",
@@ -504,6 +502,16 @@ STALE_READ: Final = Rule(
     "mcp1200.stale-read", "MCP-REG-16",
     "R14 is read before R13 and R12, which read what was latched then.", "note",
 )  # fmt: skip
+STALE_POSITION: Final = Rule(
+    "mcp1200.stale-position", "MCP-REG-16",
+    "A position is read from R14 on: R12 and R13 read just before it are of another instant.",
+    "warning",
+)  # fmt: skip
+HELD_AT_CONTROL: Final = Rule(
+    "mcp1200.held-at-control", "MCP-REG-13",
+    "R0E or R17 is written last: control begins with nothing held that it has not loaded.",
+    "warning",
+)  # fmt: skip
 LEFT_HELD: Final = Rule(
     "mcp1200.left-held", "MCP-REG-13",
     "When a run ends, R0E or R17 has loaded the bytes that are held for it.", "note",
@@ -511,6 +519,16 @@ LEFT_HELD: Final = Rule(
 CLEARED_AT_SPEED: Final = Rule(
     "mcp1200.cleared-at-speed", "MCP-VEL-3",
     "F5 is cleared once F2 reads 0: at speed the profile stops in one sample.", "note",
+)  # fmt: skip
+RAMP_CUT: Final = Rule(
+    "mcp1200.ramp-cut", "MCP-VEL-3",
+    "After a velocity of 0 F5 is cleared once F2 reads 0: before, the ramp down is cut short.",
+    "warning",
+)  # fmt: skip
+OUTPUT_LEFT: Final = Rule(
+    "mcp1200.output-left", "MCP-REG-9",
+    "A motor command of idle mode is taken back before control begins, and when a run ends.",
+    "note",
 )  # fmt: skip
 OUTPUT_IN_CONTROL: Final = Rule(
     "mcp1200.output-in-control", "MCP-REG-9",
@@ -523,7 +541,8 @@ TWO_MODES: Final = Rule(
 )  # fmt: skip
 FLAG_LEFT: Final = Rule(
     "mcp1200.flag-left", "MCP-MOD-9",
-    "When a run ends in idle mode, no mode flag is set: its mode begins when control does.", "note",
+    "When a run ends, F3 and F4 are cleared, and F0 and F5 in idle mode, where they wait for"
+    " control.", "note",
 )  # fmt: skip
 JERK_UNUSED: Final = Rule(
     "mcp1200.jerk-unused", "MCP-REG-2",
@@ -534,9 +553,67 @@ POINT_LOST: Final = Rule(
     "A point of an interpolation is written once bit 7 of R03 is 0, or it takes another's place.",
     "warning",
 )  # fmt: skip
+EARLY_POINT: Final = Rule(
+    "mcp1200.early-point", "MCP-INT-2",
+    "Of a point of an interpolation R29 is written last: it takes the other bytes as they are.",
+    "warning",
+)  # fmt: skip
 OTHER_POINT: Final = Rule(
     "mcp1200.other-point", "MCP-INT-2",
     "F3 interpolates positions of R2B to R29, F4 velocities of R23 to R25.", "warning",
+)  # fmt: skip
+LATE_POSITION: Final = Rule(
+    "mcp1200.late-position", "MCP-TRP-6",
+    "A final position is changed in phases 1 to 4: from 5 on it is for the next move.", "note",
+)  # fmt: skip
+BREAKPOINT_LOST: Final = Rule(
+    "mcp1200.breakpoint-lost", "MCP-BRK-2",
+    "The first breakpoint has been loaded by a sample before repeat mode is chosen.", "warning",
+)  # fmt: skip
+INCREMENT_LOST: Final = Rule(
+    "mcp1200.increment-lost", "MCP-POS-1",
+    "R0B is written once in a sample, or the increment before is lost.", "warning",
+)  # fmt: skip
+INCREMENT_WAITS: Final = Rule(
+    "mcp1200.increment-waits", "MCP-POS-1",
+    "R0B is written in position control: in another mode it waits, and moves the axis later.",
+    "note",
+)  # fmt: skip
+TRIG_OUTPUT: Final = Rule(
+    "mcp1200.trig-output", "MCP-CAP-2",
+    "TRIG captures as an input: bit 2 of R03 is set beside bit 1.", "warning",
+)  # fmt: skip
+NO_CAPTURE: Final = Rule(
+    "mcp1200.no-capture", "MCP-CAP-2",
+    "R30 to R2E have a position once bit 4 or 1 of R03 lets a latch capture: it is set without.",
+    "warning",
+)  # fmt: skip
+NO_MAX_ERROR: Final = Rule(
+    "mcp1200.no-max-error", "MCP-ERR-2",
+    "An action for a position error has a limit: with R4A:R49 at FFFFH it is never taken.", "note",
+)  # fmt: skip
+LOST_IN_RESET: Final = Rule(
+    "mcp1200.lost-in-reset", "MCP-RST-4",
+    "What a soft reset loads is written after it: before, it has served nothing.", "warning",
+)  # fmt: skip
+LOST: Final = {
+    address: REGISTERS[name].reset & 0xFF
+    for name in (
+        "EXCEPTION", "DAC_OFFSET", "SAMPLE_TIMER", "LEAD_ZERO", "LEAD_POLE", "LEAD_GAIN",
+        "SATURATION", "MAX_ERROR",
+    )
+    for address in REGISTERS[name].addresses
+}  # fmt: skip
+"""Addresses of settings that a soft reset loads, and what with: each byte of one the same."""
+LIMIT_UNGUARDED: Final = Rule(
+    "mcp1200.limit-unguarded", "MCP-EXC-8",
+    "An action for /LIMIT that was taken back to leave the switch has been put back in the end.",
+    "warning",
+)  # fmt: skip
+STOP_UNGUARDED: Final = Rule(
+    "mcp1200.stop-unguarded", "MCP-EXC-8",
+    "An action for /STOP that was taken back while the pin was low has been put back in the end.",
+    "note",
 )  # fmt: skip
 ERRORS_STAND: Final = Rule(
     "mcp1200.errors-stand", "MCP-STA-2", "When a run ends, errors in R07 have been cleared.", "note"
@@ -558,8 +635,7 @@ OPTIONS: Final = (
            choices=("magnitude", "clip"), clause="MCP-OUT-2"),
     Option("io_stall_clk", "count", 0, "clocks the core loses per bus cycle",
            low=0, high=16, clause="MCP-BUS-11", extremes=(1,)),
-    Option("index", "choice", "low", "level of the encoder's index pulse",
-           choices=("low", "high")),
+    Option("index", "choice", "low", "level of the encoder's index pulse", choices=("low", "high")),
     Option("limit_switches", "flag", True,
            "the axis' limit+ and limit- switches are wired to /LIMIT"),
     Option("home_switch", "choice", "none", "input the axis' home switch is wired to",

@@ -1,7 +1,6 @@
-"""Where the axis stands: the encoder's course through the plant's present period, or edges at CHA,
-CHB and INDEX; the position counter, and what watches it: breakpoint, captures, switches."""
+"""Where the axis stands: the encoder's course through the plant's present period; the position
+counter, and what watches it: breakpoint, captures."""
 
-from collections.abc import Callable
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -10,24 +9,9 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.control_loop import ExceptionSources
 from vbus.chips.mcp1200.registers import FAR, RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
-from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.core.bits import wrap, wrap_word
-from vbus.core.kernel import NEVER
-from vbus.core.signals import Pin, Plant, Rule, Switch
+from vbus.core.signals import Plant, Switch
 from vbus.core.state import Names
-
-Find = Callable[[Rule, int, int, str], bool]
-"""Files a violation: rule, clock cycle, what was measured, detail."""
-
-LONG_AGO: Final = 1 - (1 << 62)
-"""An instant (ps) or cycle from which every interval is long enough."""
-
-LIMIT: Final = 1
-STOP: Final = 2
-SYNC: Final = 4
-TRIGGER: Final = 8
-HOME: Final = 16
-"""Inputs that have moved; the home switch counts where it is wired to INDEX."""
 
 
 class EncoderCourse:
@@ -54,7 +38,9 @@ class EncoderCourse:
         "direction", "offset", "seen", "at", "at_count", "end", "inside: bool", "external",
         "_start", "_length", "_first", "_last", "prepared", "plant: part | None",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_home", "_pulses", "_servo", "_switched", "clk_hz", "limits")
+    WIRING: ClassVar[Names] = (
+        "_home", "_pulses", "_servo", "_switched", "_switches", "clk_hz", "limits",
+    )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_prepared",)
 
     def __init__(self, clk_hz: int) -> None:
@@ -62,6 +48,7 @@ class EncoderCourse:
         self.plant: Plant | None = None
         self.limits: list[Switch] = []
         self._home: Switch | None = None
+        self._switches: list[Switch] = []
         self._switched: bool = False
         self.direction: i64 = 1
         self.offset: i64 = 0
@@ -95,9 +82,11 @@ class EncoderCourse:
             for name in ("limit+", "limit-"):
                 if name in plant.switches:
                     self.limits.append(plant.switches[name])
-        if home:
-            self._home = plant.switches.get("home")
-        self._switched = len(self.limits) > 0 or self._home is not None
+        self._switches = self.limits[:]
+        if home and "home" in plant.switches:
+            self._home = plant.switches["home"]
+            self._switches.append(self._home)
+        self._switched = len(self._switches) > 0
 
     # -- where it stands ----------------------------------------------------------------------
 
@@ -230,20 +219,20 @@ class EncoderCourse:
             towards = -1
         far = (self._last - here) * towards
         nearest = far + 1
+        # Ahead alone: one that is not, which a wrong plant may give, would be looked for for ever.
         if armed:
             away = wrap_word(compare - self.offset - self.direction * here, 0x800000)
             away *= self.direction
             if 0 < away * towards < nearest:
                 nearest = away * towards
-        if found:
-            nearest = min(nearest, (index - here) * towards)
+        if found and 0 < (index - here) * towards < nearest:
+            nearest = (index - here) * towards
         if self.inside:
             nearest = 1
-        if self._switched:
-            for switch in self.limits:
-                nearest = min(nearest, _boundary(switch, here, towards, nearest))
-            if self._home is not None:
-                nearest = min(nearest, _boundary(self._home, here, towards, nearest))
+        for switch in self._switches:
+            changes, place = switch.change_between(here, self._last)
+            if changes and 0 < (place - here) * towards < nearest:
+                nearest = (place - here) * towards
         if nearest > far:
             return
         self.at_count = here + towards * nearest
@@ -275,17 +264,6 @@ class EncoderCourse:
         self.seen = here
 
 
-def _boundary(switch: Switch, here: int, towards: int, nearest: int) -> int:
-    """Counts from ``here`` to the next place where the switch changes, or ``nearest``."""
-    for edge in (switch.low, switch.high):
-        # Going up it changes on reaching the bound, going down on leaving it.
-        target = edge if towards > 0 else edge - 1
-        away = (target - here) * towards
-        if 0 < away < nearest:
-            nearest = away
-    return nearest
-
-
 class Breakpoint:
     """The 24-bit register compared with the position at every count (MCP-BRK).
 
@@ -297,7 +275,6 @@ class Breakpoint:
     """
 
     STATE: ClassVar[Names] = ("compare", "_reached: bool", "_found: bool", "_loaded")
-    WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: Final[RegisterFile] = registers
@@ -395,9 +372,7 @@ class PositionCounter:
     """
 
     STATE: ClassVar[Names] = ("at_match",)
-    WIRING: ClassVar[Names] = (
-        "_breakpoint", "_encoder", "_faults", "_index_high", "_registers", "_stepper",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("breakpoint",)
 
     def __init__(
         self,
@@ -411,7 +386,7 @@ class PositionCounter:
         self._registers: Final[RegisterFile] = registers
         self._encoder: Final[EncoderCourse] = encoder
         self._stepper: Final[Stepper] = stepper
-        self._breakpoint: Final[Breakpoint] = breakpoint
+        self.breakpoint: Final[Breakpoint] = breakpoint
         self._faults: Final[ExceptionSources] = faults
         self._index_high: bool = index_high
         self.at_match: i64 = FAR
@@ -431,7 +406,7 @@ class PositionCounter:
 
     def equal(self, cycle: int) -> bool:
         """Whether the breakpoint feature is on and the counter stands at the breakpoint."""
-        return self._breakpoint.armed and self.position(cycle) == self._breakpoint.compare
+        return self.breakpoint.armed and self.position(cycle) == self.breakpoint.compare
 
     def look_equal(self, before: bool, cycle: int) -> None:
         """Something has changed: entering equality is a match, staying is not (MCP-BRK-4)."""
@@ -444,7 +419,7 @@ class PositionCounter:
         # MCP-BRK-1: status bit 5 becomes 0, and TRIG goes low with it.
         self._registers.fault(ds.BREAKPOINT_OK)
         self._faults.breakpoint = True
-        self._breakpoint.reached()
+        self.breakpoint.reached()
 
     def edge(self, cycle: int) -> None:
         """The encoder reaches a count that is waited for."""
@@ -458,7 +433,7 @@ class PositionCounter:
         else:
             position = wrap(encoder.offset + encoder.direction * count, 24)
             # MCP-BRK-1: compared at every count.
-            if self._breakpoint.armed and position == self._breakpoint.compare:
+            if self.breakpoint.armed and position == self.breakpoint.compare:
                 self.match()
         encoder.inside = entered
         if left:
@@ -486,145 +461,14 @@ class PositionCounter:
         """
         self._encoder.look_from(cycle)
         self.at_match = FAR
-        if self._registers.step_mode and self._breakpoint.armed:
+        if self._registers.step_mode and self.breakpoint.armed:
             if steps_from < 0:
                 steps_from = cycle
-            ahead = wrap(self._breakpoint.compare - self._stepper.position(steps_from), 24)
+            ahead = wrap(self.breakpoint.compare - self._stepper.position(steps_from), 24)
             self.at_match = self._stepper.when(ahead, steps_from)
         self.plan()
 
     def plan(self) -> None:
         """Look for what the encoder will reach in its present period."""
         armed = self._registers.config & (ds.BREAK_ENABLE | ds.STEP_MODE) == ds.BREAK_ENABLE
-        self._encoder.plan(armed, self._breakpoint.compare)
-
-
-class EncoderChannels:
-    """CHA, CHB and INDEX inside: three-stage filter and 4x decoder (MCP-ENC-1).
-
-    Times are clock cycles. A plant does without: it hands over counts.
-
-    Args:
-        registers: R1A sets the filter clock, and swaps the channels.
-        encoder: whose channels are swapped.
-        counter: takes the counts.
-        find: files a violation.
-
-    Attributes:
-        decoder: filter and decoder.
-        due: cycle at which a level at CHA, CHB or INDEX will have passed its filter.
-    """
-
-    WIRING: ClassVar[Names] = ("_counter", "_encoder", "_find", "_registers", "decoder")
-    DERIVED: ClassVar[Names] = ("due",)
-
-    def __init__(
-        self, registers: RegisterFile, encoder: EncoderCourse, counter: PositionCounter, find: Find
-    ) -> None:
-        self._registers: Final[RegisterFile] = registers
-        self._encoder: Final[EncoderCourse] = encoder
-        self._counter: Final[PositionCounter] = counter
-        self._find: Find = find
-        self.decoder: Final[Quadrature] = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
-        self.due: i64 = FAR
-
-    def divider(self) -> int:
-        """Return the clocks of a filter clock."""
-        return ds.FILTER_DIVIDER[self._registers.encoder_pwm >> 4 & 7]
-
-    def configure(self, cycle: int) -> None:
-        """R1A has changed: the filter clock, or which channel is A."""
-        # MCP-ENC-1: three filter clocks.
-        dwell = ds.FILTER_STAGES * self.divider()
-        self.decoder.set_dwell(cycle, dwell, dwell)
-        self._encoder.swap(self._registers.encoder_pwm & ds.SWAP_AB != 0, cycle)
-        self.expect()
-
-    def preset(self, a: int, b: int, index: int) -> None:
-        """Take these levels as what has been there for ever: power-on."""
-        self.decoder.preset(a, b, index)
-        self.expect()
-
-    def edge(self, cycle: int, a: int, b: int, index: int) -> None:
-        """The pins have these levels from ``cycle`` on."""
-        self.decoder.edge(cycle, a, b, index)
-        self.expect()
-
-    def expect(self) -> None:
-        """Find out when the next edge is believed."""
-        due = self.decoder.due()
-        self.due = FAR if due == NEVER else due
-
-    def settle(self, cycle: int) -> None:
-        """Take what has passed the filter by ``cycle``."""
-        decoder = self.decoder
-        while (found := decoder.settle(cycle)) != 0:
-            if found & COUNTED:
-                self._counter.count_external(decoder.direction, decoder.at)
-            if found & SKIPPED:
-                # MCP-ENC-1: both channels at once count nothing.
-                self._find(ds.DOUBLE_EDGE, decoder.at, 0, "")
-            if found & (INDEX_FELL | INDEX_ROSE):
-                self._counter.index_external(bool(found & INDEX_ROSE), decoder.at)
-        self.expect()
-
-
-class InputLevels:
-    """/LIMIT, /STOP, /SYNC, TRIG and the home switch.
-
-    The axis' own switches are wired in parallel with the nets: an input is low if its net or a
-    closed switch makes it low.
-
-    Args:
-        encoder: says where the axis stands on its switches.
-        trigger: the pin TRIG.
-        home: the input that the home switch is wired to.
-
-    Attributes:
-        nets: levels of the nets of /RESET, /SYNC, /LIMIT and /STOP.
-        fell: when each of them fell last (ps).
-        limit: level of /LIMIT.
-        stop: level of /STOP.
-        sync: level of /SYNC.
-        trigger: level of TRIG as an input.
-        home: level of the home switch.
-    """
-
-    STATE: ClassVar[Names] = (
-        "_levels = nets: list[i64]", "_fell = fell: list[i64]", "limit", "stop", "sync",
-        "_trigger = trigger", "_home_index = home",
-    )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_encoder", "_home", "_trigger")
-
-    def __init__(self, encoder: EncoderCourse, trigger: Pin, home: str) -> None:
-        self._encoder: Final[EncoderCourse] = encoder
-        self._trigger: Pin = trigger
-        self._home: str = home
-        self.nets: list[int] = [1, 1, 1, 1]
-        self.fell: list[int] = [LONG_AGO] * 4
-        self.limit: i64 = 1
-        self.stop: i64 = 1
-        self.sync: i64 = 1
-        self.trigger: int = 1
-        self.home: int = 1
-
-    def look(self) -> int:
-        """Take the levels as they are now; return which of them have moved."""
-        home = self._encoder.home_level()
-        limit = self.nets[2] & self._encoder.limit_level()
-        stop = self.nets[3] & (home if self._home == "/STOP" else 1)
-        trigger = self._trigger.value & (home if self._home == "TRIG" else 1)
-        moved = 0
-        if limit != self.limit:
-            moved |= LIMIT
-        if stop != self.stop:
-            moved |= STOP
-        if self.nets[1] != self.sync:
-            moved |= SYNC
-        if trigger != self.trigger:
-            moved |= TRIGGER
-        if home != self.home and self._home == "INDEX":
-            moved |= HOME
-        self.limit, self.stop, self.sync = limit, stop, self.nets[1]
-        self.trigger, self.home = trigger, home
-        return moved
+        self._encoder.plan(armed, self.breakpoint.compare)

@@ -27,6 +27,7 @@ FAMILY: Final = Family(
     upsets="upsets:Mcp1200Upsets",
     limits={"limit+": "/LIMIT", "limit-": "/LIMIT"},
     cycle="datasheet:SAMPLE_CLK",
+    reset="datasheet:RESET_CLK",
     reset_pin="/RESET",
     reset_write=(0x05, 0x00),
     reset_name="soft reset",

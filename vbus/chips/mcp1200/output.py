@@ -22,10 +22,6 @@ FULL: Final = 1600.0
 ZERO: Final = 2048.0
 
 
-NOTHING: Final = -1
-"""In place of the registers that the pins show: other than any."""
-
-
 def frame_clocks(setting: i64) -> i64:
     """Return the clocks of a PWM frame by R1A bits 3-0: 100, 150, 200, 300 to 1600 (MCP-OUT-5)."""
     # MCP-OUT-5: 9 to 15 are as 8.
@@ -36,6 +32,15 @@ def frame_clocks(setting: i64) -> i64:
     if setting & 1:
         clocks = 150
     return clocks << (setting >> 1)
+
+
+def within(command: i64) -> i64:
+    """A motor command, cut to what is 100 % of a PWM: 1600 of 2048 (MCP-OUT-4, MCP-OUT-5)."""
+    if command > ds.PWM_FULL:
+        return ds.PWM_FULL
+    if command < -ds.PWM_FULL:
+        return -ds.PWM_FULL
+    return command
 
 
 def sign_of(command: i64) -> i64:
@@ -65,7 +70,6 @@ class Pwm:
     """
 
     STATE: ClassVar[Names] = ("start", "length", "high", "sign")
-    WIRING: ClassVar[Names] = ("_registers",)
     DERIVED: ClassVar[Names] = ("released",)  # saved by the axis
 
     def __init__(self, registers: RegisterFile) -> None:
@@ -90,11 +94,7 @@ class Pwm:
 
     def _duty(self, command: i64, length: i64) -> i64:
         """Clocks for which Pulse is high in a frame of ``length`` clocks that begins now."""
-        # MCP-OUT-4, MCP-OUT-5: 1600 of 2048 are 100 %.
-        if command > ds.PWM_FULL:
-            command = ds.PWM_FULL
-        elif command < -ds.PWM_FULL:
-            command = -ds.PWM_FULL
+        command = within(command)
         # MCP-OUT-6, MCP-AMB-3: by bit 7 of R02; 0 is half a frame.
         if self._registers.config & ds.PWM_BIAS:
             return (ds.PWM_FULL + command) * length // (2 * ds.PWM_FULL)
@@ -159,8 +159,6 @@ class PlantDrive:
     """
 
     STATE: ClassVar[Names] = ("_given: float", "_steps")
-    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_following", "_registers", "_stepper")
-    DERIVED: ClassVar[Names] = ("_command", "_level")
 
     def __init__(
         self,
@@ -177,9 +175,6 @@ class PlantDrive:
         self._dac: bool = settings["drive"] == "dac"
         self._clip: bool = settings["unipolar"] == "clip"
         self._given: float = 0.0
-        # The motor command of the PWM that was asked for last; a division takes its time.
-        self._command: i64 = 0
-        self._level: float = 0.0
         self._steps: i64 = 0
 
     def level(self) -> float:
@@ -189,20 +184,7 @@ class PlantDrive:
         if registers.step_mode:
             return 0.0
         if not self._dac:
-            command = registers.pwm
-            if command != self._command:
-                self._command = command
-                if command > ds.PWM_FULL:
-                    command = ds.PWM_FULL
-                elif command < -ds.PWM_FULL:
-                    command = -ds.PWM_FULL
-                self._level = float(command) / FULL
-            return self._level
-        return self._dac_level()
-
-    def _dac_level(self) -> float:
-        """The code of the DAC port as a fraction of full scale."""
-        registers = self._registers
+            return float(within(registers.pwm)) / FULL
         code = registers.dac - ds.DAC_ZERO
         if registers.feature & ds.UNIPOLAR and registers.pwm < 0 and not self._clip:
             # An amplifier that gets a magnitude takes its direction from Sign.
@@ -247,8 +229,6 @@ class OutputPins:
         pwm: gives them otherwise.
     """
 
-    DERIVED: ClassVar[Names] = ("*",)
-
     def __init__(
         self, chip: Chip, registers: RegisterFile, loop: ControlLoop, stepper: Stepper, pwm: Pwm
     ) -> None:
@@ -256,7 +236,6 @@ class OutputPins:
         self._loop: Final[ControlLoop] = loop
         self._stepper: Final[Stepper] = stepper
         self._pwm: Final[Pwm] = pwm
-        self._shown: int = NOTHING
         self._prof: Pin = chip.pins["PROF"]
         self._idle: Pin = chip.pins["IDLE"]
         self._busy: Pin = chip.pins["BUSY"]
@@ -267,25 +246,14 @@ class OutputPins:
 
     def show(self, cycle: int) -> None:
         """Put every output to its level at ``cycle``."""
-        registers, loop = self._registers, self._loop
-        shown = (
-            registers.flag | registers.status << 8 | registers.capture_control << 16
-            | registers.config << 24 | registers.dac << 32 | loop.state << 48 | loop.mode << 56
-        )  # fmt: skip
-        if shown != self._shown:
-            self._shown = shown
-            self._prof.drive(self._prof_level())
-            self._idle.drive(int(registers.flag & ds.F1 != 0))
-            self._busy.drive(registers.status & ds.BUSY)
-            # MCP-MOD-3: in idle mode as the host wrote it: without offset, unipolar mode or
-            # saturation.
-            self._dac.drive(registers.dac)
-            self._trig.drive(self._trig_level())
+        registers = self._registers
+        self._prof.drive(self._prof_level())
+        self._idle.drive(int(registers.flag & ds.F1 != 0))
+        self._busy.drive(registers.status & ds.BUSY)
+        # MCP-MOD-3: in idle mode as the host wrote it: without offset, unipolar mode or saturation.
+        self._dac.drive(registers.dac)
+        self._trig.drive(self._trig_level())
         self.show_pulse(cycle)
-
-    def forget(self) -> None:
-        """The pins may stand at other levels than before: a state was loaded."""
-        self._shown = NOTHING
 
     def _prof_level(self) -> int:
         """F2, or the interpolator's busy latch (MCP-FLG-5)."""

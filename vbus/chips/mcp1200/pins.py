@@ -8,12 +8,22 @@ from mypy_extensions import i64
 from vbus.chips.base import AcLimits, Chip
 from vbus.chips.front_end import BusFrontEnd
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.axis import ClockedAxis
-from vbus.chips.mcp1200.encoder import LONG_AGO, EncoderChannels, InputLevels
-from vbus.chips.motion.quadrature import Quadrature
+from vbus.chips.mcp1200.encoder import EncoderCourse, PositionCounter
+from vbus.chips.mcp1200.registers import FAR, RegisterFile
+from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.core.kernel import NEVER
-from vbus.core.signals import LOW, Net, Pin, Watcher, Z
+from vbus.core.signals import LOW, Net, Pin, Rule, Watcher, Z
 from vbus.core.state import Names
+
+LONG_AGO: Final = 1 - (1 << 62)
+"""An instant (ps) or cycle from which every interval is long enough."""
+
+LIMIT: Final = 1
+STOP: Final = 2
+SYNC: Final = 4
+TRIGGER: Final = 8
+HOME: Final = 16
+"""Inputs that have moved; the home switch counts where it is wired to INDEX."""
 
 INDEX: Final = 2
 """Place of INDEX after CHA and CHB."""
@@ -49,6 +59,16 @@ class HostInterface(Chip):
         """/RESET has moved."""
         raise NotImplementedError
 
+    def look(self) -> None:
+        """An input beside the host bus has moved, or a switch of the axis."""
+        raise NotImplementedError
+
+    def find(
+        self, rule: Rule, cycle: int, measured: int = 0, detail: str = "", limit: int = 0
+    ) -> bool:
+        """File a violation of clock cycle ``cycle``; tell whether the cycle is to be lost."""
+        return self.report(rule, measured, limit, detail, self.clock.ps(cycle))
+
     # -- clock cycles -------------------------------------------------------------------------
 
     def cycle_now(self) -> int:
@@ -68,8 +88,8 @@ class StrobePins(BusFrontEnd):
     In all of them the address latch closes once per /ALE pulse, and the access is made when /CS
     rises, with what the bus carried before that edge.
 
-    AC limits are judged while :attr:`~vbus.chips.base.Chip.judged` is set. What breaks a limit
-    under a strict policy is lost.
+    AC limits are judged while :attr:`~vbus.chips.base.Chip.timing_checked` is set. What breaks a
+    limit under a strict policy is lost.
 
     Args:
         chip: whose pins.
@@ -81,7 +101,6 @@ class StrobePins(BusFrontEnd):
         "_ale_fell", "_ale_rose", "_cs_fell", "_cs_rose", "_oe_fell", "_rw_at", "_data_at",
         "_closed_at", "_previous_closed_at",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_ac", "_owner", "_release")
 
     def __init__(self, chip: HostInterface) -> None:
         super().__init__(chip)
@@ -145,7 +164,7 @@ class StrobePins(BusFrontEnd):
         if data != self._data:
             self._data_moves(data, now)
         self.refresh()
-        chip.touched()
+        chip.input_changed()
 
     def act(self, action: str, before: i64, after: i64) -> None:
         """Carry out one action of the table."""
@@ -165,13 +184,13 @@ class StrobePins(BusFrontEnd):
 
     def _judge(self, symbol: str, measured: int) -> None:
         """Judge a limit of the access under way."""
-        if self._owner.judged and self._ac.short(symbol, measured):
+        if self._owner.timing_checked and self._ac.short(symbol, measured):
             self._lost = True
 
     def _read_write(self, rw: int, now: int) -> None:
         chip = self._owner
         # MCP-TIM-18: R/W stands on after /CS has risen.
-        if chip.judged and self._ac.short("tWH", now - self._cs_rose):
+        if chip.timing_checked and self._ac.short("tWH", now - self._cs_rose):
             chip.drop_write()
         self._rw = rw
         self._rw_at = now
@@ -302,7 +321,7 @@ class StrobePins(BusFrontEnd):
     def _oe_rises(self, now: int) -> None:
         chip = self._owner
         self._oe = 1
-        if chip.judged:
+        if chip.timing_checked:
             low = now - self._oe_fell
             # MCP-TIM-24: width of /OE.
             self._ac.short("tIPWOE", low)
@@ -322,7 +341,7 @@ class StrobePins(BusFrontEnd):
         chip = self._owner
         self._data = data
         self._data_at = now
-        if not chip.judged:
+        if not chip.timing_checked:
             return
         # After a read nothing of the host's needs holding.
         # MCP-TIM-16: hold time of a written byte.
@@ -366,22 +385,37 @@ class StrobePins(BusFrontEnd):
         self._fresh = False
 
 
-class ChannelPins:
-    """CHA, CHB and INDEX while something drives them (MCP-ENC-1).
+class EncoderChannels:
+    """CHA, CHB and INDEX while something drives them: filter and 4x decoder (MCP-ENC-1).
+
+    Times of the decoder are clock cycles. A plant does without: it hands over counts.
 
     Args:
         chip: whose pins.
-        axis: takes their edges.
+        registers: R1A sets the filter clock, and swaps the channels.
+        encoder: whose channels are swapped.
+        counter: takes the counts.
+
+    Attributes:
+        decoder: three-stage filter and decoder.
+        due: cycle at which a level at CHA, CHB or INDEX will have passed its filter.
     """
 
     STATE: ClassVar[Names] = ("_levels: list[i64]", "_since: list[i64]", "decoder: part")
-    WIRING: ClassVar[Names] = ("_channels", "_chip", "_pins")
+    WIRING: ClassVar[Names] = ("_pins",)
+    DERIVED: ClassVar[Names] = ("due",)
 
-    def __init__(self, chip: HostInterface, axis: ClockedAxis) -> None:
-        self._chip: HostInterface = chip
-        self._channels: EncoderChannels = axis.channels
+    def __init__(
+        self, chip: HostInterface, registers: RegisterFile, encoder: EncoderCourse,
+        counter: PositionCounter,
+    ) -> None:  # fmt: skip
+        self._chip: Final[HostInterface] = chip
+        self._registers: Final[RegisterFile] = registers
+        self._encoder: Final[EncoderCourse] = encoder
+        self._counter: Final[PositionCounter] = counter
+        self.decoder: Final[Quadrature] = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
+        self.due: i64 = FAR
         self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
-        self.decoder: Quadrature = axis.channels.decoder
         self._since: list[int] = [LONG_AGO] * 3
         self.settle_levels()
         watcher = Watcher(chip.kernel, self._moved)
@@ -392,11 +426,38 @@ class ChannelPins:
         """Take the levels as they stand as what has been there for ever: power-on."""
         self._levels: list[int] = [pin.value for pin in self._pins]
         a, b, index = self._levels
-        self._channels.preset(a, b, index)
+        self.decoder.preset(a, b, index)
+        self.after_load()
 
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
-        self._channels.expect()
+        due = self.decoder.due()
+        self.due = FAR if due == NEVER else due
+
+    def _divider(self) -> int:
+        """Return the clocks of a filter clock."""
+        return ds.FILTER_DIVIDER[self._registers.encoder_pwm >> 4 & 7]
+
+    def configure(self, cycle: int) -> None:
+        """R1A has changed: the filter clock, or which channel is A."""
+        # MCP-ENC-1: three filter clocks.
+        dwell = ds.FILTER_STAGES * self._divider()
+        self.decoder.set_dwell(cycle, dwell, dwell)
+        self._encoder.swap(self._registers.encoder_pwm & ds.SWAP_AB != 0, cycle)
+        self.after_load()
+
+    def settle(self, cycle: int) -> None:
+        """Take what has passed the filter by ``cycle``."""
+        decoder = self.decoder
+        while (found := decoder.settle(cycle)) != 0:
+            if found & COUNTED:
+                self._counter.count_external(decoder.direction, decoder.at)
+            if found & SKIPPED:
+                # MCP-ENC-1: both channels at once count nothing.
+                self._chip.find(ds.DOUBLE_EDGE, decoder.at)
+            if found & (INDEX_FELL | INDEX_ROSE):
+                self._counter.index_external(bool(found & INDEX_ROSE), decoder.at)
+        self.after_load()
 
     def _moved(self) -> None:
         chip = self._chip
@@ -404,13 +465,14 @@ class ChannelPins:
         a, b, index = levels = [pin.value for pin in self._pins]
         moved = [place for place in range(3) if levels[place] != self._levels[place]]
         now = chip.kernel.now
-        if chip.judged:
+        if chip.timing_checked:
             self._judge(moved, now)
         self._levels = levels
         for place in moved:
             self._since[place] = now
-        self._channels.edge(chip.cycle_now(), a, b, index)
-        chip.touched()
+        self.decoder.edge(chip.cycle_now(), a, b, index)
+        self.after_load()
+        chip.input_changed()
 
     def _judge(self, moved: list[int], now: int) -> None:
         for place in reversed(moved):
@@ -427,51 +489,95 @@ class ChannelPins:
         """File an interval below its minimum, which counts filter clocks."""
         chip = self._chip
         row = chip.ac.table[symbol]
-        least: int = row.min_ps + chip.clock.span_up(int(row.min_clk) * self._channels.divider())
+        least: int = row.min_ps + chip.clock.span_up(int(row.min_clk) * self._divider())
         if measured < least:
             chip.report(chip.ac.table.rules[symbol], measured, least)
 
 
-class SidePins:
-    """/LIMIT, /STOP, /RESET, /SYNC, and TRIG as an input.
+class InputLevels:
+    """/LIMIT, /STOP, /RESET, /SYNC, TRIG as an input, and the home switch.
+
+    The axis' own switches are wired in parallel with the nets: an input is low if its net or a
+    closed switch makes it low.
 
     Args:
         chip: whose pins.
-        axis: what they act on.
+        encoder: says where the axis stands on its switches.
+
+    Attributes:
+        nets: levels of the nets of /RESET, /SYNC, /LIMIT and /STOP.
+        fell: when each of them fell last (ps).
+        limit: level of /LIMIT.
+        stop: level of /STOP.
+        sync: level of /SYNC.
+        trigger: level of TRIG as an input.
+        home: level of the home switch.
     """
 
-    WIRING: ClassVar[Names] = ("_axis", "_chip", "_inputs", "own")
+    STATE: ClassVar[Names] = (
+        "nets: list[i64]", "fell: list[i64]", "limit", "stop", "sync",
+        "trigger", "home",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("own",)
 
-    def __init__(self, chip: HostInterface, axis: ClockedAxis) -> None:
-        self._chip: HostInterface = chip
-        self._axis: ClockedAxis = axis
-        self._inputs: InputLevels = axis.inputs
+    def __init__(self, chip: HostInterface, encoder: EncoderCourse) -> None:
+        self._chip: Final[HostInterface] = chip
+        self._encoder: Final[EncoderCourse] = encoder
+        self._trigger: Pin = chip.pins["TRIG"]
+        self._home: str = str(chip.settings["home_switch"])
+        self.nets: list[int] = [1, 1, 1, 1]
+        self.fell: list[int] = [LONG_AGO] * 4
+        self.limit: i64 = 1
+        self.stop: i64 = 1
+        self.sync: i64 = 1
+        self.trigger: int = 1
+        self.home: int = 1
         self.own: Watcher = Watcher(chip.kernel, self._moved)
         for name in ("/RESET", "/SYNC", "/LIMIT", "/STOP", "TRIG"):
             chip.pins[name].net.watch(self.own)
 
     def _moved(self) -> None:
-        chip, inputs = self._chip, self._inputs
+        chip = self._chip
         chip.advance()
         # No machine word: the end of time less an edge long ago does not fit one.
         now: int = chip.kernel.now
         for place, (name, limit) in enumerate(PULSES):
             level = chip.pins[name].value
-            if level == inputs.nets[place]:
+            if level == self.nets[place]:
                 continue
-            inputs.nets[place] = level
+            self.nets[place] = level
             if level == 0:
-                inputs.fell[place] = now
+                self.fell[place] = now
             # MCP-TIM-4, MCP-TIM-5: shortest pulses of /RESET, /SYNC, /LIMIT and /STOP.
-            elif chip.judged:
-                chip.ac.short(limit, now - inputs.fell[place])
+            elif chip.timing_checked:
+                chip.ac.short(limit, now - self.fell[place])
             if name == "/RESET":
                 chip.reset_pin(level)
-        self._axis.look(chip.cycle_now(), chip.next_cycle())
-        chip.touched()
+        chip.look()
 
     def settle_levels(self) -> None:
         """Take the levels as they stand: power-on."""
         for place, (name, _) in enumerate(PULSES):
-            self._inputs.nets[place] = self._chip.pins[name].value
-        self._inputs.look()
+            self.nets[place] = self._chip.pins[name].value
+        self.look()
+
+    def look(self) -> int:
+        """Take the levels as they are now; return which of them have moved."""
+        home = self._encoder.home_level()
+        limit = self.nets[2] & self._encoder.limit_level()
+        stop = self.nets[3] & (home if self._home == "/STOP" else 1)
+        trigger = self._trigger.value & (home if self._home == "TRIG" else 1)
+        moved = 0
+        if limit != self.limit:
+            moved |= LIMIT
+        if stop != self.stop:
+            moved |= STOP
+        if self.nets[1] != self.sync:
+            moved |= SYNC
+        if trigger != self.trigger:
+            moved |= TRIGGER
+        if home != self.home and self._home == "INDEX":
+            moved |= HOME
+        self.limit, self.stop, self.sync = limit, stop, self.nets[1]
+        self.trigger, self.home = trigger, home
+        return moved

@@ -51,33 +51,14 @@ class RegisterFile(Registers):
     """
 
     STATE: ClassVar[Names] = ("image: bytes[128]",)
-    WIRING: ClassVar[Names] = ("sampled",)
-    DERIVED: ClassVar[Names] = ("_stored",)
 
     def __init__(self) -> None:
         super().__init__()
         self.sampled: Final[SampledRegisters] = SampledRegisters()
-        # Whether a byte has been stored since the last sample began.
-        self._stored: bool = True
-
-    def after_load(self) -> None:
-        """Any register may differ from the one that was sampled."""
-        self._stored = True
-
-    def put(self, address: i64, data: i64) -> None:
-        """Store the byte ``data`` at ``address``, if there is a register."""
-        self._stored = True
-        super().put(address, data)
 
     def sample(self) -> None:
         """A control sample begins: it computes from the registers as they are now."""
-        sampled = self.sampled
-        # Of a loop that the host leaves alone only the core's own registers are copied.
-        if self._stored:
-            self._stored = False
-            sampled.copy(self)
-        else:
-            sampled.copy_own(self)
+        self.sampled.copy(self)
 
     def reset(self, *names: str) -> None:
         """Load the reset values of the registers named, or of all."""

@@ -31,7 +31,6 @@ class Stepper:
     STATE: ClassVar[Names] = (
         "base", "offset", "sign", "_begin", "_span", "_spacing", "_limit", "_tail",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: Final[RegisterFile] = registers

@@ -1,6 +1,5 @@
 """MCP-1200: what can be upset inside the chip."""
 
-from vbus.chips.base import Chip
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.core.signals import Plant
 from vbus.faults.upsets import ChipFaults
@@ -9,18 +8,15 @@ from vbus.faults.upsets import ChipFaults
 class Mcp1200Upsets(ChipFaults):
     """Its encoder's plant and its clock."""
 
-    def __init__(self, chip: Chip) -> None:
-        super().__init__(chip)
-        assert isinstance(chip, MCP1200)
-        self.chip: MCP1200 = chip
+    chip: MCP1200
 
-    def disturb(self) -> None:
+    def invalidate(self) -> None:
         """Tell the chip that something behind it is different now."""
-        self.chip.disturb()
+        self.chip.invalidate()
 
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""
-        return self.chip.clock.span_up(self.chip.encoder_pins.decoder.filter_dwell)
+        return self.chip.clock.span_up(self.chip.axis.channels.decoder.filter_dwell)
 
     def set_frequency(self, hz: float, plants: list[Plant]) -> None:
         """Tell mechanics how long a sample is, from the next one on."""

@@ -116,7 +116,6 @@ class Quadrature:
         "count", "direction", "at", "dwell", "pulse", "_state", "_since", "_a_since", "_b_since",
         "_a: part", "_b: part", "_index: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_together", "dwell_limit", "pulse_limit")
 
     def __init__(
         self,
@@ -151,11 +150,6 @@ class Quadrature:
         if self._together:
             return self._a.level
         return self._a.level << 1 | self._b.level
-
-    @property
-    def index(self) -> int:
-        """Level of the index that is believed."""
-        return self._index.level
 
     @property
     def filter_dwell(self) -> int:

@@ -200,7 +200,7 @@ class SCurve:
         """
         phase = self.phase if self.phase > 0 else 1
         left = self._left if self.phase > 0 else self.rise
-        while left == 0:
+        while left == 0 and phase < 7:
             phase += 1
             left = self._samples(phase)
         return phase
@@ -262,11 +262,6 @@ class SCurve:
         total = self._num * self._peak * (2 * self.rise + self.flat + self.hold)
         self.distance = total // self._den
         self._end_part = total - self.distance * self._den
-
-    @property
-    def acceleration_distance(self) -> int:
-        """Way from the start to the end of phase 3, cut down to whole units (MCP R31-R33)."""
-        return self._num * self._peak * (2 * self.rise + self.flat + 2) // (2 * self._den)
 
     @property
     def deceleration_distance(self) -> int:

@@ -61,6 +61,8 @@ def page(family: Family) -> str:
     lines += ["## Bits", ""] if bits else []
     for title, fields in bits:
         lines += [f"### {title}", "", *_bits(fields), ""]
+    recipes = folder_of(family) / "RECIPES.md" if family.home else None
+    lines += [recipes.read_text()] if recipes is not None and recipes.exists() else []
     lines += ["## Pins", "", *_pins(chip.PINS), ""]
     tables = family.ac_tables
     if tables:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from vbus.chips.family import Family
-from vbus.chips.tables import SAMPLED, Register
+from vbus.chips.tables import Register
 from vbus.cli.generate.layout import formatted
 
 _MODULE: Final = '''\
@@ -36,10 +36,6 @@ class Registers:
     def copy(self, other: "Registers") -> None:
         """Become equal to ``other``."""
         {copy}
-
-    def copy_own(self, other: "Registers") -> None:
-        """Take those that the chip itself changes."""
-        {own}
 
     def byte(self, address: i64) -> i64:
         """Return the byte at ``address``; 0 where there is no register."""
@@ -95,13 +91,6 @@ def registers(family: Family) -> str:
         names=tuple(sorted(names)),
         zero=_IN_CLASS.join(f"self.{name}: i64 = 0" for name in names),
         copy=_IN_CLASS.join(f"self.{name} = other.{name}" for name in names),
-        own=_IN_CLASS.join(
-            f"self.{row.name.lower()} = other.{row.name.lower()}"
-            for row in rows
-            # What the host alone writes is not copied back: it would undo a write made in the
-            # sample.
-            if row.cleared or row.counts != SAMPLED
-        ),
         byte=_IN_CLASS.join(_halves(places, _byte)),
         put=_IN_CLASS.join(_halves(places, _put)),
         image=", ".join(image),

@@ -17,6 +17,7 @@ _HEAD: Final = (
     "# Made by vbus.cli.generate from {}; change that, or the generator.\n"
 )
 _COPIES: Final = {
+    "vbus.core.row_table": "row_table",
     "vbus.chips.tables": "tables",
     "vbus.chips.packets": "packets",
     "vbus.chips.bus_watch": "bus_watch",
@@ -157,7 +158,8 @@ def _tables(family: Family, packets: type[Decoder]) -> str:
     # Only tables that the decoder reads: the rest of a datasheet module imports half of vbus.
     used = sorted(set(re.findall(r"\bds\.([A-Z][A-Z0-9_]*)", source)))
     path, rows = _source("vbus.chips.tables")
-    rows = rows.replace("from vbus.core.signals import HIGH\n", "HIGH = 1\n")
+    rows = rows.replace("from vbus.core.signals import HIGH\n", "\nHIGH = 1\n")
+    rows = rows.replace("from vbus.core.row_table import", "from .row_table import")
     datasheet = family.tables
     if datasheet is not None:
         path += f" and {datasheet.__name__.replace('.', '/')}.py"

@@ -12,13 +12,23 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from vbus.cli.proc import RUNS, SystemCall, call_of, memory, read, state, status, tasks, what_hangs
+from vbus.cli.proc import (
+    RUNS,
+    SystemCall,
+    call_of,
+    memory,
+    read,
+    seconds_computed,
+    state,
+    status,
+    tasks,
+    what_hangs,
+)
 from vbus.core.kernel import SECOND
 from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import POLLING, HostWatch
 
 # A look reads files of /proc for each thread: ten a second cost little of a processor.
-# cent.
 LOOK: Final = 0.1
 """Seconds between looks at a program that does nothing on the bus."""
 IN_VAIN: Final = (
@@ -37,7 +47,6 @@ _READABLE: Final = 1
 _ALARM: Final = 1 << 13
 _OTHERS: Final = -1 << 33
 """SIGALRM, and the signals from SIGRTMIN on, among those that a process catches or blocks."""
-_TICKS: Final = os.sysconf("SC_CLK_TCK")
 _TURN: Final = 200_000
 """Nanoseconds: a thread that computes has the processor for longer at a time (3 ms), however many
 want it; one that calls sched_yield in a loop, for a few microseconds where another thread does."""
@@ -111,7 +120,7 @@ class AtRest:
         if watch.ended:
             return
         pids = list(self._roots())
-        now = monotonic(), sum(map(_computed, pids)) + self._given_way(pids)
+        now = monotonic(), sum(map(seconds_computed, pids)) + self._given_way(pids)
         board = watch.progress
         if board != self._board:
             self._board, self._since, self._before = board, now, None
@@ -196,12 +205,6 @@ def _known_waits(text: str) -> dict[int, list[tuple[int, int]]]:
             pairs = [wait.partition("/") for wait in waits]
             found[int(task)] = [(int(fd), int(events)) for fd, _, events in pairs]
     return found
-
-
-def _computed(pid: int) -> float:
-    """Return the processor's seconds of a process, and of its children that have ended."""
-    fields = read(f"/proc/{pid}/stat").rpartition(")")[2].split()
-    return sum(map(int, fields[11:15])) / _TICKS
 
 
 def _turns(pid: int, task: int) -> _Turns:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from inspect import iscoroutinefunction, isfunction
 from multiprocessing import get_context
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any, Final, Protocol
 
 import click
@@ -27,10 +28,11 @@ from vbus.campaign.account import Account, Witness
 from vbus.campaign.plan import PlannedWorld
 from vbus.campaign.verdict import Result, judge
 from vbus.campaign.world import REFERENCE, World, begin, of_world
+from vbus.cli.child_processes import end_with_parent
 from vbus.cli.hosted.program import HostedProgram, run_beside
 from vbus.client import aio
 from vbus.client.bus import Bus
-from vbus.core.errors import VbusError
+from vbus.core.errors import VbusError, value_errors
 from vbus.core.kernel import SECOND
 from vbus.core.runtime import private_runtime
 from vbus.core.values.settings import among
@@ -39,14 +41,19 @@ from vbus.serve.host_limits import IN_VAIN, POLLING, HostStuck, HostWatch, Limit
 from vbus.serve.in_process import InProcessFaults, InProcessLink
 
 # A fault that makes a driver repeat a move takes twice as long; a hang takes for ever.
+# Drivers give up by themselves after seconds of chip time: with 1 s, 24 of 57 faults of an MCP-1200
+# counted as a hang of a driver that waits for 4 s, and says so. With 10 s none did.
 _LONGER: Final = 4
 """A run may take so many times what the reference run takes, and :data:`_PATIENCE` more."""
-_PATIENCE: Final = SECOND
+_PATIENCE: Final = 10 * SECOND
 # Some retries of a short program, whose reference run has few cycles to multiply.
 _CYCLES: Final = 20_000
 # Enough that no process waits for work; few enough that Ctrl-C ends soon.
 _AHEAD: Final = 4
 """Runs for each process that are asked for before their turn."""
+
+
+_PACKAGE: Final = str(Path(__file__).parents[2])
 
 
 class Subject(Protocol):
@@ -88,10 +95,8 @@ def _begun(board: Board, world: World, notes: bool) -> Witness:
         VbusError: the world does not fit the board.
     """
     witness = Witness(board, notes)  # before the world: it sees what the world changes
-    try:
+    with value_errors(VbusError, f"{world}: "):
         begin(board, world)
-    except ValueError as error:
-        raise VbusError(f"{world}: {error}") from None
     return witness
 
 
@@ -204,10 +209,10 @@ class FunctionSubject:
                 pass
             except SystemExit as error:
                 code = error.code if isinstance(error.code, int) else int(error.code is not None)
-                errors.write(str(error.code) if code else "")
+                errors.write(f"{error.code}\n" if code else "")
             except Exception as error:
                 code = 1
-                errors.write(f"{type(error).__name__}: {error}")
+                errors.write(f"{_with_line(error)}\n")
             finally:
                 link.close()
         watch.close()
@@ -217,18 +222,39 @@ class FunctionSubject:
         )  # fmt: skip
 
 
+def _with_line(error: Exception) -> str:
+    """Return what a user's code has raised, and where."""
+    said = f"{type(error).__name__}: {error}"
+    if isinstance(error, SyntaxError):  # it names its line
+        return said
+    of_user = [
+        f"{frame.filename}, line {frame.lineno}"
+        for frame in extract_tb(error.__traceback__)
+        if not frame.filename.startswith((_PACKAGE, "<frozen"))
+    ]
+    return f"{said} ({of_user[-1]})" if of_user else said
+
+
 def function_of(text: str) -> Callable[[Bus], object]:
     """Return the function that ``FILE.py:NAME`` names.
 
     Raises:
         click.UsageError: there is no such file or function.
+        VbusError: the file cannot be loaded; says its line.
     """
     path, _, name = text.rpartition(":")
+    if not path:
+        raise click.UsageError(f"--host {text}: it names no function; write FILE.py:FUNCTION")
     if not Path(path).is_file():
         raise click.UsageError(f"--host {text}: no file {path or text}; write FILE.py:FUNCTION")
     # As Python does for a script: modules beside it are found.
     sys.path.insert(0, str(Path(path).resolve().parent))
-    found = runpy.run_path(path, run_name="campaign")
+    try:
+        found = runpy.run_path(path, run_name="campaign")
+    except VbusError:
+        raise
+    except Exception as error:
+        raise VbusError(f"--host {text}: {path} cannot be loaded: {_with_line(error)}") from None
     if not callable(found.get(name)):
         has = among(name, [name for name, one in found.items() if isfunction(one)], "it has")
         raise click.UsageError(f"--host {text}: {path} has no function {name}; {has}")
@@ -242,7 +268,9 @@ _SUBJECT: list[tuple[Subject, Account]] = []
 """What this worker runs, and the reference run."""
 
 
-def _start(subject: Subject, reference: Account) -> None:
+def _start(subject: Subject, reference: Account, dies_with_us: Callable[[], None]) -> None:
+    # A worker waits for work for ever: the pipe it waits at is its own, too.
+    dies_with_us()
     _SUBJECT.append((subject, reference))
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, 0)
@@ -260,7 +288,7 @@ def run_all(
     worlds: Iterable[PlannedWorld],
     jobs: int,
     until: float,
-    take_result: Callable[[World, Result], None],
+    take_result: Callable[[PlannedWorld, Result], None],
 ) -> None:
     """Run a subject in one world after another, until a time is over.
 
@@ -270,28 +298,29 @@ def run_all(
         worlds: in the order in which they are tried.
         jobs: number of processes.
         until: instant of the wall clock after which none is begun.
-        take_result: called with each world and what came of it, in that order.
+        take_result: called with each world and what came of it, in their order.
 
     Raises:
         VbusError: a run cannot be made.
     """
     # Of `fork` every worker has the board's tables, and the program's, without reading them again.
+    bare = msgspec.structs.replace(reference, seen=[], edges=[])
     pool = ProcessPoolExecutor(
         jobs, mp_context=get_context("fork"), initializer=_start,
-        initargs=(subject, msgspec.structs.replace(reference, seen=[], edges=[])),
+        initargs=(subject, bare, end_with_parent(signal.SIGKILL)),
     )  # fmt: skip
-    waiting: list[tuple[World, Future[Result]]] = []
+    waiting: list[tuple[PlannedWorld, Future[Result]]] = []
 
     def take(left: int) -> None:
         while len(waiting) > left:
-            world, future = waiting.pop(0)
-            take_result(world, future.result())
+            one, future = waiting.pop(0)
+            take_result(one, future.result())
 
     try:
         for one in worlds:
             if monotonic() >= until:
                 break
-            waiting.append((one.world, pool.submit(_try, one.world)))
+            waiting.append((one, pool.submit(_try, one.world)))
             take(jobs * _AHEAD)
         take(0)
     except BrokenProcessPool:

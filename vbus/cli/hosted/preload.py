@@ -6,9 +6,8 @@ import shutil
 from pathlib import Path
 from typing import Final
 
-import click
-
 from vbus.cli.hosted.compiler import cached, compiled, placed
+from vbus.cli.output import complain
 from vbus.core.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.protocols.port import PortInfo
@@ -61,7 +60,7 @@ def warn_of(program: str, policy: str) -> None:
     from vbus.cli.hosted.reach import warnings_for
 
     for text in warnings_for(program, has_32_bits(), policy != "realtime"):
-        click.echo(f"vbus exec: warning: {text}", err=True)
+        complain(text, "vbus exec: warning: ")
 
 
 def _folder() -> Path:

@@ -27,12 +27,11 @@ from vbus.cli.look.scope_page import PageRequest
 from vbus.cli.outcome import AxisOutcomes
 from vbus.cli.output import complain
 from vbus.cli.proc import what_hangs
-from vbus.cli.transcript import Transcript
+from vbus.cli.transcript import FirstViolations, Transcript
 from vbus.core import exit_codes
 from vbus.core.errors import ProgramError, VbusError
 from vbus.core.file_kinds import HEAD, looks_like
 from vbus.core.runtime import private_runtime
-from vbus.core.signals import Observer, Violation
 from vbus.core.wall_clock import monotonic
 from vbus.protocols.quantities import format_instant
 from vbus.serve.host_limits import IN_VAIN, PATIENCE, POLLING, UNBOUNDED, HostWatch, Limits
@@ -52,35 +51,6 @@ LIMIT: Final = "VBUS_LIMIT_PS"
 MISSED: Final = "VBUS_MISSED"
 """Variable that names the file in which a host with a pin map lists bytes that it has not taken."""
 _MISSED_FILE: Final = "missed"
-
-
-class FirstViolations(Observer):
-    """Remembers the first violation of each rule by each chip, and counts the others."""
-
-    def __init__(self) -> None:
-        self.first: dict[tuple[str, str], Violation] = {}
-        self.count: dict[tuple[str, str], int] = {}
-        self.hints: list[str] = []
-        """What is to be said of them at the end."""
-
-    def violation(self, violation: Violation) -> None:
-        """Note one."""
-        key = (violation.chip, violation.rule)
-        self.first.setdefault(key, violation)
-        self.count[key] = self.count.get(key, 0) + 1
-
-    def lines(self) -> list[str]:
-        """Return a sentence for each rule that was broken, in the order of the first breach."""
-        lines = []
-        for key, violation in self.first.items():
-            others = self.count[key] - 1
-            more = f" (and {others} more)" if others else ""
-            when = f"{violation.when // 1_000_000}.{violation.when % 1_000_000 // 1000:03} us"
-            lines.append(
-                f"{violation.severity}: {violation.chip}: {violation.rule} ({violation.clause})"
-                f" at {when}: {violation.detail}{more}"
-            )
-        return [*lines, *self.hints]
 
 
 def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
@@ -235,6 +205,7 @@ def run_beside(
     prepare: Callable[[Board], None] | None = None,
     show: Show | None = None,
     taken: bool = False,
+    watched: bool = False,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
@@ -246,6 +217,7 @@ def run_beside(
         prepare: is called with the board before the program begins, and changes it.
         show: shows the board of this name, and is waited for before the program begins.
         taken: whether what it writes, and what is said of it meanwhile, is taken.
+        watched: whether axes are looked at all the time; else only in a run that leaves files.
     """
     file, host = program.file, program.host
     address = metrics_of(file)
@@ -253,10 +225,11 @@ def run_beside(
     findings, outcome = FirstViolations(), AxisOutcomes(board)
     board.listen(findings)
     outcome.look()
-    if _files(file, None) and board.policy == "realtime":
-        board.observe(outcome)
-    elif _files(file, None):
-        outcome.watch()
+    if watched or _files(file, None):
+        if board.policy == "realtime":
+            board.observe(outcome)
+        else:
+            outcome.watch()
     with ExitStack() as stack:
         folder = stack.enter_context(private_runtime(unless_named=True))
         stack.enter_context(own_board(board.name))
@@ -459,7 +432,7 @@ class ProgramRun:
         """
         loop = asyncio.get_running_loop()
         running: list[int] = []
-        asked: list[asyncio.TimerHandle] = []
+        asked: list[asyncio.Task[None]] = []
         report = self.sentences.append if self.taken else child_processes.say
         offspring = child_processes.ChildProcesses(report)
         dies_with_us = child_processes.end_with_parent(signal.SIGKILL)
@@ -470,8 +443,7 @@ class ProgramRun:
                 with suppress(ProcessLookupError):
                     os.kill(pid, number)
                 if not asked:
-                    late = loop.call_later(child_processes.PATIENCE, offspring.overdue, number)
-                    asked.append(late)
+                    asked.append(loop.create_task(offspring.see_end(number, pid)))
 
         came = _signals(pass_on)
         with closing(offspring), ExitStack() as at_end:
@@ -497,7 +469,7 @@ class ProgramRun:
                 threads = what_hangs(offspring.there())
                 for watch in self.watches:
                     watch.add_threads(threads)
-                offspring.kill()
+                offspring.send(signal.SIGKILL)
 
             for watch in self.watches:
                 watch.over = kill
@@ -519,18 +491,18 @@ class ProgramRun:
             try:
                 code = await process.wait()
             except BaseException:
-                offspring.kill()
+                offspring.send(signal.SIGKILL)
                 raise
-            until = asked[0].when() if asked else loop.time() + child_processes.PATIENCE
-            for handle in asked:
-                handle.cancel()
+            for seen in asked:
+                seen.cancel()
             for watch in self.watches:
                 watch.over = None
             left, alone = offspring.there(), self.board is not None
             if left and alone and not came and not self._bounded:
                 offspring.say_left(left)
             if left and (alone or came):
-                await offspring.end(until)
+                offspring.send(signal.SIGTERM)
+                await offspring.see_end(signal.SIGTERM)
             if "VBUS_EXEC" in self.environment:
                 found = re.search(r";signal=(\d+);", self.environment["VBUS_EXEC"])
                 number = int(found[1]) if found else 0

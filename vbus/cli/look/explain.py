@@ -12,6 +12,7 @@ import click
 
 from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.cli.output import Line, json_line, no_progress
+from vbus.core.errors import ConfigError, value_errors
 from vbus.core.file_kinds import unreadable
 
 _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
@@ -80,6 +81,8 @@ def _lines(what: str, items: Sequence[str], quiet: bool, as_json: bool) -> Itera
 
     first = int(match[2]) if match[2] else 0
     last = int(match[3]) if match[3] else first if match[2] else None
+    if last is not None and last < first:
+        raise click.UsageError(f"{what}: entries go from the lower number to the higher")
     return decoded(Path(match[1]), first, last, quiet)
 
 
@@ -122,13 +125,12 @@ def _families() -> str:
 def _decoder(name: str) -> Decoder | None:
     """Return the decoder for a family or part, if ``name`` is one."""
     from vbus import plugins
-    from vbus.core.errors import PluginError
 
     family = plugins.family(name.lower())
     if not family.chip:
         try:
             family = plugins.family_of(name.upper())
-        except PluginError:
+        except ConfigError:
             return None
     made = family.load("packets", Decoder)
     if made is None:
@@ -150,10 +152,8 @@ def _chip(decoder: Decoder, items: Sequence[str]) -> Iterator[str]:
         word = _WORD.fullmatch(item)
         byte = _HEX.fullmatch(item)
         if word:
-            try:
+            with value_errors(click.UsageError):
                 value = decoder.word(word[1], int(word[2], 16))
-            except ValueError as error:
-                raise click.UsageError(str(error)) from None
             yield Line(f"{word[1]} {value}", word=word[1], text=value)
         # Bytes beside whole cycles would have no address.
         elif byte and not cycles:
@@ -164,10 +164,8 @@ def _chip(decoder: Decoder, items: Sequence[str]) -> Iterator[str]:
         elif not cycles:
             hint = f"; for a {item} value write {item}=HEX" if item in decoder.WORDS else ""
             raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits{hint}')
-    try:
+    with value_errors(click.UsageError):
         cycles = cycles or decoder.typed(data)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from None
     for cycle in cycles:
         for packet in decoder.feed(cycle):
             yield from _packet(packet)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar, Final
 
-from vbus.core.errors import PluginError, listen_errors
+from vbus.core.errors import import_errors, listen_errors
 from vbus.core.kernel import NS
 from vbus.views.scope.lane import Lane
 from vbus.views.scope.lanes import LINE, MARK_LANE, NUMBER, PACKET_LANE
@@ -19,20 +19,17 @@ from vbus.views.scope.recording import COMMAND, OTHER, READ, STATUS_READ, VIOLAT
 from vbus.views.scope.rows import Row, Rows
 from vbus.views.wave.signals import plain
 
-try:
+with import_errors(
+    "MCAP files and Foxglove need foxglove-sdk and protobuf", "foxglove-sdk protobuf"
+):
     import foxglove
     from foxglove.websocket import Capability, ServerListener
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-except ImportError as error:
-    raise PluginError(
-        "MCAP files and Foxglove need foxglove-sdk and protobuf; install them with: pip install"
-        " foxglove-sdk protobuf"
-    ) from error
 
 PACKAGE: Final = "vbus"
 # Some three seconds of one LM629: 3,906 samples a second, in five lanes that move.
 MOST_MESSAGES: Final = 1 << 16
-"""Messages kept for a client that does not read; of more, the oldest are left out."""
+"""Messages buffered for a client that does not read; of more, the oldest are left out."""
 _TIME: Final = ("time_ps", "UINT64")
 MESSAGES: Final[dict[str, tuple[str, tuple[tuple[str, str], ...]]]] = {
     NUMBER: ("Value", (_TIME, ("value", "DOUBLE"))),

@@ -12,8 +12,8 @@ from vbus.chips.packets import STATUS, Packet
 from vbus.circuit.stream import LatestLines, PacketReader, PacketStream
 from vbus.cli.journal_lines import instant
 from vbus.cli.output import Line, complain, json_line
-from vbus.cli.sources import Feed, Together, boards_of
-from vbus.cli.telemetry_text import LIT, UNLIT, TelemetryValue, Word, words_and_numbers
+from vbus.cli.sources import Feed, MachineFeed, boards_of
+from vbus.cli.telemetry_text import LIT, UNLIT, BitValue, TelemetryValue, words_and_numbers
 from vbus.core import exit_codes
 from vbus.core.signals import Violation
 from vbus.core.wall_clock import monotonic
@@ -43,7 +43,7 @@ def command(
     from rich.console import Console
 
     boards = boards_of([board])
-    watched = Feed(boards[0]) if len(boards) == 1 else Together(boards)
+    watched = Feed(boards[0]) if len(boards) == 1 else MachineFeed(boards)
     with closing(watched) as feed, suppress(KeyboardInterrupt):
         console = Console()
         view = View(feed.hello, status)
@@ -90,7 +90,7 @@ class View(PacketReader):
         """When the condition has come to hold that was waited for (ps)."""
         self._status: bool = status
 
-    def values_of(self, chip: str) -> tuple[list[TelemetryValue], list[Word]]:
+    def values_of(self, chip: str) -> tuple[list[TelemetryValue], list[BitValue]]:
         """Return the latest values of a chip."""
         family = plugins.family(self._families.get(chip, ""))
         return words_and_numbers(family, self._stream.decoders.get(chip), self.values[chip])
@@ -142,7 +142,7 @@ class View(PacketReader):
 
 
 def _print(
-    feed: Feed | Together, view: View, count: int | None, text_of: Callable[[str], str]
+    feed: Feed | MachineFeed, view: View, count: int | None, text_of: Callable[[str], str]
 ) -> None:
     board = feed.hello["board"]
     click.echo(text_of(Line(f"watching {board}", board=board)))
@@ -159,7 +159,7 @@ def _print(
             return
 
 
-def _live(feed: Feed | Together, console: Any, view: View, count: int | None) -> None:
+def _live(feed: Feed | MachineFeed, console: Any, view: View, count: int | None) -> None:
     from rich.live import Live
 
     due = 0.0
@@ -236,7 +236,7 @@ def _values(view: View, chip: str) -> Any:
     return Group(table, lamps(words))
 
 
-def lamps(words: Sequence[Word]) -> Any:
+def lamps(words: Sequence[BitValue]) -> Any:
     """Return words with their bits as lamps, for rich."""
     from rich.table import Table
     from rich.text import Text

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.output import no_progress, time_option
-from vbus.core.errors import OptionError, PluginError, VbusError
+from vbus.core.errors import OptionError, VbusError, import_errors
 from vbus.protocols.quantities import format_instant
 from vbus.serve.output_file import write_file
 
@@ -53,13 +53,9 @@ def picture(path: Path, width: float, height: float) -> Iterator["Figure"]:
     kind = path.suffix.lower()
     if kind not in _METADATA:
         raise OptionError(f"{path}: a picture's name ends in {', '.join(_METADATA)}")
-    try:
+    with import_errors("pictures need matplotlib", "matplotlib"):
         import matplotlib
         from matplotlib.figure import Figure
-    except ImportError:
-        raise PluginError(
-            "pictures need matplotlib; install it with: pip install matplotlib"
-        ) from None
     drawn = io.BytesIO()
     # A user's own settings would make another picture of the same run.
     with matplotlib.rc_context():
@@ -166,6 +162,11 @@ def draw(
     if not first < last:
         if end is None and not first:
             raise VbusError("nothing to draw: no chip time passed in this run")
+        if end is None:
+            raise VbusError(
+                f"nothing to draw from {format_instant(first)} on: the run ends at"
+                f" {format_instant(last)}"
+            )
         raise VbusError(
             f"nothing to draw between {format_instant(first)} and {format_instant(last)}: the end"
             " must come after the beginning"
@@ -230,13 +231,13 @@ def _thinned(rows: list[tuple[int, float]], first: int, last: int) -> list[tuple
     """Return what a reader can see: in each slot the first, the least, the greatest, the last."""
     if len(rows) <= 4 * SLOTS:
         return rows
-    kept: list[tuple[int, float]] = []
+    drawn: list[tuple[int, float]] = []
     for _, slot in groupby(rows, lambda row: (row[0] - first) * SLOTS // (last - first)):
         inside = list(slot)
         by_value = sorted(inside, key=itemgetter(1))
         # Extremes stay, so that a spike of one sample is still seen.
-        kept += sorted({inside[0], by_value[0], by_value[-1], inside[-1]})
-    return kept
+        drawn += sorted({inside[0], by_value[0], by_value[-1], inside[-1]})
+    return drawn
 
 
 def _draw_panel(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli.output import no_progress
-from vbus.cli.sources import opened
+from vbus.cli.sources import opened, tell_damage
 from vbus.core import exit_codes
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def command(
         )
         readers = [report, *_other_part(report, compatibility)]
         play(header, reader, *readers)
+        tell_damage(journal, reader.damage)
     click.echo(FORMATS[style](report), nl=False)
     if style == "text":
         for line in _motion(journal, report.cycles):
@@ -75,9 +76,8 @@ def _motion(journal: Path, cycles: int) -> "Iterator[str]":
         yield f"axes: not known: {error}"
         return
     yield from (f"axis {line}" for line in axes)
-    yield from (
-        f"note: {one.chip}: {one.rule} ({one.clause}): {one.detail}" for one in board.left_over()
-    )
+    for one in board.left_over():
+        yield f"{one.severity}: {one.chip}: {one.rule} ({one.clause}): {one.detail}"
     yield from board.hints(board.violations)
 
 

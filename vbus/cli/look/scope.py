@@ -2,8 +2,10 @@
 
 import asyncio
 import json
+import os
+import sys
 from collections.abc import Awaitable, Callable, Sequence
-from contextlib import ExitStack, closing
+from contextlib import AsyncExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -11,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import SCOPE_ADDRESS, PagePlace, said_as, start_scope
-from vbus.cli.output import no_progress, seconds_option, time_option
+from vbus.cli.output import no_progress, refuse_given, seconds_option, time_option
 from vbus.cli.sources import boards_of, opened, replay_code
 from vbus.core import exit_codes
-from vbus.core.errors import VbusError
+from vbus.core.addresses import stays_here
+from vbus.core.errors import VbusError, value_errors
 
 if TYPE_CHECKING:
     from vbus.cli.look.foxglove_lanes import FoxgloveServer
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
 # A page that is loaded anew is gone for less.
 LOOK_SECONDS: Final = 0.5
 """How often a scope that outlives its board looks whether a page is open."""
+_PLACE: Final = ("listen", "remote", "certificate", "key")
+"""Parameters that say where a page is served."""
 
 
 @click.command("scope")
@@ -100,14 +105,36 @@ def command(
             raise click.UsageError(
                 f"-o is for journals, and {source} is none: {_no_file(Path(source))}"
             )
+        served = ("control", "at", "foxglove", "sigrok", "chip", "pins", "sparse", "stay")
+        refuse_given((*served, *_PLACE), "is of what is served, and -o writes a file")
         return _show_journals(journals, None, output, strobes, no_progress)
+    if sigrok is None:
+        refuse_given(("chip", "pins"), "goes with --sigrok")
+    if journal:
+        refuse_given(("sparse", "stay"), f"is for boards that run, and {source} is a journal")
+    else:
+        refuse_given(("strobes",), f"is for journals, and {source} is none")
+    if foxglove is not None or sigrok is not None:
+        if foxglove is not None:
+            refuse_given(("sigrok",), "and --foxglove are two servers; start one for each")
+        else:
+            refuse_given(("certificate", "key"), "is for TLS, which --sigrok has none of")
+        of_page = ("listen", "control", "at", "sparse", "stay")
+        refuse_given(of_page, "is of the page; --foxglove and --sigrok serve none")
+    address = foxglove or sigrok or listen
+    if remote and stays_here(address.rpartition(":")[0]):
+        option = "--foxglove" if foxglove else "--sigrok" if sigrok else "--listen"
+        raise click.UsageError(
+            f"--remote: no other computer reaches {address}; write an address of the network, such"
+            f" as {option} 0.0.0.0:0, or leave --remote out"
+        )
     if foxglove is not None:
         if journal:
             raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
                                    " with -o FILE.mcap")  # fmt: skip
         place = PagePlace(foxglove, remote, certificate, key, "--foxglove")
 
-        def lanes(feeds: "Feeds", at_end: ExitStack) -> "tuple[FoxgloveServer, Take]":
+        def lanes(feeds: "Feeds", at_end: AsyncExitStack) -> "tuple[FoxgloveServer, Take]":
             server = place.foxglove_server(feeds.description)
             return server, server.add
 
@@ -139,9 +166,19 @@ def command(
         raise click.UsageError("--at is for a journal that goes on as a board, with --control")
     if journal:
         return _show_journals(journals, place, None, strobes, no_progress)
+    if stay is not None:
+        _own_output()
     page = partial(_page_of_boards, place, stay, control, sparse)
     _serve_boards(sources, page, stay, control, samples=not sparse)
     return exit_codes.OK
+
+
+def _own_output() -> None:
+    """Keep the output to this process: others that it starts would hold it as long as it stays."""
+    sys.stdout, sys.stderr = (os.fdopen(os.dup(fd), "w", buffering=1) for fd in (1, 2))
+    with open(os.devnull, "w") as nothing:
+        for fd in (1, 2):
+            os.dup2(nothing.fileno(), fd)
 
 
 def _no_file(path: Path) -> str:
@@ -169,10 +206,8 @@ def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
         return parts[0].description, parts[0].frames
     from vbus.views.scope.merged import Merged
 
-    try:
+    with value_errors(VbusError):
         merged = Merged([part.description for part in parts])
-    except ValueError as error:
-        raise VbusError(str(error)) from None
     frames: list[bytes] = []
     for number, part in enumerate(parts):
         frames += [merged.take(number, frame) for frame in part.frames]
@@ -217,7 +252,7 @@ def _show_journals(
 
 def _page_of_boards(
     place: PagePlace, stay: float | None, control: bool, sparse: bool, feeds: "Feeds",
-    at_end: ExitStack,
+    at_end: AsyncExitStack,
 ) -> "tuple[ScopeServer, Take]":  # fmt: skip
     """Return what serves the page of running boards."""
     from vbus.cli.look.scope_bookmarks import journal_of, keep_with_journal, of_board
@@ -237,7 +272,7 @@ def _page_of_boards(
     orders = None
     if control:
         forks = Forks(f"{place.host}:0")
-        at_end.callback(forks.end)
+        at_end.push_async_callback(forks.end)
         orders = BoardOrders(feeds, forks.open)
     bookmarks = of_board(hellos[0]["board"])
     for hello in hellos:
@@ -265,7 +300,7 @@ def _page_of_boards(
 
 def _serve_boards(
     names: Sequence[str],
-    made: "Callable[[Feeds, ExitStack], tuple[Server, Take]]",
+    made: "Callable[[Feeds, AsyncExitStack], tuple[Server, Take]]",
     stay: float | None,
     control: bool = False,
     samples: bool = True,
@@ -277,7 +312,7 @@ def _serve_boards(
     with closing(Feeds(boards_of(names), control, samples)) as feeds:
 
         async def show(stop: asyncio.Event) -> None:
-            with ExitStack() as at_end:
+            async with AsyncExitStack() as at_end:
                 server, take = made(feeds, at_end)
 
                 async def over() -> None:
@@ -303,12 +338,18 @@ async def _over(
     server: "Server", stop: asyncio.Event, ended: asyncio.Event, stay: float | None
 ) -> None:
     """Return when the page is needed no longer."""
-    stopped = asyncio.ensure_future(stop.wait())
-    over = asyncio.ensure_future(ended.wait())
-    await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)
-    over.cancel()
+    from vbus.serve.loop import done_before, first_of
+
+    await first_of((stop, ended))
+    if stay:
+        # Who reads what the run has printed reads it to its end now.
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):  # a link that nobody read any more is still in it
+                stream.close()
+        sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     alone = 0.0
-    while not stopped.done() and (stay is None or alone <= stay):
-        await asyncio.wait({stopped}, timeout=LOOK_SECONDS)
+    while stay is None or alone <= stay:
+        if not await done_before([stop], asyncio.sleep(LOOK_SECONDS)):
+            break
         # A page that is loaded anew is gone for a moment, so the time begins again with it.
         alone = 0.0 if server.pages else alone + LOOK_SECONDS

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, TypeGuard
 
 from vbus.cli.output import complain
+from vbus.cli.proc import handle_of
 from vbus.core.errors import VbusError, read_errors
 from vbus.serve.output_file import write_file
 
@@ -97,7 +98,7 @@ class Bookmarks:
         if not is_bookmark(bookmark):
             return "a bookmark has an instant and a line of text"
         if len(self.all) >= MOST:
-            return f"more than {MOST} bookmarks are not kept"
+            return f"more than {MOST} bookmarks are not saved"
         if bookmark not in self.all:
             self.all = sorted([*self.all, bookmark], key=place)
             self._write()
@@ -123,7 +124,7 @@ class Bookmarks:
 
 
 def of_journal(path: Path) -> Bookmarks:
-    """Return the bookmarks of a journal, which are kept beside it.
+    """Return the bookmarks of a journal, which are saved beside it.
 
     Raises:
         VbusError: as :class:`Bookmarks`, or the journal cannot be read.
@@ -134,7 +135,7 @@ def of_journal(path: Path) -> Bookmarks:
 
 
 def of_board(name: str) -> Bookmarks:
-    """Return the bookmarks of a board that runs, which are kept in the runtime directory.
+    """Return the bookmarks of a board that runs, which are saved in the runtime directory.
 
     Raises:
         VbusError: as :class:`Bookmarks`, or the board has gone.
@@ -162,23 +163,18 @@ def keep_with_journal(bookmarks: Bookmarks, journal: Path | None, status: dict[s
     if journal is None or not bookmarks.all or not _has_ended(status["board"], status["pid"]):
         return
     try:
-        kept = of_journal(journal)
+        saved = of_journal(journal)
         for bookmark in bookmarks.all:
-            kept.add(bookmark)
+            saved.add(bookmark)
     except VbusError as error:
-        complain(f"bookmarks are not kept with the journal: {error}")
+        complain(f"bookmarks are not saved with the journal: {error}")
 
 
 def _has_ended(name: str, process: int) -> bool:
     """Tell whether a board has ended; one whose names have gone is about to close its journal."""
     from vbus.serve.registry import socket_path
 
-    try:
-        handle = os.pidfd_open(process)
-    except ProcessLookupError:
-        return True
-    try:
+    with suppress(ProcessLookupError), handle_of(process) as handle:
         wait = 0.0 if socket_path(name).exists() else CLOSING
         return bool(select.select([handle], [], [], wait)[0])
-    finally:
-        os.close(handle)
+    return True

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from vbus.cli.output import complain
 from vbus.cli.sources import Feed
-from vbus.core.errors import TransportError, VbusError
+from vbus.core.errors import TransportError, VbusError, value_errors
 from vbus.transports.base import ignore
 from vbus.views.scope.merged import Merged
 
@@ -57,12 +57,9 @@ class Feeds:
             self._feeds: list[Feed] = [opened.enter_context(closing(Feed(b))) for b in boards]
             begun = [_begun(feed, control, samples) for feed in self._feeds]
             if len(begun) > 1:
-                try:
+                with value_errors(VbusError):
                     self._merged = Merged(begun)
-                except ValueError as error:
-                    raise VbusError(str(error)) from None
-            self._opened: ExitStack = opened.pop_all()
-        self._opened.callback(self._end)
+            opened.pop_all()  # :meth:`close` closes them, and those that take their places
         self.description: dict[str, Any] = begun[0] if self._merged is None else (
             self._merged.description
         )  # fmt: skip
@@ -88,16 +85,14 @@ class Feeds:
         """Have the registers recorded, or no longer."""
         self._inside = on
         for feed in self._feeds:
-            with suppress(OSError):  # it has gone
-                feed.send(_registers(on))
+            _tell(feed, registers=on)
 
     def look_at_samples(self, on: bool) -> None:
         """Have boards that run in real time record every sample, or a few only."""
         self._samples = on
         for feed in self._feeds:
             if _in_real_time(feed):
-                with suppress(OSError):  # it has gone
-                    feed.send(json.dumps({"samples": on}).encode() + b"\n")
+                _tell(feed, samples=on)
 
     def follow(
         self, loop: asyncio.AbstractEventLoop, take: Take, ended: Callable[[], None]
@@ -179,7 +174,7 @@ class Feeds:
                 complain(f"{board} has come back with other axes or pins: it is shown no longer")
                 return None
             if self._inside:
-                feed.send(_registers(True))
+                _tell(feed, registers=True)
             return description
 
     def _begin_again(self, part: int, description: dict[str, Any]) -> None:
@@ -195,18 +190,17 @@ class Feeds:
         if self._left > 0:
             self._show(self._merged.event(part, text))
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """Watch no more."""
         self._left = 0
         for feed in self._feeds:
             feed.close()
 
-    def close(self) -> None:
-        """Watch no more."""
-        self._opened.close()
 
-
-def _registers(on: bool) -> bytes:
-    return json.dumps({"registers": on}).encode() + b"\n"
+def _tell(feed: Feed, **what: bool) -> None:
+    """Have something recorded of a board, or no longer, unless it has gone."""
+    with suppress(OSError):
+        feed.send(json.dumps(what).encode() + b"\n")
 
 
 def _begun(feed: Feed, control: bool, samples: bool, after: int = -1) -> dict[str, Any]:

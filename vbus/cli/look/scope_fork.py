@@ -111,8 +111,10 @@ class Forks:
             raise ValueError(line.decode("utf-8", "replace").strip() or "the copy has ended")
         return line.removeprefix(LINK).split()[0].decode()
 
-    def end(self) -> None:
-        """End every copy."""
+    async def end(self) -> None:
+        """End every copy; return when they have closed their journals and links."""
         for process in self._processes:
             with suppress(ProcessLookupError):
                 process.terminate()
+        # asyncio kills what still runs when its loop is closed.
+        await asyncio.gather(*(process.wait() for process in self._processes))

@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 import click
 
-from vbus.core.errors import OptionError, TransportError, VbusError
+from vbus.core.errors import OptionError, TransportError, VbusError, value_errors
 
 if TYPE_CHECKING:
     import ssl
@@ -32,6 +32,8 @@ JOIN_SECONDS: Final = 30.0
 # A browser that starts from a cold disk; then the run goes on, recorded for a later page.
 PAGE_SECONDS: Final = 60.0
 """How long a board waits for the page it was to begin with."""
+END_SECONDS: Final = 10.0
+"""How long a scope that did not begin may take to end before it is killed."""
 # Long enough to look at a run that ended while its page was closed, short of staying for ever.
 STAY_SECONDS: Final = 600.0
 """How long a scope that a run has started stays when the run has ended and no page is open."""
@@ -55,11 +57,11 @@ def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
 
     with_page = click.option(
         "--scope-control", is_flag=True,
-        help="The same, and pages may pause and step the board, break it, use bus and pins.",
+        help="As --scope, and pages may pause and step the board, break it, use bus and pins.",
     )(with_page)  # fmt: skip
     with_page = click.option(
         "--open", "open_page", is_flag=True,
-        help="The same, opened in a browser here; the board begins when the page is there.",
+        help="As --scope, opened in a browser here; the board begins when the page is there.",
     )(with_page)  # fmt: skip
     return scope_option(with_page)
 
@@ -137,6 +139,12 @@ class PageRequest(NamedTuple):
             await _begun(said, self.open_page)
         except BaseException:
             process.terminate()
+            # While it ends it still has its port; a later try would find that in use.
+            try:
+                process.wait(END_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
             raise
         finally:
             pipe.close()
@@ -181,10 +189,8 @@ class PagePlace:
         from vbus.board.check.network_checks import metrics_address
         from vbus.core.addresses import loopback_like, stays_here
 
-        try:
+        with value_errors(OptionError, f"{option}: "):
             self.host, self.port = metrics_address(listen, remote=True)
-        except ValueError as error:
-            raise OptionError(f"{option}: {error}") from None
         self.tls: ssl.SSLContext | None = None
         self._files: tuple[Path, Path] | None = None
         if (certificate is None) != (key is None):
@@ -295,7 +301,11 @@ def start_scope(
         control: whether pages may do something to it.
         stdout: takes the line that says where the page is; standard error if there is none.
     """
-    more = ["--remote"] if scope.remote else []
+    from vbus.core.addresses import stays_here
+
+    # remote = true is leave, not an order: an address of this computer alone needs none.
+    far = scope.remote and not stays_here(scope.listen.rpartition(":")[0])
+    more = ["--remote"] if far else []
     more += ["--sparse"] if scope.sparse else []
     if scope.certificate:
         more += ["--certificate", scope.certificate, "--key", scope.key]

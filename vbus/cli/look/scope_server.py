@@ -8,76 +8,47 @@ import re
 import secrets
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Any, Final
 
-import msgspec
-
 from vbus.cli.look.scope_bookmarks import Bookmark, Bookmarks
 from vbus.cli.look.scope_control import BOOKMARKS, REGISTERS, Order, answer_to
-from vbus.core.errors import PluginError, VbusError, listen_errors
+from vbus.core.errors import VbusError, import_errors, listen_errors
 from vbus.views.scope.page_file import FIRST, page_file, policy
 from vbus.views.scope.stream import MESSAGE, Stream
 
-try:
+with import_errors("the scope needs aiohttp", "aiohttp"):
     from aiohttp import ClientError, WSMsgType, web
     from aiohttp.http_exceptions import HttpProcessingError
-except ImportError as error:
-    raise PluginError("the scope needs aiohttp; install it with: pip install aiohttp") from error
 
 _HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
 
 
-class Asked(msgspec.Struct, frozen=True):
-    """A request, decoded.
+def _named(request: web.Request) -> tuple[str, int]:
+    """Return the name or address in a Host header, without brackets, and the port.
 
-    Attributes:
-        host: name or address in its Host header, without brackets; "" if it is none.
-        port: the port there; 0 if none is said.
-        origin: the page that has made the browser send it; "" if none is said.
-        cookies: by name.
-        code: what a POST has in its body.
+    "" if the header is none, port 0 if none is said.
     """
-
-    host: str
-    port: int
-    origin: str
-    cookies: Mapping[str, str]
-    code: str
+    host = _HOST.fullmatch(request.headers.get("Host", ""))
+    return (host[1].strip("[]"), int(host[2] or 0)) if host else ("", 0)
 
 
-async def decoded(request: web.Request) -> Asked:
-    """Return what a request says.
+async def _body(request: web.Request) -> str:
+    """Return the text that a request has in its body.
 
     Raises:
-        HTTPBadRequest: it makes no sense; says what does not.
-        HTTPRequestEntityTooLarge: its body is longer than any code.
+        HTTPBadRequest: it cannot be read; says why.
+        HTTPRequestEntityTooLarge: it is longer than any code.
     """
-    headers = request.headers
-    host = _HOST.fullmatch(headers.get("Host", ""))
-    cookies: dict[str, str] = {}
-    for part in ";".join(headers.getall("Cookie", ())).split(";"):
-        name, _, value = part.strip().partition("=")
-        cookies[name] = value
-    code = ""
-    if request.method == "POST":
-        try:
-            code = (await request.read()).decode()
-        except (web.RequestPayloadError, ClientError, HttpProcessingError, OSError) as error:
-            raise _refused(f"the body cannot be read: {error}") from None
-        except UnicodeDecodeError:
-            raise _refused("this is no UTF-8 text") from None
-    return Asked(
-        host[1].strip("[]") if host else "",
-        int(host[2] or 0) if host else 0,
-        headers.get("Origin", ""),
-        cookies,
-        code,
-    )
+    try:
+        return (await request.read()).decode()
+    except (web.RequestPayloadError, ClientError, HttpProcessingError, OSError) as error:
+        raise _refused(f"the body cannot be read: {error}") from None
+    except UnicodeDecodeError:
+        raise _refused("this is no UTF-8 text") from None
 
 
 def _refused(sentence: str) -> web.HTTPBadRequest:
@@ -94,8 +65,6 @@ HEARTBEAT_SECONDS: Final = 20.0
 """A page that answers nothing for so long is gone."""
 # A code has 32 characters; a larger body is refused before it is read.
 LONGEST_CODE: Final = 256
-_ASKED: Final[ContextVar[Asked]] = ContextVar("asked")
-"""What :func:`~vbus.cli.look.scope_server.decoded` made of the request at hand."""
 STOPPING_SECONDS: Final = 2.0
 """How long pages may take to go when the server ends."""
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
@@ -160,6 +129,7 @@ class ScopeServer:
         # 192 random bits: no one guesses them in the life of a board.
         self._code: str = secrets.token_urlsafe(24)
         self._cookies: set[str] = set()
+        """Those that let a browser in: a name, "=" and what it is."""
         self._news: asyncio.Event = asyncio.Event()
         self._looking_inside: set[web.WebSocketResponse] = set()
         app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_CODE)
@@ -235,10 +205,9 @@ class ScopeServer:
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests that a page from elsewhere has made this browser send."""
         try:
-            asked = await decoded(request)
-            _ASKED.set(asked)
-            if not self._known(asked):
-                raise web.HTTPForbidden(text=f"this is not {asked.host or 'any host'}\n")
+            name, port = _named(request)
+            if not self._known(name, port):
+                raise web.HTTPForbidden(text=f"this is not {name or 'any host'}\n")
             answer = await handler(request)
         except web.HTTPException as refused:
             refused.headers.update(_HEADERS)
@@ -247,10 +216,9 @@ class ScopeServer:
             answer.headers.update(_HEADERS)
         return answer
 
-    def _known(self, asked: Asked) -> bool:
+    def _known(self, name: str, port: int) -> bool:
         """Whether a Host header names this computer: a name that others chose is refused."""
-        name, port = asked.host, asked.port or (443 if self.tls else 80)
-        if not name or port != self.port:
+        if not name or (port or (443 if self.tls else 80)) != self.port:
             return False
         # Against DNS rebinding: a page elsewhere may point its own name at this computer.
         if name in ("localhost", self.host):
@@ -264,7 +232,7 @@ class ScopeServer:
 
     def _check_origin(self, request: web.Request) -> None:
         own = f"{'http' if self.tls is None else 'https'}://{request.host}"
-        if _ASKED.get().origin != own:
+        if request.headers.get("Origin", "") != own:
             raise web.HTTPForbidden(text="a page from elsewhere may not look at this board\n")
 
     @property
@@ -276,11 +244,11 @@ class ScopeServer:
         """Take a code and give a cookie."""
         self._check_origin(request)
         # In constant time: how long it takes tells nothing of the code.
-        if not hmac.compare_digest(_ASKED.get().code.encode(), self._code.encode()):
+        if not hmac.compare_digest((await _body(request)).encode(), self._code.encode()):
             raise web.HTTPForbidden(text="the code of this link was used, or is none\n")
         self._code = secrets.token_urlsafe(24)
         cookie = secrets.token_urlsafe(24)
-        self._cookies.add(cookie)
+        self._cookies.add(f"{self._cookie}={cookie}")
         answer = web.Response(status=204)
         answer.set_cookie(
             self._cookie, cookie, httponly=True, samesite="Strict", secure=self.tls is not None
@@ -301,7 +269,8 @@ class ScopeServer:
 
     async def _live(self, request: web.Request) -> web.WebSocketResponse:
         self._check_origin(request)
-        if _ASKED.get().cookies.get(self._cookie) not in self._cookies:
+        sent = ";".join(request.headers.getall("Cookie", ())).split(";")
+        if self._cookies.isdisjoint(cookie.strip() for cookie in sent):
             raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
         # To this computer it is cheaper to send much than to make it less.
         # TLS is asked for whenever other computers are let in.
@@ -341,7 +310,7 @@ class ScopeServer:
             refused = self._bookmark(request["do"], request.get("bookmark"))
             return {"answer": refused, "error": True} if refused else {}
         if self.order is None or "error" in asked:
-            return {"answer": asked.get("error", "nothing is kept of this"), "error": True}
+            return {"answer": asked.get("error", "nothing is recorded of this"), "error": True}
         return await self.order(request)
 
     def _bookmark(self, what: str, bookmark: Any) -> str:
@@ -381,14 +350,14 @@ class ScopeServer:
             sent: list[Bookmark] | None = None
             while True:
                 news = self._news
-                kept = None if self.bookmarks is None else self.bookmarks.all
-                noted = {} if kept is None else {"bookmarks": kept}
+                marks = None if self.bookmarks is None else self.bookmarks.all
+                noted = {} if marks is None else {"bookmarks": marks}
                 if stream is not self.stream:
                     stream, place = self.stream, 0
-                    sent = None if kept is None else [*kept]
+                    sent = None if marks is None else [*marks]
                     await page.send_str(json.dumps(stream.description | noted))
-                elif sent != kept:
-                    sent = None if kept is None else [*kept]
+                elif sent != marks:
+                    sent = None if marks is None else [*marks]
                     await page.send_str(json.dumps(noted))
                 if state != self._state:
                     state = self._state

@@ -10,7 +10,15 @@ from typing import Any, TextIO
 
 import click
 
-from vbus.cli.output import complain, no_progress, show, time_option, vcd_named
+from vbus.cli.output import (
+    complain,
+    no_progress,
+    positive,
+    refuse_given,
+    show,
+    time_option,
+    vcd_named,
+)  # fmt: skip
 from vbus.cli.sources import Feed, opened, replay_code
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError, write_errors
@@ -27,7 +35,8 @@ from vbus.core.errors import VbusError, write_errors
               help='What to wait for, such as "violation", "x.HI rises".')  # fmt: skip
 @time_option("--before", default="0us", text="Show so much from before the trigger.")
 @time_option("--duration", "length", default="0us", text="End so long after the start or trigger.")
-@time_option("--sample", default="1ms", text="How often the chips' values are read.")
+@click.option("--sample", default="1ms", callback=positive, metavar="TIME",
+              help="How often the chips' values are read.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: what was written where.")
 @no_progress
 def command(
@@ -46,9 +55,11 @@ def command(
         raise click.UsageError('"-o -" prints the waveform: with --json name a file')
     if before and not trigger:
         raise click.UsageError("--before counts from a trigger; give one with --trigger")
+    if profile == "sigrok":
+        refuse_given(("sample",), "is of the chips' values, which --profile sigrok leaves out")
     section = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
-        duration=length, sample=max(sample, 1),
+        duration=length, sample=sample,
     )  # fmt: skip
     source = sources[0]
     if len(sources) > 1:

@@ -8,6 +8,7 @@ import click
 
 from vbus.cli.output import complain, detach_option, seconds_option, show
 from vbus.core import exit_codes
+from vbus.core.errors import value_errors
 
 if TYPE_CHECKING:
     from vbus.serve.attach.attachment import AttachRequest
@@ -35,9 +36,13 @@ def command(
     tcp:HOST:PORT or unix:PATH. NAME is a name in the runtime directory, or a path; without one
     there is a PTY named after the board. "vbus ls" shows round trips and losses.
     """
+    from vbus import plugins
+    from vbus.core.values.settings import unknown
     from vbus.serve.attach.attachment import AttachRequest
     from vbus.serve.attach.far_board import FORMS, KINDS
 
+    if protocol not in (known := plugins.names(plugins.PROTOCOLS)):
+        raise click.BadParameter(unknown(protocol, known), param_hint="--protocol")
     kind, colon, rest = url.partition(":")
     if kind not in KINDS or not colon or not rest:
         raise click.BadParameter(
@@ -85,10 +90,8 @@ def _looked_at(where: str, protocol: str) -> "FarBoard":
     """
     from vbus.serve.attach.far_board import look_at
 
-    try:
+    with value_errors(click.BadParameter, param_hint="URL"):
         return look_at(where, protocol)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="URL") from None
 
 
 def _serve(wanted: "AttachRequest", board: "FarBoard", as_json: bool, every: float | None) -> None:

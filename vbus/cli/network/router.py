@@ -1,8 +1,7 @@
 """``vbus router``: where boards and hosts of several processes or computers meet."""
 
 import os
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
 import click
@@ -10,6 +9,7 @@ import click
 from vbus.cli.output import endpoint_option
 from vbus.cli.status_lines import READY
 from vbus.core import exit_codes
+from vbus.core.addresses import refused_endpoint
 
 if TYPE_CHECKING:
     import asyncio
@@ -35,7 +35,7 @@ def command(
     """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
 
     FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
-    The options stand above it. A port of 0 takes a free one.
+    An option replaces what the file says. Port 0 is any free one.
     """
     from vbus.network.session import Network, free_endpoint
 
@@ -53,6 +53,11 @@ def command(
         else endpoint
         for endpoint in endpoints
     )
+    if remote and not any(refused_endpoint(endpoint, remote=False) for endpoint in endpoints):
+        raise click.UsageError(
+            f"--remote: no other computer comes in without a certificate at {' '.join(endpoints)};"
+            " write an address of the network, or leave --remote out"
+        )
     network = Network(
         endpoints, connect or network.connect, network.security, remote=remote or network.remote
     )
@@ -77,7 +82,7 @@ def _serve(network: "Network", listed: bool) -> None:
 
     with ExitStack() as stack:
         if listed:
-            stack.enter_context(_own_name())
+            _own_name(stack)
         # Before the imports of a loop: hosts wait for a router that was started anew.
         session = open_network(network)
         stack.callback(close_session, session)
@@ -89,9 +94,8 @@ def _serve(network: "Network", listed: bool) -> None:
         del access
 
 
-@contextmanager
-def _own_name() -> Iterator[None]:
-    """Own the name of a router in the background.
+def _own_name(held: ExitStack) -> None:
+    """Own the name of a router in the background, for as long as what holds it is open.
 
     Raises:
         NameInUseError: one runs already.
@@ -99,14 +103,12 @@ def _own_name() -> Iterator[None]:
     from vbus.core.errors import NameInUseError
     from vbus.serve.registry import own_board
 
-    with ExitStack() as stack:
-        try:
-            stack.enter_context(own_board(NAME))
-        except NameInUseError as error:
-            raise NameInUseError(
-                f'a "{NAME}" runs already in the background; "vbus stop {NAME}" stops it'
-            ) from error
-        yield
+    try:
+        held.enter_context(own_board(NAME))
+    except NameInUseError as error:
+        raise NameInUseError(
+            f'a "{NAME}" runs already in the background; "vbus stop {NAME}" stops it'
+        ) from error
 
 
 def _tell_until_signal(network: "Network", listed: bool) -> None:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
@@ -12,17 +13,9 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import refuse_detached, scope_option
-from vbus.cli.output import (
-    complain,
-    detach_option,
-    endpoint_option,
-    from_option,
-    rate_option,
-    record_options,
-    seconds_option,
-    show,
-)
+from vbus.cli.output import complain, endpoint_option, seconds_option, serving_options, show
 from vbus.core import exit_codes
+from vbus.core.addresses import refused_endpoint
 from vbus.serve.output_file import OutputFile
 
 if TYPE_CHECKING:
@@ -39,9 +32,7 @@ _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
 @click.argument("machine")
 @click.option("--scenario", metavar="FILE", help="What hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Write what happened on all nodes, merged.")
-@rate_option
-@record_options
-@from_option
+@serving_options
 @scope_option
 @seconds_option(
     "--patience", default=0,
@@ -52,8 +43,6 @@ _VBUS: Final = (sys.executable, "-P", "-m", "vbus")
     text="Start a router there, in place of what the file says; port 0 is a free one.",
 )  # fmt: skip
 @seconds_option("--timeout", default=10.0, text="How long a process may take to end; else 10 s.")
-@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@detach_option
 def up(
     machine: str, scenario: str | None, trace: str | None, patience: float, router: str | None,
     timeout: float, as_json: bool, detach: bool, rate: float | None, start: str | None,
@@ -93,8 +82,8 @@ def up(
         made = opened.enter_context(closing(OutputFile(trace))) if trace else None
         given = [word for key, value in passed.items() if value for word in (key, str(value))]
         run = _MachineRun(
-            file, machine, processes, meeting_of(file, router or ""), as_json, Path(folder), given,
-            scope, made,
+            file, machine, processes, meeting_of(file, router or "", opened), as_json, Path(folder),
+            given, scope, made,
         )  # fmt: skip
         code = run.carry_out(timeout)
     if len(processes) > 1:
@@ -147,7 +136,8 @@ class _MachineRun:
         def may_end(child: "Child") -> bool:
             return ends and child.ready
 
-        with Processes(click.echo, timeout, width) as children:
+        # With --json what reads standard output finds nothing else there.
+        with Processes(partial(click.echo, err=self.json), timeout, width) as children:
             try:
                 if self._begin(children, may_end):
                     about = {"board": self.file.board.name, "meets": self.meeting.said}
@@ -175,7 +165,7 @@ class _MachineRun:
             click.echo(f"{self.file.board.name}: its nodes meet at {self.meeting.said}")
         if self.meeting.router:
             command = [*_VBUS, "router", "--listen", self.meeting.router]
-            if self.file.zenoh.remote:
+            if self.file.zenoh.remote and refused_endpoint(self.meeting.router, remote=False):
                 command.append("--remote")
             router = children.start(_ROUTER, _ROUTER, command, self._router_says)
             if not children.until(lambda: router.ready):

@@ -15,7 +15,7 @@ from vbus.boardfile.source import Source
 from vbus.cli.output import show
 from vbus.core import exit_codes
 from vbus.core.errors import VbusError
-from vbus.serve.recording import ALONE
+from vbus.serve.recording import ALONE, UNREPORTED
 from vbus.views.findings.suppress import suppressions_of
 
 
@@ -27,10 +27,12 @@ from vbus.views.findings.suppress import suppressions_of
 def check(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.
 
-    Names every mistake with file, line and key, and what is allowed instead. With --rules,
-    lists what a host can break, by the names that [violations] uses, with the row of the manual's
-    AC table where a rule is one. With --map, tries every address of every card: who answers a
-    read and a write there, where two answer, and which chip is never selected.
+    Names every mistake with file, line and key, and what is allowed instead. What only shows
+    between the parts (a plant that a chip cannot drive, a fault, a waveform) is checked when the
+    rest is right. With --rules, lists what a host can break, by the names that [violations] uses,
+    with the row of the manual's AC table where a rule is one. With --map, tries every address of
+    every card: who answers a read and a write there, where two answer, and which chip is never
+    selected.
     """
     if mapped and not boards:
         raise click.UsageError("--map is of board files: name one")
@@ -87,7 +89,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
         answers = [] if file.nodes else address_map(file, boards[0])
         notes += remarks(file, boards[0], answers)
         if not answers:
-            notes.append("there is no card on one board to map")
+            notes.append("--map shows cards; there is none on one board, without nodes")
     return {
         "file": path,
         "ok": True,
@@ -162,6 +164,8 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
     # What cannot be honoured is refused, not ignored.
     if record.durable != "no" and not record.journal:
         source.fail(("record", "durable"), ALONE)
+    if record.suppress and not record.report:
+        source.fail(("record", "suppress"), UNREPORTED)
     if record.report:
         from vbus.views.findings.formats import format_of
 

@@ -27,10 +27,9 @@ REFRESH = 0.1
 
 def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value not in NAMES:
-        from vbus.core.values.settings import suggestion
+        from vbus.core.values.settings import among
 
-        hint, known = suggestion(value, NAMES), ", ".join(NAMES)
-        raise click.BadParameter(f'there is no demo "{value}"; {hint}there are {known}')
+        raise click.BadParameter(f'there is no demo "{value}"; {among(value, NAMES, "there are")}')
     return value
 
 
@@ -61,7 +60,8 @@ class _DemoRun:
     def __init__(self, name: str, live: bool, page: PageRequest) -> None:
         from vbus.board.build import load_board_text
         from vbus.boardfile.sections import ScopeSection
-        from vbus.cli.run.demo_view import LatestTraffic
+        from vbus.circuit.stream import LatestLines, PacketTaker
+        from vbus.cli.run.demo_view import LINES
         from vbus.serve.server import LinkSpec, Server
 
         self.demo: Demo = demo_of(name)
@@ -74,8 +74,8 @@ class _DemoRun:
         # Two demonstrations may run at once.
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
-        self._traffic: LatestTraffic = LatestTraffic()
-        self._board.observe(self._traffic)
+        self._packets: LatestLines = LatestLines(maxlen=LINES)
+        self._board.observe(PacketTaker(lambda _, one: self._packets.add(one.end, one.text)))
         self._server: Server = Server(self._board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board}")])
         self._link: str = ""
         self._host: int = 0
@@ -131,7 +131,7 @@ class _DemoRun:
 
         with Live(auto_refresh=False, transient=True) as live:
             while True:
-                view = screen(self.demo, self._board, self._traffic, self._link, self._steps)
+                view = screen(self.demo, self._board, self._packets, self._link, self._steps)
                 live.update(view, refresh=True)
                 await asyncio.sleep(REFRESH)
 
@@ -181,7 +181,7 @@ class _DemoRun:
             "host_process": self._host,
             "results": self._results,
             "encoders": [plant.count for plant in self._board.plants],
-            "bus_cycles": self._traffic.cycles,
+            "bus_cycles": self._board.reads + self._board.writes,
             "violations": self._board.counters["violations"],
             "rules_broken": sorted({found.rule for found in self._board.violations}),
             "chip_seconds": self._board.now * 1e-12,

@@ -9,8 +9,7 @@ from rich.text import Text
 
 from vbus import plugins
 from vbus.board.board import Board
-from vbus.chips.packets import Packet
-from vbus.circuit.stream import LatestLines, PacketReader
+from vbus.circuit.stream import LatestLines
 from vbus.cli.look.monitor import lamps
 from vbus.cli.telemetry_text import words_and_numbers
 from vbus.client.demo import Demo
@@ -20,28 +19,6 @@ BAR: Final = 31
 """Characters of a bar; the middle one is zero."""
 LINES: Final = 4
 """Packets shown, and lines of the host: the whole fits a terminal of 80 by 24."""
-
-
-class LatestTraffic(PacketReader):
-    """The latest packets; equal neighbours are counted, not repeated."""
-
-    def __init__(self) -> None:
-        self._lines: LatestLines = LatestLines(maxlen=LINES)
-        self.cycles: int = 0
-
-    def bus_cycle(
-        self, when: int, host: str, chip: str, write: bool, address: int, data: int
-    ) -> None:
-        """Count a cycle."""
-        self.cycles += 1
-
-    def packet(self, chip: str, packet: Packet) -> None:
-        """Take down a packet."""
-        self._lines.add(packet.end, packet.text)
-
-    def lines(self) -> list[str]:
-        """Return what there is to show, oldest first."""
-        return [line.counted("  ") for line in self._lines]
 
 
 def bar(value: float, full: float) -> Text:
@@ -55,7 +32,7 @@ def bar(value: float, full: float) -> Text:
 
 
 def screen(
-    demo: Demo, board: Board, traffic: LatestTraffic, link: str, steps: list[str]
+    demo: Demo, board: Board, packets: LatestLines, link: str, steps: list[str]
 ) -> RenderableType:
     """Return the whole screen as things stand now."""
     chip = board.chip(demo.chip)
@@ -81,8 +58,8 @@ def screen(
             title_align="left",
         ),
         Panel(
-            _last(traffic.lines()),
-            title=f"bus, {traffic.cycles} cycles over {link}",
+            _last([line.counted("  ") for line in packets]),
+            title=f"bus, {board.reads + board.writes} cycles over {link}",
             title_align="left",
         ),
         Panel(_last(steps), title="host, a process of its own", title_align="left"),

@@ -1,12 +1,15 @@
 """``vbus run --detach``: the board goes on in the background once it is ready."""
 
+import fcntl
 import os
 import select
 import socket
 import sys
+from typing import TextIO
 
 import click
 
+from vbus.cli.proc import handle_of
 from vbus.core import exit_codes
 from vbus.serve.registry import log_path
 
@@ -31,20 +34,23 @@ def go_on_in_background(name: str) -> None:
             _leave(str(begun))
             return
         # No handler of SIGCHLD: the descriptor tells the end of just this process.
-        ended = os.pidfd_open(child)
-        try:
+        with handle_of(child) as ended:
             # The notice that the board is ready, or the end of its process.
             ready, _, _ = select.select([notices.fileno(), ended], [], [])
-        finally:
-            os.close(ended)
         if notices.fileno() in ready:
             begun.replace(log)
             click.echo(log.read_text().rpartition("\nready; ")[0])
             click.echo(f'ready; "vbus stop {name}" stops it')
             raise click.exceptions.Exit(exit_codes.OK)
-    click.echo(begun.read_text(), nl=False, err=True)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    # A log on a full disk is empty.
+    said = begun.read_text() or (
+        f"vbus: the board ended with exit code {code}, and {begun} could not take why; start it"
+        " without --detach\n"
+    )
+    click.echo(said, nl=False, err=True)
     begun.unlink()
-    raise click.exceptions.Exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    raise click.exceptions.Exit(code)
 
 
 def _leave(log: str) -> None:
@@ -53,7 +59,18 @@ def _leave(log: str) -> None:
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)
     output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
+    # Of all that write there, to the end of the last: who follows the log goes by it.
+    fcntl.flock(output, fcntl.LOCK_EX)
     for descriptor, place in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(descriptor, place)
     os.close(nothing)
     os.close(output)
+
+
+def goes_on(log: TextIO) -> bool:
+    """Whether a process runs that may write to this log."""
+    try:
+        fcntl.flock(log, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    return False

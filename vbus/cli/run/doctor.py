@@ -15,9 +15,11 @@ from typing import Final
 
 import click
 
-from vbus.cli.output import show
+from vbus.cli.output import positive, show
 from vbus.cli.run.doctor_realtime import FAIL, OK, WARN, Diagnosis, found
 from vbus.core import exit_codes
+from vbus.core.errors import PluginError, TransportError
+from vbus.core.instants import SECOND
 
 OLDEST_PYTHON: Final = (3, 11)
 # An hour shows what a night job does to a machine; a slip of the unit is refused.
@@ -26,22 +28,19 @@ ENOUGH_INSTANCES: Final = 128
 """The kernel's own default."""
 
 
-def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> float:
+def _latency(ctx: click.Context, param: click.Parameter, value: str | None) -> float:
     """Return a duration in seconds; 0 if none is given."""
-    from vbus.core.values.units import parse
-
-    try:
-        seconds = 0 if value is None else parse(value, "s") * 1e-12
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
-    if not (value is None or 0 < seconds <= LONGEST_LATENCY):
+    length = positive(ctx, param, value)
+    if length is None:
+        return 0.0
+    if length > LONGEST_LATENCY * SECOND:
         raise click.BadParameter(f'"{value}": up to {LONGEST_LATENCY} s are measured')
-    return seconds
+    return float(length / SECOND)
 
 
 @click.command("doctor")
 @click.option(
-    "--latency", callback=_duration, metavar="DURATION",
+    "--latency", callback=_latency, metavar="DURATION",
     help='Measure how late this machine wakes a server, for this time, such as "10s".',
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -114,7 +113,6 @@ def _numbers(version: str) -> tuple[int, ...]:
 def plugins() -> Iterator[Diagnosis]:
     """Load every chip, plant, protocol and transport that is registered."""
     from vbus import plugins as registry
-    from vbus.core.errors import PluginError
 
     for group in (registry.CHIPS, registry.PLANTS, registry.PROTOCOLS, registry.TRANSPORTS):
         try:
@@ -170,7 +168,6 @@ def terminal() -> Iterator[Diagnosis]:
 
 def runtime() -> Iterator[Diagnosis]:
     """Write to the runtime directory; look for what dead servers left in it."""
-    from vbus.core.errors import TransportError
     from vbus.core.runtime import runtime_directory
     from vbus.serve.registry import boards_directory
 

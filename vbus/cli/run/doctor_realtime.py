@@ -76,13 +76,13 @@ def promises() -> Iterator[Diagnosis]:
 
 def _clock() -> Diagnosis:
     try:
-        kept = clock_discipline()
+        discipline = clock_discipline()
     except OSError as error:
         return Diagnosis(WARN, "clock", f"the system does not tell: {error.strerror}")
-    if kept is None:
+    if discipline is None:
         advice = "nodes on several computers follow each other's clocks better with chrony or ptp4l"
         return Diagnosis(OK, "clock", f"nothing disciplines it; {advice}")
-    away, slew = kept
+    away, slew = discipline
     return Diagnosis(OK, "clock", f"within {away} us of true time, slewed by {slew:+.1f} ppm")
 
 

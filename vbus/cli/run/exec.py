@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.cli.look.scope_page import PageRequest, scope_options
-from vbus.cli.output import record_options, time_option
-from vbus.core.errors import TransportError
+from vbus.cli.output import RECORDS, record_options, refuse_given, time_option
+from vbus.core.errors import TransportError, value_errors
 
 if TYPE_CHECKING:
     from vbus.cli.hosted.program import HostedProgram
@@ -71,10 +71,13 @@ _RECORDED: Final = (
     "a running board keeps its records if it was started with such options of vbus run"
 )
 _WITHOUT: Final = {
-    "limit": "only a board that ends with the program can end it",
+    "transcript": _RECORDED,
+    "metrics": _RECORDED,
     "scope": "a running board is shown by: vbus scope NAME",
-    "scope-control": "a running board is taken in hand by: vbus scope NAME --control",
-    "open": "a running board is shown by: vbus scope NAME",
+    "scope_control": "a running board is taken in hand by: vbus scope NAME --control",
+    "open_page": "a running board is shown by: vbus scope NAME",
+    **dict.fromkeys(RECORDS, _RECORDED),
+    "limit": "only a board that ends with the program can end it",
     "cpu": "its [cpu] section says what the image runs on",
     "pinmap": "a link of a running board has the pin map of its host",
 }
@@ -125,16 +128,10 @@ def command(
             "name either a board file with --board or a link with --link, or a running board with"
             " --join"
         )
-    given: dict[str, object] = {
-        "transcript": transcript, "metrics": metrics or None, "scope": page.listen,
-        "scope-control": page.control or None, "open": page.open_page or None, **record,
-        "limit": limit, "cpu": cpu, "pinmap": pinmap,
-    }  # fmt: skip
-    for option, value in given.items():
-        if board is None and value is not None:
-            raise click.UsageError(
-                f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
-            )
+    if board is None:
+        for option, why in _WITHOUT.items():
+            refuse_given((option,), f"goes with --board; {why}")
+        refuse_given(("summary",), "goes with --board; of a running board see: vbus report")
     if board is not None:
         from vbus.cli.hosted.program import run_on_board
 
@@ -191,7 +188,7 @@ def program_of(
         from vbus.cli.run import firmware
 
         what = "AVR" if settings is None else settings.processor
-        host = firmware.host_of_firmware(file, pinmap, f"the {what}")
+        host = firmware.host_of_firmware(file, pinmap, what)
         if settings is None:
             command = firmware.avr_command(options, program[0])
         else:
@@ -212,10 +209,8 @@ def _specified(option: str, spec: str, program: Sequence[str]) -> Any:
 
     if len(program) != 1:
         raise click.UsageError(f"{option} takes one firmware file and no arguments")
-    try:
+    with value_errors(click.BadParameter, param_hint=option):
         return parse(spec) if option == "--avr" else settings_of(spec)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint=option) from None
 
 
 def _join(link: str, program: list[str]) -> int:
@@ -228,11 +223,8 @@ def _join(link: str, program: list[str]) -> int:
     from vbus.core.errors import OptionError
 
     # Asked once before the program begins: a link that is wrong is named, and no program runs.
-    try:
-        with connect(link) as bus:
-            info = bus.info
-    except ValueError as error:
-        raise OptionError(f"--link: {error}") from None
+    with value_errors(OptionError, "--link: "), connect(link) as bus:
+        info = bus.info
     with TemporaryDirectory(prefix="vbus-") as folder:
         note = Path(folder) / "fault"
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}

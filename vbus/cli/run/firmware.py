@@ -21,15 +21,9 @@ from vbus.cpu.processors import PROCESSORS, CpuSettings, foreign, with_defaults
 from vbus.native import include_dir
 
 AVR_KEYS: Final = {
-    "mmcu": "--mmcu",
-    "f": "--frequency",
-    "cycles": "--cycles",
-    "until": "--until",
-    "pin": "--until-pin",
-    "uart": "--uart",
-    "pty": "--pty",
-    "gdb": "--gdb",
-}
+    "mmcu": "--mmcu", "f": "--frequency", "cycles": "--cycles", "until": "--until",
+    "pin": "--until-pin", "uart": "--uart", "pty": "--pty", "gdb": "--gdb",
+}  # fmt: skip
 """Keys of the specification, and the options of vbus-avr they become."""
 AVR_FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
 _CPU_KEYS: Final = {"cycles": "cycles", "until": "until"}
@@ -182,6 +176,23 @@ def _check_firmware(elf: str) -> None:
         raise ProgramError(f"{elf}: an ELF file of another machine; link it by avr-gcc", False)
 
 
+def check_slaved(file: BoardFile, what: str) -> None:
+    """Refuse a board whose time does not follow the clock of firmware.
+
+    Args:
+        file: the board.
+        what: that firmware runs on.
+
+    Raises:
+        ConfigError: two masters of time would drift apart.
+    """
+    if file.board.time != "slaved":
+        raise ConfigError(
+            f"{file.path}: chip time must follow the {what}, and this board is {file.board.time};"
+            ' write time = "slaved" in [board]'
+        )
+
+
 def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSection:
     """Return the host that firmware is: the file's own with the pin map, or one made up.
 
@@ -193,16 +204,11 @@ def host_of_firmware(file: BoardFile, name: str | None, what: str) -> HostSectio
     Raises:
         ConfigError: the board is not slaved, or has no such pin map.
     """
-    # Firmware has a clock of its own; two masters of time would drift apart.
-    if file.board.time != "slaved":
-        raise ConfigError(
-            f"{file.path}: chip time must follow {what}, and this board is {file.board.time};"
-            ' write time = "slaved" in [board]'
-        )
+    check_slaved(file, what)
     names = [section.name for section in file.pinmaps]
     if not names:
         raise ConfigError(
-            f'{file.path}: no pin of {what} is wired; write PB0 = "/RD" and so on in'
+            f'{file.path}: no pin of the {what} is wired; write PB0 = "/RD" and so on in'
             " [pinmaps.NAME.pins], or an empty [pinmaps.NAME] if a card has all, and pinmap ="
             ' "NAME" in [[hosts]]'
         )

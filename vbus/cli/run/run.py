@@ -8,17 +8,16 @@ import click
 from vbus.cli.look.scope_page import PageRequest, refuse_detached, scope_options
 from vbus.cli.output import (
     complain,
-    detach_option,
     endpoint_option,
-    from_option,
-    rate_option,
-    record_options,
+    refuse_given,
     seconds_option,
+    serving_options,
     show,
 )
 from vbus.cli.status_lines import READY, ready_lines, skew_line
 from vbus.core import exit_codes
 from vbus.core.collection import collection_held
+from vbus.core.errors import value_errors
 
 if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
@@ -31,20 +30,16 @@ if TYPE_CHECKING:
 
 @click.command("run")
 @click.argument("board")
-@rate_option
-@record_options
+@serving_options
 @click.option(
     "--durable", type=click.Choice(["process", "machine"]), help="What the journal must survive."
 )
 @scope_options
-@from_option
 @click.option(
     "--priority", metavar="CLASS",
     help="fifo, or fifo:1 to fifo:99: ahead of all usual processes, in locked memory.",
 )  # fmt: skip
 @click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
-@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-@detach_option
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
@@ -70,10 +65,8 @@ def command(
     from vbus.serve.serving import paced, recorded, serve_read
     from vbus.serve.time.priority import Priority
 
-    try:
+    with value_errors(click.BadParameter, param_hint="--priority"):
         wanted = Priority.of(priority, cpu)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--priority") from None
     # Before anything else: a mistake in the file is the likeliest, and costs no fork.
     file, source = read_board_file(board)
     refuse_detached(page.asked, detach)
@@ -92,10 +85,10 @@ def command(
     # After the fork: locked memory is not passed on to a child.
     wanted.take()
     file = recorded(file, record | ({"durable": durable} if durable else {}), metrics)
+    given = {key: value for key, value in of_nodes.items() if value}
     if file.nodes:
         from vbus.serve.nodes.nodes import NodeOptions
 
-        given = {key: value for key, value in of_nodes.items() if value}
         given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
         # One page shows all nodes of a computer: only the process of the first of them starts it.
@@ -106,10 +99,7 @@ def command(
                 await page.show(file.board.name, shown)
 
         return _run_nodes(file, source, NodeOptions(**given), as_json, wanted, show_machine)
-    for key, value in of_nodes.items():
-        if value:
-            option = "--node" if key == "nodes" else f"--{key}"
-            raise click.UsageError(f"{option} is for boards with nodes; {board} has none")
+    refuse_given(given, f"is for boards with nodes; {board} has none")
 
     def ready(server: "Server") -> None:
         status = server.statistics() | {"priority": str(wanted)}

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import click
 
-from vbus.cli.output import complain, seconds_option, show
+from vbus.cli.output import complain, endpoint_option, seconds_option, show
+from vbus.cli.proc import handle_of
 from vbus.cli.status_lines import listed_lines
 from vbus.core import exit_codes
 from vbus.core.errors import TransportError
@@ -27,9 +28,7 @@ _STEP: Final = 0.1
 
 @click.command("ls")
 @click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option(
-    "--zenoh", "endpoints", multiple=True, metavar="ENDPOINT", help="Look on this network too."
-)
+@endpoint_option("--zenoh", "endpoints", multiple=True, text="Look on this network too.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants and spans in ps.")
 def ls(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int:
     """List the boards that run on this machine, with their chips, links, time and lag.
@@ -45,8 +44,10 @@ def ls(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int
     missing = [name for name in names if name not in answering]
     lines = (line for board in boards for line in listed_lines(board))
     show(as_json, boards, lines if boards or names else ["no board is running"])
+    listed = {board["board"] for board in boards}
     for name in missing:
-        complain(registry.not_there(name, "answers"))
+        if name not in listed:  # else its line says that it does not answer
+            complain(registry.not_there(name, "answers"))
     return exit_codes.NO_LINK if missing else exit_codes.OK
 
 
@@ -94,8 +95,10 @@ def wait(names: tuple[str, ...], timeout: float) -> int:
 def logs(board: str, follow: bool) -> None:
     """Show what a board has said that was started with "--detach": by vbus run, or by vbus up.
 
-    The log is kept until a board of this name is started again.
+    The log stays until a board of this name is started again.
     """
+    from vbus.cli.run.detach import goes_on
+
     try:
         file = registry.log_path(board).open(encoding="utf-8", errors="replace")
     except FileNotFoundError:
@@ -103,7 +106,7 @@ def logs(board: str, follow: bool) -> None:
         raise TransportError(f"{absent}; without it a board tells its own terminal") from None
     with file:
         while True:
-            alive = follow and registry.answers(board)
+            alive = follow and goes_on(file)
             click.echo(file.read(), nl=False)
             if not alive:
                 return
@@ -116,7 +119,8 @@ def logs(board: str, follow: bool) -> None:
 def stop(names: tuple[str, ...], timeout: float) -> int:
     """End running boards, and wait until they have ended.
 
-    Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, also of
+    Journals, reports and waveforms are whole when it returns; the exit code is 1 if a board in the
+    background could not write all of them. NAME is what "vbus ls" shows, also of
     what "vbus attach" has brought here, or that of a board with nodes: all of them.
     """
     # All are found before any is ended: a wrong name stops none of them.
@@ -129,30 +133,43 @@ def stop(names: tuple[str, ...], timeout: float) -> int:
         }
         if not processes[name]:
             raise TransportError(registry.not_there(name, "runs"))
-    late = []
+    late, lacking = [], []
     for name in names:
         ended = [_ended(process, timeout) for process in processes[name]]
         if not all(ended):
             late.append(name)
+        lacking += _unrecorded(name, processes[name])
+    for sentence in lacking:
+        complain(sentence)
     for name in late:
         complain(
             f'{name} has not ended within {timeout:g} s and still runs; "vbus logs {name}" shows'
             " what it says, if it was started with --detach"
         )
-    return exit_codes.FAILURE if late else exit_codes.OK
+    return exit_codes.FAILURE if late or lacking else exit_codes.OK
+
+
+def _unrecorded(name: str, processes: set[int]) -> list[str]:
+    """Return what a board in the background has last said, if that is what it could not record."""
+    from vbus.serve.recording import LACKING
+
+    try:
+        lines = registry.log_path(name).read_text(errors="replace").splitlines() or [""]
+    except OSError:
+        return []
+    # The log may be of an earlier run than the one in a terminal that has ended now.
+    own = any(lines[0].endswith(f"process {process}") for process in processes)
+    said = lines[-1].removeprefix("vbus: ")
+    return [f"{name}: {said}"] if own and said.startswith(LACKING) else []
 
 
 def _ended(process: int, timeout: float) -> bool:
     """End a process; tell whether it has ended in time."""
-    with suppress(ProcessLookupError):
-        handle = os.pidfd_open(process)
-        try:
-            signal.pidfd_send_signal(handle, signal.SIGTERM)
-            # One that was stopped (Ctrl-Z) would not hear of it.
-            signal.pidfd_send_signal(handle, signal.SIGCONT)
-            # In steps, so that seconds in which the machine itself stood still do not count.
-            steps = range(int(timeout / _STEP) + 1)
-            return any(select.select([handle], [], [], min(timeout, _STEP))[0] for _ in steps)
-        finally:
-            os.close(handle)
+    with suppress(ProcessLookupError), handle_of(process) as handle:
+        signal.pidfd_send_signal(handle, signal.SIGTERM)
+        # One that was stopped (Ctrl-Z) would not hear of it.
+        signal.pidfd_send_signal(handle, signal.SIGCONT)
+        # In steps, so that seconds in which the machine itself stood still do not count.
+        steps = range(int(timeout / _STEP) + 1)
+        return any(select.select([handle], [], [], min(timeout, _STEP))[0] for _ in steps)
     return True

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import Verbs, reading, seconds, show
+from vbus.cli.output import Verbs, refuse_given, seconds, show
 from vbus.cli.sources import opened
 from vbus.core import exit_codes
-from vbus.core.errors import VbusError
+from vbus.core.errors import VbusError, content
 from vbus.serve import registry
 from vbus.serve.output_file import write_file
 
@@ -60,8 +60,7 @@ def load(board: str, file: Path, as_json: bool) -> None:
     from vbus.board.snapshot import read
     from vbus.nodes.machine_snapshot import is_machine
 
-    with reading(file) as taken:
-        data = taken.read()
+    data = content(file)
     if is_machine(data):
         raise VbusError(
             f"{file}: a machine that runs is not brought back to a snapshot; stop it, and start it"
@@ -83,8 +82,7 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
     from vbus.nodes.machine_snapshot import is_machine
     from vbus.nodes.machine_snapshot import read as read_machine
 
-    with reading(file) as taken:
-        data = taken.read()
+    data = content(file)
     whole: Snapshot | MachineSnapshot
     if is_machine(data):
         whole = read_machine(data, str(file))
@@ -95,6 +93,7 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
         whole = part = read(data, str(file))
         end, (about, lines) = "", _of_board(part)
     if board_file:
+        refuse_given(("as_json",), "does not go with --board-file, which prints the file alone")
         click.echo(part.text, nl=False)
         return
     value = {

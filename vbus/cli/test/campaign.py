@@ -2,11 +2,10 @@
 
 import hashlib
 import os
-import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -15,32 +14,39 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.cli.output import complain, duration
+from vbus.cli.output import complain, refuse_given
+from vbus.core.errors import ConfigError, VbusError, value_errors
 
 if TYPE_CHECKING:
+    from vbus.board.board import Board
     from vbus.boardfile.sections import BoardFile
     from vbus.boardfile.source import Source
     from vbus.campaign.account import Account
     from vbus.campaign.plan import PlannedWorld
     from vbus.campaign.verdict import Result
     from vbus.campaign.world import World
-    from vbus.cli.hosted.campaign_runs import FunctionSubject, Subject
-    from vbus.cli.hosted.program import HostedProgram
+    from vbus.cli.hosted.campaign_runs import FunctionSubject, ProgramSubject, Subject
     from vbus.serve.output_file import OutputFile
 
-_MINUTES: Final = re.compile(r"\s*(\d+)\s*(m|min|h)\s*")
+_OF_PROGRAM: Final = ("avr", "cpu", "pinmap", "failed")
+"""Options that say what a PROGRAM is."""
 _TOLD: Final = 20
 """Outcomes that are listed one by one; --all lists all of them."""
+_OF_CAMPAIGN: Final = (
+    "only", "phases", "longest", "worlds", "seed", "jobs", "json", "junit", "page", "baseline",
+    "every",
+)  # fmt: skip
+"""Options that a single run has no use for."""
 
 
 def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
     """Return a time of the wall clock, which may be in minutes and hours (ps)."""
-    from vbus.core.kernel import SECOND
+    from vbus.protocols.quantities import WALL_UNITS, parse_duration
 
-    found = _MINUTES.fullmatch(value or "")
-    if found:
-        return int(found[1]) * (3600 if found[2] == "h" else 60) * SECOND
-    length: int | None = duration(ctx, param, value)
+    with value_errors(click.BadParameter):
+        length = value if value is None else parse_duration(value, WALL_UNITS)
+    if length == 0:
+        raise click.BadParameter("no run ends in no time; write one such as 30s, 5m or 2h")
     return length
 
 
@@ -63,7 +69,7 @@ def _minutes(ctx: click.Context, param: click.Parameter, value: str | None) -> i
 @click.option("--baseline", metavar="FILE", help="A file of --json: fail for what it has not.")
 @click.option("--world", metavar="WORLD", help="Run once, in this world; --journal as in exec.")
 @click.option("--journal", metavar="FILE", help="With --world: write every call of the host.")
-@click.option("--all", "every", is_flag=True, help="Tell every outcome, not 20.")
+@click.option("--all", "every", is_flag=True, help="List every outcome; else 20.")
 @click.argument("program", nargs=-1, type=click.UNPROCESSED)
 def command(
     board: str | None, host: str | None, avr: str | None, cpu: str | None,
@@ -86,31 +92,38 @@ def command(
     busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
     sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each
     that "vbus fault list" has, once), threads (of a program with a card, in another order). The
-    exit code is 1 if a silent outcome is not in the baseline; without one that of pytest is that
-    of the tests.
+    exit code is 1 if nothing was tried, or a silent outcome is not in the baseline; without a
+    baseline pytest ends with that of the tests.
     """
-    from vbus.campaign.world import read_dimensions
+    from vbus.campaign.report import check_files
+    from vbus.campaign.world import PHASE, read_dimensions
 
+    if world is not None:
+        refuse_given(_OF_CAMPAIGN, "goes with a campaign, and --world is one run")
+    tests = _tests(program)
     if board is None:
-        return _pytest(program, longest, worlds)
+        if tests is None:
+            raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
+        return _pytest(tests, longest, worlds)
+    if tests is not None:
+        raise click.UsageError("--board does not go with pytest: each test says its board")
     if (host is None) == (not program):
         raise click.UsageError("name either a PROGRAM or a function with --host")
-    if journal is not None and world is None:
-        raise click.UsageError("--journal goes with --world: a campaign is many runs")
     files = {"json": json, "junit": junit, "page": page}
-    for name, value in files.items():
-        if value is not None and world is not None:
-            raise click.UsageError(f"--{name} goes with a campaign, and --world is one run")
-    try:
+    if world is None:
+        refuse_given(("journal",), "goes with --world: a campaign is many runs")
+    with value_errors(click.BadParameter, param_hint="--only"):
         chosen = read_dimensions(only)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--only") from None
+    if phases is not None and PHASE not in chosen:
+        raise click.UsageError("--phases is for the dimension phase, which --only leaves out")
+    with value_errors(click.UsageError):
+        named = (path for word in (board, host or "", *program) for path in _files_of(word))
+        check_files(files.values(), [baseline, *named])
 
     def tried(subject: "Subject", file: "BoardFile", source: "Source") -> int:
         campaign = CampaignRun(
             subject, file, source, chosen, phases or 0, seed,
             jobs or os.cpu_count() or 1, longest, worlds, _words(board, host, program),
-            _digest(source.text, (*program, failed or "", (host or "").rpartition(":")[0])),
         )  # fmt: skip
         return campaign.run(files, baseline, every)
 
@@ -118,15 +131,7 @@ def command(
         from vbus.board.config import read_board_file
         from vbus.cli.hosted.campaign_runs import FunctionSubject, function_of
 
-        for option, value in (
-            ("--avr", avr),
-            ("--cpu", cpu),
-            ("--pinmap", pinmap),
-            ("--failed", failed),
-            ("--journal", journal),
-        ):
-            if value is not None:
-                raise click.UsageError(f"{option} goes with a PROGRAM")
+        refuse_given([*_OF_PROGRAM, "journal"], "goes with a PROGRAM")
         file, source = read_board_file(board)
         function = FunctionSubject(file, source, function_of(host))
         if world is not None:
@@ -136,26 +141,31 @@ def command(
     from vbus.cli.run.exec import program_of
 
     hosted = program_of(board, program, pinmap, avr, cpu)
+    subject = ProgramSubject(hosted, failed or "")
     if world is not None:
-        return _replay(world, hosted, journal)
-    return tried(ProgramSubject(hosted, failed or ""), hosted.file, hosted.source)
+        return _replay(world, subject, journal)
+    return tried(subject, hosted.file, hosted.source)
 
 
-def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
+def _tests(program: tuple[str, ...]) -> tuple[str, ...] | None:
+    """Return the words after pytest; None: the program is another one."""
+    words = program[2:] if program[1:2] == ("-m",) else program
+    if not words or Path(words[0]).name not in ("pytest", "py.test"):
+        return None
+    return words[1:]
+
+
+def _pytest(tests: tuple[str, ...], longest: int | None, worlds: int | None) -> int:
     """Let pytest make the campaign."""
     from vbus.core.kernel import SECOND
 
-    if program[:1] != ("pytest",):
-        raise click.UsageError("name a board with --board, or run: vbus campaign -- pytest ...")
     given = click.get_current_context().params
-    for name in ("host", "avr", "cpu", "pinmap", "failed", "journal"):
-        if given[name] is not None:
-            raise click.UsageError(f"--{name} does not go with pytest; its tests say it")
+    refuse_given(["host", *_OF_PROGRAM, "journal"], "does not go with pytest; its tests say it")
     if longest is not None and worlds is not None:
         raise click.UsageError("with pytest write either --for or --worlds")
     words = [f"--vbus-world={given['world']}"] if given["world"] else []
     if not words:
-        budget = f"={longest / SECOND:g}s" if longest else f"={worlds}" if worlds else ""
+        budget = f"={longest / SECOND:f}s" if longest else f"={worlds}" if worlds else ""
         words = [f"--vbus-campaign{budget}"]
     for name in ("only", "phases", "seed", "json", "junit", "page", "baseline"):
         words += [f"--vbus-campaign-{name}={given[name]}"] if given[name] else []
@@ -164,7 +174,7 @@ def _pytest(program: tuple[str, ...], longest: int | None, worlds: int | None) -
         if find_spec("xdist") is None:
             raise click.UsageError("-j with pytest needs pytest-xdist: pip install pytest-xdist")
         words += ["-n", str(given["jobs"])]
-    return subprocess.run([sys.executable, "-m", "pytest", *words, *program[1:]]).returncode
+    return subprocess.run([sys.executable, "-m", "pytest", *words, *tests]).returncode
 
 
 def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
@@ -173,77 +183,118 @@ def _words(board: str, host: str | None, program: tuple[str, ...]) -> list[str]:
     if host:
         return [*words, "--host", host]
     given = click.get_current_context().params
-    for name in ("avr", "cpu", "pinmap", "failed"):
+    for name in _OF_PROGRAM:
         words += [f"--{name}", given[name]] if given[name] else []
     return [*words, "--", *program]
 
 
-def _digest(text: str, program: tuple[str, ...]) -> str:
+def _digest(text: str, words: list[str], reference: "Account") -> str:
     """Return what tells whether results are of this board and this program."""
-    whole = hashlib.sha256(text.encode())
-    # A word that names a file is a part of the program: its script, image or configuration.
-    for word in program:
-        whole.update(word.encode() + b"\0")
-        if Path(word).is_file():
-            whole.update(Path(word).read_bytes())
+    from msgspec.json import encode
+    from msgspec.structs import replace
+
+    import vbus
+
+    # What it prints may have a number of a process in it, which says nothing of the program.
+    seen = encode(replace(reference, output="", errors=""))
+    whole = hashlib.sha256(f"{vbus.__version__}\0{text}\0{shlex.join(words)}\0".encode() + seen)
+    for path in sorted({path for word in words for path in _files_of(word)}):
+        whole.update(path.read_bytes())
     return whole.hexdigest()
+
+
+def _files_of(word: str) -> Iterator[Path]:
+    """Give the files that a word names, or a command in it: script, image or configuration.
+
+    Files in Python beside a script are modules of it.
+    """
+    try:
+        names = [word, word.rpartition(":")[0], *shlex.split(word)]
+    except ValueError:  # a quote without another one
+        names = [word]
+    for path in map(Path, filter(os.path.isfile, names)):
+        yield path
+        if path.suffix == ".py":
+            yield from path.parent.glob("*.py")
 
 
 def _world(name: str) -> "World":
     """Return the world of a name."""
     from vbus.campaign.world import read_world
 
-    try:
+    with value_errors(click.BadParameter, param_hint="--world"):
         return read_world(name)
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--world") from None
 
 
-def _replay(name: str, program: "HostedProgram", journal: str | None) -> int:
+def _replay(name: str, subject: "ProgramSubject", journal: str | None) -> int:
     """Run a program in one world; say what it was and what came of it."""
-    from vbus.board.board import Board
-    from vbus.campaign.world import begin
+    from vbus.campaign.world import REFERENCE, begin
     from vbus.cli.hosted.campaign_runs import in_world, limits_of
     from vbus.cli.hosted.program import run_beside
-    from vbus.cli.outcome import AxisOutcomes
     from vbus.serve.serving import recorded
 
     world = _world(name)
-    program = in_world(program, world)
+    program = in_world(subject.program, world)
     file = recorded(program.file, {"journal": journal} if journal else {}, "")
+    # With a link broken no two runs are alike, so it has no verdict.
+    reference = None if world.of_host and not world.order else subject.run(REFERENCE, None)
 
-    def prepare(board: Board) -> None:
-        outcomes.append(AxisOutcomes(board))
-        outcomes[0].watch()
-        try:
+    def prepare(board: "Board") -> None:
+        with value_errors(click.BadParameter, param_hint="--world"):
             begin(board, world)
-        except ValueError as error:
-            raise click.BadParameter(str(error), param_hint="--world") from None
+        boards.append(board)
+        complain(f"world: {world.sentence()}")
 
-    outcomes: list[AxisOutcomes] = []
-    complain(f"world: {world.sentence()}")
-    ran = run_beside(replace(program, file=file), limit=limits_of(None)[0], prepare=prepare)
-    outcomes[0].look()
-    for line in (*ran.hangs, *ran.findings.lines(), *outcomes[0].lines()):
+    boards: list[Board] = []
+    limit = limits_of(reference)[0]
+    ran = run_beside(replace(program, file=file), limit=limit, prepare=prepare, watched=True)
+    for line in (*ran.hangs, *ran.findings.lines(), *ran.outcome.lines()):
         complain(line)
-    return ran.ended.code
+    if reference is None:
+        for fault in boards[0].faults.unfired():
+            complain(f"nothing was broken: the run ended before {fault.when.text}")
+        return ran.ended.code
+    run = subject.run(world, reference)
+    _tell(reference, run, world)
+    return run.code
+
+
+def _tell(reference: "Account", run: "Account", world: "World") -> None:
+    """Say what a run in a world came to, as its campaign does."""
+    from vbus.campaign.verdict import judge
+
+    result = judge(reference, run, world)
+    complain(f"{result.verdict}: {result.reason}" if result.reason else result.verdict)
+    for finding in result.findings:
+        complain(f"finding: {finding}")
+
+
+def _right(reference: "Account") -> "Account":
+    """Return a reference run that has not failed.
+
+    Raises:
+        VbusError: it has; what the host said is shown.
+    """
+
+    if not reference.stuck and not reference.code:
+        return reference
+    sys.stdout.write(reference.output)
+    sys.stderr.write(reference.errors)
+    why = reference.stuck or f"it ends with exit code {reference.code}"
+    raise VbusError(f"the reference run, with nothing broken, fails: {why}")
 
 
 def _replay_function(name: str, function: "FunctionSubject") -> int:
     """Call a function in one world; say what it was and what came of it."""
-    from vbus.campaign.verdict import judge
     from vbus.campaign.world import REFERENCE
 
     world = _world(name)
-    reference = function.run(REFERENCE, None)
+    reference = _right(function.run(REFERENCE, None))
     run = function.run(world, reference)
-    result = judge(reference, run, world)
     sys.stdout.write(run.output)
     sys.stderr.write(run.errors)
     complain(f"world: {world.sentence()}")
-    complain(f"{result.verdict}: {result.reason}" if result.reason else result.verdict)
-    for finding in result.findings:
-        complain(f"finding: {finding}")
+    _tell(reference, run, world)
     return run.code
 
 
@@ -262,7 +313,6 @@ class CampaignRun:
         longest: how long it may take (ps); None: until all is tried.
         most: how many worlds; None: all.
         words: what runs one world.
-        digest: of board and program.
     """
 
     subject: "Subject"
@@ -275,7 +325,6 @@ class CampaignRun:
     longest: int | None
     most: int | None
     words: list[str]
-    digest: str
 
     def line(self, one: "PlannedWorld") -> str:
         """Return the line that runs a world again."""
@@ -306,10 +355,9 @@ class CampaignRun:
         from vbus.board.build import build
         from vbus.campaign import report
         from vbus.campaign.plan import PHASES, plan
-        from vbus.campaign.verdict import Campaign
+        from vbus.campaign.verdict import Campaign, judge
         from vbus.campaign.world import REFERENCE
         from vbus.cli.hosted.campaign_runs import run_all
-        from vbus.core.errors import ConfigError
         from vbus.core.kernel import SECOND
         from vbus.core.wall_clock import monotonic
 
@@ -327,16 +375,19 @@ class CampaignRun:
         planned = plan(reference, self.file, board, self.seed, self.only, self.phases or PHASES)
         saved = report.read_saved(json.path) if json else report.Saved()
         wanted = planned.worlds[: self.most]
-        before = saved.of(self.digest)
+        before = saved.of(_digest(self.source.text, self.words, reference))
         left = [one for one in wanted if one.name not in before]
         stored = len(saved.results)
 
-        def take(world: "World", result: "Result") -> None:
-            saved.take(str(world), result, json.write if json else None)
+        def take(one: "PlannedWorld", result: "Result") -> None:
+            saved.take(one, result, json.write if json else None)
+
+        def run(world: "World") -> "Result":
+            return judge(reference, self.subject.run(world, reference), world)
 
         stopped = False
         try:
-            # Ctrl-C ends the workers, too: what has come until then is told and stored.
+            # Ctrl-C ends the workers, too: what has come until then is printed and stored.
             run_all(self.subject, reference, left, self.jobs, until, take)
         except KeyboardInterrupt:
             stopped = True
@@ -344,9 +395,13 @@ class CampaignRun:
         names = [one.name for one in wanted]
         found = {name: saved.results[name] for name in names if name in saved.results}
         campaign = Campaign(planned, found)
+        if not stopped and monotonic() < until:
+            campaign = campaign.with_least(run, lambda: monotonic() < until)
+            saved.results |= {one.planned.name: one.result for one in campaign.tried}
         new = campaign.new(known or ())
         into = {kind: file.write for kind, file in files.items()}
-        report.write(campaign, saved, new, shlex.join(self.words), self.line, into)
+        subject = shlex.join(["vbus", "campaign", *self.words])
+        report.write(campaign, saved, new, subject, self.line, into)
         for line in report.lines(campaign, known, self.line, None if every else _TOLD):
             click.echo(line)
         made = len(saved.results) - stored
@@ -356,20 +411,18 @@ class CampaignRun:
             again = f"; the same command goes on from {json.path}" if json else ""
             complain(f"stopped before the end{again}")
             return 130
+        if not campaign.tried:
+            late = monotonic() >= until
+            why = "--for was over after the reference runs" if late else "the machine was too slow"
+            raise VbusError(f"no world was tried: {why if planned.worlds else 'none applies here'}")
         return 1 if new else 0
 
     def _reference(self, reference: "Account") -> "Account":
         from vbus.campaign.world import REFERENCE
         from vbus.cli.hosted.campaign_runs import difference
-        from vbus.core.errors import VbusError
 
-        if reference.stuck or reference.code:
-            sys.stdout.write(reference.output)
-            sys.stderr.write(reference.errors)
-            why = reference.stuck or f"it ends with exit code {reference.code}"
-            raise VbusError(f"the reference run, with nothing broken, fails: {why}")
         # With the bounds of a run in a world: bounds that end it would end every world.
-        unlike = difference(reference, self.subject.run(REFERENCE, reference))
+        unlike = difference(_right(reference), self.subject.run(REFERENCE, reference))
         if unlike:
             raise VbusError(
                 f"two runs with nothing broken differ: {unlike}; a campaign compares runs, so the"

@@ -11,9 +11,9 @@ from typing import Any, BinaryIO, Final
 
 import click
 
-from vbus.cli.output import bar, duration, no_progress, reading, show
+from vbus.cli.output import bar, duration, no_progress, reading, refuse_given, show
 from vbus.core import exit_codes
-from vbus.core.errors import VbusError
+from vbus.core.errors import ConfigError, VbusError
 
 _QUANTITY: Final = "PIN=CHANNEL"
 
@@ -39,11 +39,11 @@ def _start(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
               help="Which channel is which pin; also PIN=low, PIN=high.")  # fmt: skip
 @click.option("--from", "start", default="auto", show_default=True, callback=_start,
               metavar="auto|reset|start|INSTANT",
-              help="Where both are in the same state.")  # fmt: skip
+              help="Where to begin: both are in the same state there.")  # fmt: skip
 @click.option("--slack", callback=duration, metavar="DURATION",
-              help="How far apart both may be. Default: a sample and a clock period.")  # fmt: skip
+              help="How far apart in time. Default: a sample and a clock period.")  # fmt: skip
 @click.option("--ignore", multiple=True, metavar="NAME|ADDRESS:MASK",
-              help="Do not compare this packet, register or output; or these bits.")  # fmt: skip
+              help="Leave out this packet, register or output; or bits of an address.")  # fmt: skip
 @click.option("--samplerate", metavar="FREQUENCY", help="Of a table without a column of time.")
 @click.option("--violations", is_flag=True, help="Judge AC limits too; list what the host broke.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
@@ -68,10 +68,14 @@ def command(
     from vbus.views.silicon.conform import CaptureTolerance, Conform
     from vbus.views.silicon.start import find_start, watch_of
 
+    if board is not None:
+        refuse_given(("clock", "options", "plants"), "is for a chip alone; --board says it")
+    if capture.suffix.lower() not in (".csv", ".txt"):
+        refuse_given(("samplerate",), f"is of tables (.csv); {capture} has times of its own")
     made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)
     watch = watch_of(part)
-    names, masks = _ignored(ignore)
+    names, masks = _ignored(ignore, made, part)
     hertz = hertz_of(samplerate)
     wanted = _map(maps)
     with opened_capture(capture, hertz) as (read, _, _):
@@ -119,9 +123,13 @@ def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple
     """Return a board of one chip."""
     from vbus import plugins
     from vbus.board.build import load_board_text
+    from vbus.boardfile.source import BoardFileError
 
     part = part.upper()
-    axes = plugins.chip_class(part).AXES
+    try:
+        axes = plugins.chip_class(part).AXES
+    except ConfigError as error:
+        raise click.UsageError(str(error)) from None
     if clock is None:
         raise click.UsageError('say at which clock the chip runs: --clock "8 MHz"')
     models = ""
@@ -137,12 +145,26 @@ def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple
         raise click.UsageError(f"{part} has {has}; --plant is given {times}")
     names = names or ["none"]
     key = f"plants = {json.dumps(names)}" if axes > 1 else f"plant = {json.dumps(names[0])}" * axes
-    return load_board_text(
+    text = (
         '[board]\nname = "conform"\ntime = "slaved"\npower_on = "done"\n'
         f"[chips.x]\npart = {json.dumps(part)}\nclock = {json.dumps(clock)}\n{key}\n"
-        f"{_settings(list(options), '--option')}{models}",
-        "the options",
+        f"{_settings(list(options), '--option')}{models}"
     )
+    try:
+        return load_board_text(text)
+    except BoardFileError as error:
+        wrong = [f"{_option_of(problem.key)}: {problem.message}" for problem in error.problems]
+        raise click.UsageError("\n".join(wrong)) from None
+
+
+def _option_of(key: str) -> str:
+    """Return what on the command line a key of the board came from."""
+    if key.startswith("chips.x.plant"):
+        return "--plant"
+    where, _, name = key.rpartition(".")
+    if where != "chips.x":
+        return f"--plant {name}"
+    return {"part": "CHIP", "clock": "--clock"}.get(name, f"--option {name}")
 
 
 def _chip_of(board: Any, name: str) -> Any:
@@ -202,12 +224,23 @@ def _map_file(path: str) -> dict[str, str]:
     return dict(table)
 
 
-def _ignored(items: tuple[str, ...]) -> tuple[frozenset[str], dict[int, int]]:
+def _ignored(
+    items: tuple[str, ...], board: Any, part: Any
+) -> tuple[frozenset[str], dict[int, int]]:
+    """Return names, and masks by address; a name that nothing has would leave nothing out."""
+    from vbus import plugins
+    from vbus.events.names import Names, unknown_packet
+
+    known = [] if part.CONNECTOR else Names(board).packets(part.name)
+    if known:
+        known += plugins.family(part.FAMILY).outputs
     names = set()
     masks: dict[int, int] = {}
     for item in items:
         address, colon, mask = item.partition(":")
         if not colon:
+            if (known or part.CONNECTOR) and (unknown := unknown_packet(item, known)):
+                raise click.UsageError(f"--ignore: no packet, register or output {unknown}")
             names.add(item)
             continue
         try:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vbus.cli.output import complain, no_progress, reading
-from vbus.cli.sources import opened
+from vbus.cli.sources import opened, tell_damage
 from vbus.core import exit_codes
 from vbus.serve.output_file import write_file
 
@@ -18,8 +18,8 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 
 @click.command("coverage")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--format", "style", type=click.Choice(list(_FORMATS)), default="text",
-              show_default=True, help="What is written.")  # fmt: skip
+@click.option("--format", "style", type=click.Choice(list(_FORMATS)),
+              help="What is written; else as --output ends, or text.")  # fmt: skip
 @click.option("--json", "style", flag_value="json", help="The same as --format json.")
 @click.option("--output", metavar="FILE", type=click.Path(path_type=Path), help="Write to FILE.")
 @click.option("--all", "every", is_flag=True, help="As text: list also what was exercised.")
@@ -32,7 +32,7 @@ _FORMATS: Final = {"text": ".txt", "json": ".json", "html": ".html", "cobertura"
 @click.option("--test", metavar="TEST", help="What a test uses, and which rules it breaks.")
 @no_progress
 def command(
-    files: tuple[Path, ...], style: str, output: Path | None, every: bool, diff: bool,
+    files: tuple[Path, ...], style: str | None, output: Path | None, every: bool, diff: bool,
     fail_under: float, covers: str | None, test: str | None, no_progress: bool,
 ) -> int:  # fmt: skip
     """Show which commands, registers, flags and modes a driver has used, and which never.
@@ -53,7 +53,11 @@ def command(
         raise click.UsageError("--diff, --covers and --test each show something else; take one")
     if diff and len(files) != 2:
         raise click.UsageError(f"--diff compares two files; {len(files)} are given")
-    if style != "text" and (diff or covers is not None or test is not None):
+    plain = diff or covers is not None or test is not None
+    if style is None:
+        ending = output.suffix if output and not plain else ".txt"
+        style = next((name for name, end in _FORMATS.items() if end == ending), "text")
+    if style != "text" and plain:
         raise click.UsageError("--diff, --covers and --test are shown as text only")
     parts = [read(path, no_progress) for path in files]
     whole = merged(parts)
@@ -95,4 +99,5 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
     with opened(path, "reading", quiet) as reader:
         observer = CoverageObserver(reader.header.families, str(path))
         play(reader.header, reader, observer)
+        tell_damage(path, reader.damage)
     return observer.coverage

@@ -22,9 +22,12 @@ _PERCENT: Final = click.FloatRange(min=0)
 @click.command("diff")
 @click.argument("first", metavar="A.vbj", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B.vbj", type=click.Path(path_type=Path))
-@click.option("--counts", type=click.IntRange(min=0), default=0, help="Positions so near agree.")
-@click.option("--time", type=_PERCENT, default=0.0, metavar="PERCENT", help="So do times.")
-@click.option("--cycles", type=_PERCENT, default=0.0, metavar="PERCENT", help="So do bus cycles.")
+@click.option("--counts", type=click.IntRange(min=0), metavar="N", default=0,
+              help="Positions that are no more apart than this agree.")  # fmt: skip
+@click.option("--time", type=_PERCENT, default=0.0, metavar="PERCENT",
+              help="Times of moves that are no more apart agree.")  # fmt: skip
+@click.option("--cycles", type=_PERCENT, default=0.0, metavar="PERCENT",
+              help="Numbers of bus cycles that are no more apart agree.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 @no_progress
 def command(

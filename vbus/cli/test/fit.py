@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.cli.output import duration, no_progress, reading, show, time_option
+from vbus.cli.output import no_progress, positive, reading, refuse_given, show, time_option
 from vbus.core.errors import CaptureError, VbusError, read_errors
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from vbus.views.fit.fit import Fit
     from vbus.views.fit.moves import RecordedMove
 
-_HEAD: Final = 200
-"""Bytes of a file that say what it is."""
+_CAPTURES: Final = (".csv", ".txt", ".vcd", ".sr")
+"""How names of captures and tables end."""
 
 
 @click.command("fit")
@@ -27,7 +27,7 @@ _HEAD: Final = 200
 @time_option("--to", "end", text="End at this instant.")
 @click.option("--map", "maps", multiple=True, metavar="SIGNAL=CHANNEL[,...]",
               help="Of a capture: channels of pwm, sign, a and b.")  # fmt: skip
-@click.option("--period", callback=duration, default="256 us", show_default=True, metavar="TIME",
+@click.option("--period", callback=positive, default="256 us", show_default=True, metavar="TIME",
               help="Of a capture: take the PWM's mean over this.")  # fmt: skip
 @click.option("--samplerate", metavar="FREQUENCY", help="Of a capture without times.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
@@ -50,6 +50,9 @@ def command(
     from vbus.core.kernel import SECOND
     from vbus.views.fit.fit import MotorFit
 
+    if run.suffix.lower() not in _CAPTURES:
+        of_capture = ("period", "samplerate", "maps")
+        refuse_given(of_capture, f"is of captures and tables, and {run} is read as a journal")
     file, _ = read_board_file(board)
     axis, plant = _plant_of(file, axis)
     move = _move(run, axis, plant, (dict(_pairs(maps)), period, samplerate), no_progress)
@@ -101,7 +104,7 @@ def _move(
     quiet: bool,
 ) -> "RecordedMove":  # fmt: skip
     """Read a move, of whatever file it is in."""
-    from vbus.cli.sources import opened
+    from vbus.cli.sources import opened, tell_damage
     from vbus.cli.test.conform import hertz_of, opened_capture
     from vbus.nodes.machine import board_of
     from vbus.plant.dc_motor import DcMotor
@@ -109,9 +112,11 @@ def _move(
 
     wiring, period, samplerate = wires
     kind = run.suffix.lower()
-    if kind not in (".csv", ".txt", ".vcd", ".sr"):
+    if kind not in _CAPTURES:
         with opened(run, "replaying", quiet) as reader:
-            return moves.journal_move(board_of(reader.header, str(run)), reader, str(run), axis)
+            move = moves.journal_move(board_of(reader.header, str(run)), reader, str(run), axis)
+            tell_damage(run, reader.damage)
+            return move
     if kind in (".vcd", ".sr") or wiring:
         with opened_capture(run, hertz_of(samplerate)) as (capture, _, _):
             return moves.capture_move(capture, str(run), wiring, period)

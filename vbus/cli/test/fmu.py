@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 from vbus.cli.output import duration
-from vbus.core.errors import ConfigError, PluginError, read_errors, write_errors
+from vbus.core.errors import ConfigError, import_errors, read_errors, write_errors
 from vbus.serve.output_file import write_file
 
 _SCRIPT: Final = '''\
@@ -90,12 +90,8 @@ def command(board: Path, output: Path, step: int) -> int:
         raise click.UsageError(f"-o {output}: a unit's name ends in .fmu")
     if step < 1:
         raise click.UsageError("--step: steps are 1 ps long at least")
-    try:
+    with import_errors("units of FMI need pythonfmu3", "'vbus[fmi]'"):
         from pythonfmu3 import FmuBuilder
-    except ImportError:
-        raise PluginError(
-            "units of FMI need pythonfmu3; install it with: pip install 'vbus[fmi]'"
-        ) from None
     with read_errors(board, ConfigError):
         text = board.read_text()
     block = BoardBlock(text, str(board), step)

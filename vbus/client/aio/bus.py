@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import nullcontext, suppress
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.aio.waits import Core, Waits
-from vbus.client.link import PAUSE_SECONDS, BoardLink, RetryPolicy
+from vbus.client.link import PAUSE_SECONDS, START_SECONDS, BoardLink, starting
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import SessionWire
 from vbus.core.errors import TransportError, VbusError
+from vbus.core.instants import SECOND
 from vbus.core.wall_clock import monotonic
+from vbus.protocols.quantities import parse_duration
 from vbus.protocols.requests import FORESEEING
 
 if TYPE_CHECKING:
@@ -152,17 +153,12 @@ class Bus(ChipCycles):
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, kind: type[BaseException] | None, *why: object) -> None:
         with suppress(TransportError) if kind is not None else nullcontext():
             await self.close()
 
     async def close(self) -> None:
-        """Close the link, sending first what is kept back; again is harmless.
+        """Close the link, sending first what is held back; again is harmless.
 
         Raises:
             TransportError: the link can tell that what was sent last has not arrived (Zenoh); it
@@ -201,13 +197,14 @@ class Bus(ChipCycles):
     @classmethod
     async def _connect(cls, where: str, timeout: float, wait: str | None) -> Self:
         """Open a session as :func:`connect` does."""
-        patience = RetryPolicy(where, wait)
+        end = monotonic() + (START_SECONDS if wait is None else parse_duration(wait) / SECOND)
         while True:
             try:
                 return await cls._try(where, timeout)
             except TransportError:
-                # A link that cannot be opened yet may belong to a board that is being built.
-                if not patience.left():
+                # A link that cannot be opened yet may belong to a board that is being built: waited
+                # for where that is asked, or known.
+                if monotonic() >= end or (wait is None and not starting(where)):
                     raise
             await cls._WAITS().pause(PAUSE_SECONDS)
 
@@ -230,7 +227,7 @@ class Bus(ChipCycles):
     # -- one call for each request ----------------------------------------------------------------
 
     async def hello(self) -> PortInfo:
-        """Ask what is attached; kept as :attr:`info`."""
+        """Ask what is attached; stored as :attr:`info`."""
         message = Message()
         later = message.hello()
         await self._exchange(message)
@@ -299,10 +296,10 @@ class Bus(ChipCycles):
     async def posting(self, on: bool = True) -> None:
         """Keep requests without a reply back, to travel with the next one that has a reply.
 
-        ``False`` sends what is kept back, and keeps nothing back any more (as at the start).
+        ``False`` sends what is held back, and keeps nothing back any more (as at the start).
         """
         self._posting = on
-        # An empty message: all that is kept back goes with it.
+        # An empty message: all that is held back goes with it.
         if not on:
             await self._exchange(Message())
 

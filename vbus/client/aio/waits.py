@@ -80,11 +80,11 @@ class Waits:
 
         self._lock = asyncio.Lock()
 
-    def __aenter__(self) -> Awaitable[None]:
-        return self._lock.__aenter__()
+    async def __aenter__(self) -> None:
+        await self._lock.acquire()
 
-    def __aexit__(self, *why: Any) -> Awaitable[None]:
-        return self._lock.__aexit__(*why)
+    async def __aexit__(self, *why: object) -> None:
+        self._lock.release()
 
     async def until_ready(self, fd: int, write: bool, deadline: float) -> bool:
         """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""

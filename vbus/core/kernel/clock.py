@@ -36,7 +36,6 @@ class Clock:
     """
 
     STATE: ClassVar[Names] = ("courses: list[(i64, i64, int, int), ...]",)
-    WIRING: ClassVar[Names] = ("hz",)
     DERIVED: ClassVar[Names] = ("_courses", "_den", "_last", "_num", "_plain", "stopped")
 
     def __init__(self, hz: int) -> None:

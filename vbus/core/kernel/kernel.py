@@ -23,7 +23,6 @@ class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
     STATE: ClassVar[Names] = ("due",)
-    WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
     DERIVED: ClassVar[Names] = ("queued",)
 
     def __init__(
@@ -184,6 +183,16 @@ class Kernel:
                 timer.callback()
                 self.settle()
         self.now = when
+
+    def pass_to(self, when: i64) -> None:
+        """Let time pass to an instant of a bus cycle, which is not before now (ps).
+
+        If nothing is due by then, the batch of changes stays open.
+        """
+        if self.next_stop > when:
+            self.now = when
+        else:
+            self.run_until(when)
 
     def run_for(self, duration: int) -> None:
         """Let ``duration`` ps pass."""

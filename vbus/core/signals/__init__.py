@@ -8,25 +8,7 @@ from vbus.core.signals.values import Reading, Value, ValueTable
 from vbus.core.signals.violation import OFF, STRICT, WARN, Policy, Rule, Violation
 
 __all__ = [
-    "HIGH",
-    "LOW",
-    "OFF",
-    "STRICT",
-    "WARN",
-    "EdgeTaker",
-    "Guard",
-    "Net",
-    "Observer",
-    "Pin",
-    "Plant",
-    "Policy",
-    "Reading",
-    "Rule",
-    "Switch",
-    "TraceHash",
-    "Value",
-    "ValueTable",
-    "Violation",
-    "Watcher",
-    "Z",
-]
+    "HIGH", "LOW", "OFF", "STRICT", "WARN", "EdgeTaker", "Guard", "Net", "Observer", "Pin", "Plant",
+    "Policy", "Reading", "Rule", "Switch", "TraceHash", "Value", "ValueTable", "Violation",
+    "Watcher", "Z",
+]  # fmt: skip

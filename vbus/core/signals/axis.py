@@ -23,7 +23,7 @@ class Switch:
         active: electrical level while closed (0 or 1).
     """
 
-    WIRING: ClassVar[Names] = ("active", "high", "low")
+    WIRING: ClassVar[Names] = ("high", "low")
 
     def __init__(self, low: int, high: int, active: int = 0) -> None:
         self.low: int = low
@@ -36,17 +36,19 @@ class Switch:
         closed = self.low <= count < self.high
         return self.active if closed else 1 - self.active
 
-    def closing_between(self, start: int, end: int) -> tuple[bool, int]:
-        """Tell whether moving from ``start`` to ``end`` enters the closed range, and where.
+    def change_between(self, start: int, end: int) -> tuple[bool, int]:
+        """Tell whether moving from ``start`` to ``end`` changes its level, and where first.
 
         Returns:
-            ``(True, first count inside)`` or ``(False, 0)``.
+            ``(True, first count with the other level)`` or ``(False, 0)``.
         """
-        if start < self.low <= end:
-            return True, self.low
-        # Coming down, the first count inside lies one below the upper bound.
-        if end < self.high <= start:
-            return True, self.high - 1
+        # Going up it changes on reaching a bound, going down on leaving it.
+        for bound in (self.low, self.high):
+            if start < bound <= end:
+                return True, bound
+        for bound in (self.high, self.low):
+            if end < bound <= start:
+                return True, bound - 1
         return False, 0
 
 

@@ -60,17 +60,15 @@ class Guard:
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def touched(self) -> None:
+    def pin_moved(self) -> None:
         """A pin on one of the nets has moved, or a listener comes: the levels must be set now."""
         raise NotImplementedError
 
     def come_true(self) -> None:
-        """Give the nets the levels they would have."""
-        raise NotImplementedError
+        """Give the nets the levels they would have: by itself, those they have."""
 
     def cut_short(self) -> None:
-        """Hold edges are about to come before their instant."""
-        raise NotImplementedError
+        """Hold edges are about to come before their instant: by itself, there are none."""
 
 
 class Pin:
@@ -151,8 +149,7 @@ class Net:
 
     STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
     WIRING: ClassVar[Names] = (
-        "_kernel", "bends", "clash", "guard", "name", "observers", "pins", "rest", "watchers",
-        "width",
+        "bends", "clash", "guard", "name", "observers", "pins", "rest", "watchers", "width",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_batch",
@@ -164,7 +161,7 @@ class Net:
     )
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
-        self._kernel: Kernel = kernel
+        self.kernel: Kernel = kernel
         self.name: str = name
         self.width: int = width
         self.rest: int = rest
@@ -200,7 +197,7 @@ class Net:
         What a latch takes whose strobe ends in this batch: data that moves together with the
         trailing edge comes too late.
         """
-        return self.previous if self._batch == self._kernel.batch else self.value
+        return self.previous if self._batch == self.kernel.batch else self.value
 
     @property
     def heard(self) -> bool:
@@ -227,7 +224,7 @@ class Net:
 
         A latch whose strobe ends in this batch takes the last level of the wires.
         """
-        return not self.driven and self._let_go != self._kernel.batch
+        return not self.driven and self._let_go != self.kernel.batch
 
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
@@ -240,11 +237,11 @@ class Net:
         """Report every edge to ``observer`` from now on."""
         # Edges that were left out until now must have been, for one who looks.
         if self.guard is not None:
-            self.guard.touched()
+            self.guard.pin_moved()
         heard = self.heard
         self.observers = (*self.observers, observer)
-        self._kernel.observed += 1
-        self._kernel.observations += 1
+        self.kernel.observed += 1
+        self.kernel.observations += 1
         self.first_heard(heard)
 
     def first_heard(self, before: bool) -> None:
@@ -259,7 +256,7 @@ class Net:
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
         self.observers = _without(self.observers, observer)
-        self._kernel.observed -= 1
+        self.kernel.observed -= 1
         self.tell_drivers()
 
     def bend(self, bend: Callable[[int], int]) -> None:
@@ -279,7 +276,7 @@ class Net:
     def resolve(self) -> None:
         """Work out the level from all pins; tell watchers and observers if it changed."""
         if self.guard is not None:
-            self.guard.touched()
+            self.guard.pin_moved()
         level = Z
         fight = False
         for pin in self.pins:
@@ -297,21 +294,21 @@ class Net:
             self.clash(self)
         self.clashing = fight
         if level == Z:
-            self.let_go_at = self._kernel.now
-            self._let_go = self._kernel.batch
+            self.let_go_at = self.kernel.now
+            self._let_go = self.kernel.batch
             level = self.value if self.rest == Z else self.rest
         if self.bends:
             for bend in self.bends:
                 level = bend(level)
         if level != self.value:
             # The level before the batch stays: two edges of one batch have one before.
-            if self._batch != self._kernel.batch:
-                self._batch = self._kernel.batch
+            if self._batch != self.kernel.batch:
+                self._batch = self.kernel.batch
                 self.previous = self.value
             self.value = level
-            self.changed_at = self._kernel.now
+            self.changed_at = self.kernel.now
             for observer in self.observers:
-                observer.edge(self._kernel.now, self.name, level)
+                observer.edge(self.kernel.now, self.name, level)
             for watcher in self.watchers:
                 watcher.notify()
 
@@ -338,7 +335,7 @@ class Net:
     def after_load(self) -> None:
         """Find out whether pins disagree, without a report: their levels have been loaded."""
         if self.guard is not None:
-            self.guard.touched()
+            self.guard.pin_moved()
         level = Z
         fight = False
         for pin in self.pins:

@@ -106,7 +106,7 @@ class WireEnd(Net):
         if level != self.sent or weak != self.weak:
             self.sent = level
             self.weak = weak
-            self._outbox.append((self._kernel.now, self.rank, level, weak))
+            self._outbox.append((self.kernel.now, self.rank, level, weak))
 
     def come(self, node: int, level: int, weak: bool) -> list[Later]:
         """Take what node ``node`` drives; return how much later what is to :meth:`arrive`."""

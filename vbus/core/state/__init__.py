@@ -1,10 +1,11 @@
-"""State declared once: a part names its fields, and is saved, loaded and compared by those names.
+"""State declared once: a part names its fields, and is saved and loaded by those names.
 
 A class says what becomes of each of its attributes:
 
 =================  ===============================================================================
 ``STATE``          what decides all that follows; each field as ``"name"`` or ``"name: kind"``
-``WIRING``         what was set when the part was built, and is never saved
+``WIRING``         what was set when the part was built, and is never saved; only what others set
+                   beside its ``__init__``, and what holds things: of the rest the source says so
 ``DERIVED``        what follows from the other two; ``after_load()`` brings it up to date
 ``STATE_VERSION``  1 where none is named; above 1 ``migrate(version, state)`` returns the
                    present map of fields for that of an earlier version
@@ -31,7 +32,7 @@ A field without a kind is an integer of 64 bits. The other kinds:
 ``bytearray``              as many bytes, which stay in their place; ``bytearray[...]``: any number
 ``part``, ``part | None``  another part, by its own declaration
 ``parts``                  a list of parts, or of None
-``kept[name]``             what ``keep()`` has given of the part at attribute ``name``, or nothing
+``checkpoint[name]``       what ``checkpoint()`` gave of the part at attribute ``name``, or nothing
 ``saved[name]``            what ``save()`` has given of it
 =========================  =======================================================================
 
@@ -41,20 +42,15 @@ anything is set.
 
 from vbus.core.state.fields import (
     UNDECLARED,
-    VERSION,
     Names,
     Saved,
-    attributes,
-    differences,
-    keep,
+    checkpoint,
     load,
-    plan,
+    rollback,
     save,
-    take_back,
-    undeclared,
+    validate,
 )
 
 __all__ = [
-    "UNDECLARED", "VERSION", "Names", "Saved", "attributes", "differences", "keep", "load",
-    "plan", "save", "take_back", "undeclared",
+    "UNDECLARED", "Names", "Saved", "checkpoint", "load", "rollback", "save", "validate",
 ]  # fmt: skip

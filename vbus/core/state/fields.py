@@ -1,9 +1,8 @@
-"""Declarations, and what follows from them: saving, loading, comparing."""
+"""Declarations, and what follows from them: saving and loading."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, ClassVar, Final
-
-from mypy_extensions import mypyc_attr
 
 from vbus.core.errors import SnapshotError
 from vbus.core.state.functions import written
@@ -38,7 +37,6 @@ class Part(Kind):
     """Another part; None where there is none."""
 
     STAYS: ClassVar[bool] = True
-    PART: ClassVar[bool] = True
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
@@ -79,7 +77,7 @@ class Parts(Kind):
 
 
 class Kept(Kind):
-    """What :func:`keep` or :func:`save` gave of the part at attribute ``of``, or nothing."""
+    """What :func:`checkpoint` or :func:`save` gave of the part at attribute ``of``, or nothing."""
 
     def __init__(self, of: str, whole: bool) -> None:
         super().__init__("kept fields", dict)
@@ -95,7 +93,8 @@ class Kept(Kind):
         """Return the value for what was saved."""
         # Empty: nothing was kept when the state was saved.
         if saved != {}:
-            (layout_of if self.whole else kept_layout)(type(now)).check(now, saved, Load())
+            declaration = "STATE" if self.whole else "CHECKPOINT"
+            layout_of(type(now), declaration).check(now, saved, Load())
         return saved
 
 
@@ -125,7 +124,7 @@ def kind_of(text: str) -> Kind:
     if text.startswith("(") and text.endswith(")"):
         return Row([kind_of(one) for one in _split(text[1:-1])])
     outer, _, inner = text.partition("[")
-    if outer in ("kept", "saved"):
+    if outer in ("checkpoint", "saved"):
         return Kept(inner[:-1], outer == "saved")
     if outer == "bytes" and inner.removesuffix("]").isdecimal():
         return Octets(int(inner[:-1]))
@@ -188,7 +187,7 @@ class Layout:
         whole = declaration == "STATE"
         self.save, self.check = written(
             self.kinds, self.places, self.version, whole and hasattr(cls, "before_save"),
-            hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
+            hasattr(cls, "after_load"), self._present,
         )  # fmt: skip
 
     def _present(self, part: Any, saved: Any) -> Saved:
@@ -219,71 +218,12 @@ def _check_none(_part: None, saved: Any, _load: Load) -> None:
         raise Refused("there is nothing here to load it into")
 
 
-@mypyc_attr(native_class=False)
-class Functions(dict[type, Callable[..., Any]]):
-    """A function of the declaration of each class, by class."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.name: str = name
-
-    def __missing__(self, cls: type) -> Callable[..., Any]:
-        """Return that of a class of which none has been wanted before."""
-        found: Callable[..., Any] = getattr(layout_of(cls), self.name)
-        self[cls] = found
-        return found
+# A rack has thousands of parts of some forty classes.
+layout_of: Final[Callable[..., Layout]] = cache(Layout)
+"""Returns the declaration of a class, read once: ``STATE``, or ``CHECKPOINT``."""
 
 
-_SAVES: Final = Functions("save")
-_CHECKS: Final = Functions("check")
-_LAYOUTS: Final[dict[Any, Layout]] = {}
-
-
-_KEPT: Final[dict[Any, Layout]] = {}
-
-
-def kept_layout(cls: Any) -> Layout:
-    """Return the declaration of what :func:`keep` saves of a class."""
-    found = _KEPT.get(cls)
-    if found is None:
-        found = _KEPT[cls] = Layout(cls, "KEPT")
-    return found
-
-
-def layout_of(cls: Any) -> Layout:
-    """Return the declaration of a class."""
-    found = _LAYOUTS.get(cls)
-    # Read once for a class: a rack has thousands of parts of some forty classes.
-    if found is None:
-        found = _LAYOUTS[cls] = Layout(cls)
-    return found
-
-
-def attributes(part: Any) -> set[str]:
-    """Return the names of a part's attributes, compiled or not."""
-    there: set[str] = set(getattr(part, "__dict__", ()))
-    for base in type(part).__mro__:
-        for names in (vars(base).get("__mypyc_attrs__", ()), vars(base).get("__slots__", ())):
-            there.update((names,) if isinstance(names, str) else names)
-    return there - {"__dict__", "__weakref__"}
-
-
-def undeclared(part: Any) -> set[str]:
-    """Return the attributes that a class declares nowhere."""
-    cls = type(part)
-    declared: set[str] = set()
-    for base in cls.__mro__:
-        inside = vars(base)
-        for declaration in ("STATE", "WIRING", "DERIVED"):
-            for field in inside.get(declaration, ()):
-                # Of "limit = inputs.limit" the attribute is "inputs".
-                declared.add(field.partition(":")[0].rpartition(" = ")[2].partition(".")[0])
-    if "*" in declared and not hasattr(cls, "STATE"):
-        return set()
-    return attributes(part) - declared
-
-
-# -- saving, loading, comparing -----------------------------------------------------------------
+# -- saving and loading ------------------------------------------------------------------------
 
 
 def save(part: Any) -> Any:
@@ -291,7 +231,7 @@ def save(part: Any) -> Any:
     return PART.save(part)
 
 
-def plan(part: Any, saved: Any, where: str) -> Load:
+def validate(part: Any, saved: Any, where: str) -> Load:
     """Check a saved state; return what loads it.
 
     Args:
@@ -302,10 +242,12 @@ def plan(part: Any, saved: Any, where: str) -> Load:
     Raises:
         SnapshotError: it does not fit: names part and field; nothing has been set.
     """
-    return plan_with(layout_of(type(part)).check, part, saved, where)
+    return validate_with(layout_of(type(part)).check, part, saved, where)
 
 
-def plan_with(check: Callable[[Any, Any, Load], None], part: Any, saved: Any, where: str) -> Load:
+def validate_with(
+    check: Callable[[Any, Any, Load], None], part: Any, saved: Any, where: str
+) -> Load:
     """Check a saved state so; return what loads it."""
     found = Load()
     try:
@@ -324,34 +266,15 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
     Raises:
         SnapshotError: it does not fit; the part is as it was.
     """
-    plan(part, saved, where).apply()
+    validate(part, saved, where).apply()
 
 
-def keep(part: Any) -> Saved:
-    """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
-    fields: Saved = kept_layout(type(part)).save(part)
+def checkpoint(part: Any) -> Saved:
+    """Return the fields that a part names in ``CHECKPOINT``: it may go back to them."""
+    fields: Saved = layout_of(type(part), "CHECKPOINT").save(part)
     return fields
 
 
-def take_back(part: Any, saved: Saved) -> None:
-    """Take back what :func:`keep` gave."""
-    plan_with(kept_layout(type(part)).check, part, saved, "kept").apply()
-
-
-def differences(one: Any, other: Any, where: str = "") -> list[str]:
-    """Return the fields in which two saved states differ, each with both values."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        names = [*one, *(name for name in other if name not in one)]
-        return [
-            text
-            for name in names
-            for text in differences(one.get(name), other.get(name), f"{where}.{name}".lstrip("."))
-        ]
-    if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
-        return [
-            text
-            for number, (a, b) in enumerate(zip(one, other, strict=True))
-            for text in differences(a, b, f"{where}.{number}")
-        ]
-    # 1 and True are equal, and are not the same state.
-    return [] if one == other and type(one) is type(other) else [f"{where}: {one!r}, {other!r}"]
+def rollback(part: Any, saved: Saved) -> None:
+    """Go back to what :func:`checkpoint` gave."""
+    validate_with(layout_of(type(part), "CHECKPOINT").check, part, saved, "checkpoint").apply()

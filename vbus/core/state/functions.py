@@ -20,7 +20,7 @@ def get(part):
     return {{{state}}}
 
 def fit(part, saved, load):
-    if type(saved) is not dict or len(saved) != {count}:
+    if type(saved) is not dict or {strange}:
         saved = present(part, saved)
     try:
         {read}
@@ -49,8 +49,6 @@ def written(
     prepares: bool,
     refreshes: bool,
     present: Callable[[Any, Any], dict[str, Any]],
-    save: dict[type, Callable[..., Any]],
-    check: dict[type, Callable[..., Any]],
 ) -> tuple[Callable[[Any], Any], Callable[[Any, Any, Load], None]]:
     """Return what gets the fields of a part, and what checks fields and notes what sets them.
 
@@ -61,32 +59,30 @@ def written(
         prepares: the class has a before_save().
         refreshes: it has an after_load().
         present: returns the fields as this version declares them.
-        save: what saves a part inside, by its class.
-        check: what checks a saved one, by its class.
     """
     # Numbers and flags are checked in one expression; only what else there is calls a kind.
     usual = {name: kind for name, kind in kinds.items() if kind.usual is not None}
     parts = [name for name, kind in kinds.items() if kind.STAYS]
     others = [name for name in kinds if name not in {*usual, *parts}]
     known: dict[str, Any] = {
-        "present": present, "save": save, "check": check, "usual": usual,
-        "one_by_one": _one_by_one, "Refused": Refused,
+        "present": present, "usual": usual, "one_by_one": _one_by_one, "Refused": Refused,
     }  # fmt: skip
     state = []
     for name, kind in kinds.items():
         known[f"save_{name}"], known[f"take_{name}"] = kind.save, kind.take
         now = f"part.{places[name]}"
-        value = now if kind.plain else f"save_{name}({now})"
-        state.append(f"{name!r}: {f'save[type(now := {now})](now)' if kind.PART else value}")
+        state.append(f"{name!r}: {now if kind.plain else f'save_{name}({now})'}")
+    # One field more or less says that it is of another version, or is looked at more closely.
+    strange = f"len(saved) != {len(kinds) + (version > 1)}"
     if version > 1:
         state.append(f"'STATE_VERSION': {version}")
+        strange += f" or saved.get('STATE_VERSION') != {version}"
     settable = [*usual, *others]
     checks = [CHECKS[kind.usual].format(f"f_{name}") for name, kind in usual.items()]
     text = FUNCTIONS.format(
         before_save="part.before_save()" if prepares else "pass",
         state=", ".join(state),
-        # That of a later version says so, and is looked at more closely.
-        count=len(kinds) if version == 1 else -1,
+        strange=strange,
         read="; ".join(f"f_{name} = saved[{name!r}]" for name in kinds) or "pass",
         fits=" and ".join(checks) or "True",
         numbers="".join(f"f_{name}, " for name in usual),
@@ -103,8 +99,6 @@ def written(
 
 def _taking(name: str, kind: Kind, places: dict[str, str]) -> str:
     """Return what checks one of the other fields."""
-    if kind.PART:
-        return f"place = {name!r}; now = part.{places[name]}; check[type(now)](now, f_{name}, load)"
     owner = kind.owner(name) or (name if kind.STAYS else "")
     now = f"part.{places.get(owner, owner)}" if owner else "None"
     return f"place = {name!r}; f_{name} = take_{name}(f_{name}, {now}, load)"

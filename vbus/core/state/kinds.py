@@ -76,8 +76,6 @@ class Kind:
 
     STAYS: ClassVar[bool] = False
     """The field keeps its object; what is inside takes other values."""
-    PART: ClassVar[bool] = False
-    """That is another part, with a declaration of its own."""
 
     def __init__(self, text: str, *types: type) -> None:
         self.text: str = text
@@ -277,7 +275,7 @@ class Row(Kind):
     def __init__(self, kinds: list[Kind]) -> None:
         super().__init__(f"{len(kinds)} values in a row", tuple, list)
         self.kinds: list[Kind] = kinds
-        self.kept: bool = all(kind.plain for kind in kinds)
+        self.unchanged: bool = all(kind.plain for kind in kinds)
         """Whether a row is saved unchanged."""
 
     def schema(self) -> Any:
@@ -287,7 +285,7 @@ class Row(Kind):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is saved."""
-        if self.kept:
+        if self.unchanged:
             return tuple(value)
         return tuple([kind.save(one) for kind, one in zip(self.kinds, value, strict=True)])
 

@@ -5,7 +5,8 @@ make a name, or a part of one, of anything.
 """
 
 import re
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeVar
 
 from msgspec import Struct
 
@@ -18,12 +19,12 @@ DEEPEST: Final = 30
 
 NAME: Final = "name"
 NUMBER: Final = "number"
-SIGN: Final = "sign"
 END: Final = "the end"
 
 PLAIN: Final = r"[^\W\d][\w/~-]*|[/~][\w/~-]*"
 PART: Final = r"[\w/~-]+"
 QUOTED: Final = r"\"[^\"]*\"|'[^']*'"
+T = TypeVar("T")
 _PIECE: Final = re.compile(rf"{PART}|{QUOTED}")
 
 
@@ -72,10 +73,14 @@ class Words:
         text: the text.
         what: what it is called in messages: ``"trigger"``.
         words: matches a word: see :func:`words`.
+
+    Attributes:
+        text: the text.
+        here: the word that is looked at.
     """
 
     def __init__(self, text: str, what: str, words: re.Pattern[str]) -> None:
-        self._text = text
+        self.text = text
         self._what = what
         self._words = words
         self._depth = 0
@@ -83,47 +88,56 @@ class Words:
             raise ConditionError(
                 what, text[:20] + "...", 0, f"more than {LONGEST} characters, beginning"
             )
-        self._here = Token(END, "", 0)
-        self._step(0)
+        self.here = Token(END, "", 0)
+        self.step(0)
 
-    def _step(self, at: int) -> None:
+    def step(self, at: int) -> None:
         """Look at the word that begins at ``at``, or after the blanks there."""
-        text = self._text
+        text = self.text
         match = self._words.match(text, at)
         # One step of blanks at most: the pattern takes all of them.
         if match is not None and match.lastgroup == "blank":
             at = match.end()
             match = self._words.match(text, at)
         if match is not None:
-            self._here = Token(match.lastgroup or "", match.group(), at)
+            self.here = Token(match.lastgroup or "", match.group(), at)
         elif at == len(text):
-            self._here = Token(END, "", at)
+            self.here = Token(END, "", at)
         elif text[at] in "\"'":
-            raise self._error(at, "the quote is not closed that begins")
+            raise self.error(at, "the quote is not closed that begins")
         else:
-            raise self._error(at, f'"{text[at]}" has no meaning')
+            raise self.error(at, f'"{text[at]}" has no meaning')
 
-    def _take(self) -> Token:
-        token = self._here
-        self._step(token.at + len(token.text))
+    def take(self) -> Token:
+        """Return the word, and go on to the next."""
+        token = self.here
+        self.step(token.at + len(token.text))
         return token
 
-    def _is(self, *words: str) -> bool:
-        return self._here.text in words
+    def at_word(self, *words: str) -> bool:
+        """Whether the word is one of these."""
+        return self.here.text in words
 
-    def _error(self, at: int, problem: str, more: str = "") -> ConditionError:
-        return ConditionError(self._what, self._text, at, problem, more)
+    def error(self, at: int, problem: str, more: str = "") -> ConditionError:
+        """Return the error of a mistake that begins at character ``at``."""
+        return ConditionError(self._what, self.text, at, problem, more)
 
-    def _expected(self, what: str) -> ConditionError:
-        found = f'not "{self._here.text}"' if self._here.text else "there is none"
-        return self._error(self._here.at, f"{what} is expected, {found},")
+    def expected(self, what: str) -> ConditionError:
+        """Return the error that something else stands here."""
+        found = f'not "{self.here.text}"' if self.here.text else "there is none"
+        return self.error(self.here.at, f"{what} is expected, {found},")
 
-    def _need(self, word: str) -> None:
-        if not self._is(word):
-            raise self._expected(f'"{word}"')
-        self._take()
+    def need(self, word: str) -> None:
+        """Go on behind a word that must stand here."""
+        if not self.at_word(word):
+            raise self.expected(f'"{word}"')
+        self.take()
 
-    def _deeper(self) -> None:
+    def nested(self, part: Callable[[], T]) -> T:
+        """Read a part that may have parts of its kind in it."""
         self._depth += 1
         if self._depth > DEEPEST:
-            raise self._error(self._here.at, f"more than {DEEPEST} levels of nesting")
+            raise self.error(self.here.at, f"more than {DEEPEST} levels of nesting")
+        read = part()
+        self._depth -= 1
+        return read

@@ -39,24 +39,24 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(first[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "") or "none"
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return ``'did you mean "x"? '`` if one of ``known`` is close to ``name``, else nothing."""
+def suggestion(name: str, known: Iterable[str], most: int = 1) -> str:
+    """Return ``'did you mean "x"? '`` if ``known`` has what is close to ``name``, else nothing."""
     from difflib import get_close_matches
 
     known = list(known)
-    close = get_close_matches(name, known, n=1)
+    close = get_close_matches(name, known, n=most)
     # A name in capitals has no letter in common with the right one.
     if not close:
         folded = {item.lower(): item for item in reversed(known)}
-        close = get_close_matches(name.lower(), list(folded), n=1)
+        close = get_close_matches(name.lower(), list(folded), n=most)
         close = [folded[item] for item in close]
-    return f'did you mean "{close[0]}"? ' if close else ""
+    return f"did you mean {' or '.join(map(quoted, close))}? " if close else ""
 
 
-def among(name: str, known: Iterable[str], they: str) -> str:
+def among(name: str, known: Iterable[str], they: str, most: int = 1) -> str:
     """Return the likely name and all that are known: ``'did you mean "x"? THEY x, y'``."""
     known = list(known)
-    return f"{suggestion(name, known)}{they} {listed(known)}"
+    return f"{suggestion(name, known, most)}{they} {listed(known)}"
 
 
 def unknown(name: str, known: Iterable[str]) -> str:

@@ -40,7 +40,7 @@ void card_check(void);
 /* How many requests there have been: polls that a lease has answered are reported together. */
 unsigned card_requests(void);
 
-/* Send what is kept back. */
+/* Send what is held back. */
 void card_send(void);
 
 /* The same before another process begins that may use the card. */

@@ -1,4 +1,4 @@
-/* programs.c - starting other programs: what this one has kept back goes to the bus before anything
+/* programs.c - starting other programs: what this one has held back goes to the bus before anything
  * of theirs. License: Apache-2.0.
  */
 #define _GNU_SOURCE

@@ -9,7 +9,7 @@
 /* What the C library's sigaction does. */
 int signals_real(int number, const struct sigaction *action, struct sigaction *before);
 
-/* From now on signals that end the program by default let it send what it has kept back first. */
+/* From now on signals that end the program by default let it send what it has held back first. */
 void signals_last_words(void);
 
 /* Run the handlers of what came inside. */

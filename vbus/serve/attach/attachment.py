@@ -20,15 +20,15 @@ from vbus.serve.fast_path import SpinTurn
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.serve.local_socket import Control, LocalSocket
 from vbus.serve.registry import socket_path
-from vbus.serve.session import Serving
+from vbus.serve.session import Services
+from vbus.serve.time.pacer import TimeSource
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link, ignore
 
 LOOK_SECONDS: Final = 1.0
-"""How often is looked for a board that is gone."""
+"""How often is looked for a board that is gone; a person starts it again. Not measured."""
 PAUSE_SECONDS: Final = 0.5
-"""How often to look whether the board is paused (s)."""
+"""How often to look whether the board is paused (s): a person does that. Not measured."""
 READY: Final = "ready"
 
 
@@ -64,7 +64,7 @@ class Attachment:
         report: takes sentences about what happens.
 
     Raises:
-        PluginError: the protocol is missing.
+        PluginError: the protocol is broken.
         TransportError: a link's address is none.
     """
 
@@ -150,12 +150,12 @@ class Attachment:
         with ExitStack() as opened:
             for host in self._hosts:
                 opened.callback(host.close, "the attachment ends")
-                serving = Serving(
+                services = Services(
                     loop, TimeSource(), self._turns, Histogram(ROUND_TRIP_NS), self._disconnects,
                     DetachedWaits(TimeSource()), host.ended,
                 )  # fmt: skip
                 host.open(
-                    loop, self.board.name, self._report, partial(self._connect, host, serving)
+                    loop, self.board.name, self._report, partial(self._connect, host, services)
                 )
             self._opened = opened.pop_all()
 
@@ -171,15 +171,15 @@ class Attachment:
 
     # -- hosts ----------------------------------------------------------------------------------
 
-    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
+    def _connect(self, host: HostEntry, services: Services, link: Link) -> None:
         """Begin the session of a host that has connected."""
         host.served += 1
         # A terminal's hosts come one after the other, on a socket side by side.
         before = self._last.get(host) if host.transport.SCHEME == "pty" else None
-        upstream = Upstream(serving.loop, self.wanted.where, self._meter(), before)
+        upstream = Upstream(services.loop, self.wanted.where, self._meter(), before)
         self._upstreams = {one for one in self._upstreams if not one.over.is_set()} | {upstream}
         self._last[host] = upstream
-        session = self._session(host, serving, link, upstream)
+        session = self._session(host, services, link, upstream)
         upstream.on_over = partial(self._over, host, session, upstream)
         host.sessions.append(session)
         session.begin()
@@ -187,14 +187,14 @@ class Attachment:
             session.hold()
 
     def _session(
-        self, host: HostEntry, serving: Serving, link: Link, upstream: Upstream
+        self, host: HostEntry, services: Services, link: Link, upstream: Upstream
     ) -> RelaySession:
         """Return what serves a host: byte for byte, or another wire format than the board's."""
         if host.protocol == self.board.protocol:
             port = RelayPort(upstream)
-            return RelaySession(serving, link, port, Passage(port))
+            return RelaySession(services, link, port, Passage(port))
         far = FarPort(upstream)
-        session = RelaySession(serving, link, far, host.wire(far))
+        session = RelaySession(services, link, far, host.wire(far))
         upstream.on_data = far.take
         far.on_answer, far.on_edges = session.resume, session.events_soon
         return session

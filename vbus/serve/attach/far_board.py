@@ -16,8 +16,9 @@ KINDS: Final = ("zenoh", "tcp", "unix")
 FORMS: Final = "zenoh:BOARD/CHIP?connect=ENDPOINT, tcp:HOST:PORT and unix:PATH"
 
 HELLO_SECONDS: Final = 1.0
-"""How long a board may take to answer HELLO before other wire formats are tried."""
+"""How long a board may take to answer HELLO before other wire formats are tried; not measured."""
 ANSWER_SECONDS: Final = 2.0
+"""How long it may then take to answer them; not measured."""
 _TAGS: Final = {bytes((MARK,)): "framed", b"e": "text"}
 """First bytes of answers; text begins "error"."""
 

@@ -29,9 +29,10 @@ class _FarWire(SessionWire):
 
     code: int = 0
 
-    def _refuse(self, code: int, number: int) -> None:
+    def refuse(self, code: int, number: int) -> None:
+        """Take a refusal, and note its code for the host here."""
         self.code = code
-        super()._refuse(code, number)
+        super().refuse(code, number)
 
 
 class FarPort(RelayPort):

@@ -12,23 +12,15 @@ from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
 
 _WAITING: Final = frozenset({"CLAIM", "DELAY", "PASS", "WAIT"})
 """Requests the board may take its time over: that is not the way's."""
-_UNASKED: Final = UNASKED.encode()
-_REFUSED: Final = ord("X")
+_REFUSED: Final = "X"
 
 _ANSWERED: Final = bytes(
-    (row := REQUESTS.by_code(code)) is None or bool(row.reply) for code in range(256)
+    (row := REQUESTS.at(code)) is None or bool(row.reply) for code in range(256)
 )
 """Whether a request has a reply, by its first byte; an unknown one is refused."""
 _WAITS: Final = bytes(
-    (row := REQUESTS.by_code(code)) is not None and row.name in _WAITING for code in range(256)
+    (row := REQUESTS.at(code)) is not None and row.name in _WAITING for code in range(256)
 )
-_REPLY_SIZES: Final = {reply.code: 1 + reply.layout.size for reply in REPLIES.values()}
-_COUNT_WIDTHS: Final = {
-    reply.code: 2 if reply.layout.fields[-1].kind == "bytes16" else 1
-    for reply in REPLIES.values()
-    if reply.layout.counted
-}
-"""Bytes of the length that a reply's fixed part ends with, by its tag."""
 
 
 class Trips:
@@ -150,25 +142,19 @@ class ByteMeter(Meter):
         data = self._replies + data
         position, end = 0, len(data)
         while position < end:
-            tag = data[position]
-            size = _REPLY_SIZES.get(tag, 0)
-            following = position + size
-            if following > end:
+            reply = REPLIES.get(chr(data[position]))
+            following = reply.layout.end(data, position + 1) if reply is not None else end
+            if not following:
                 break
-            width = _COUNT_WIDTHS.get(tag, 0)
-            if width:
-                following += int.from_bytes(data[following - width : following], "big")
-                if following > end:
-                    break
-            if not size or (tag == _REFUSED and data[position + 1] in FATAL):
+            if reply is None or (reply.tag == _REFUSED and data[position + 1] in FATAL):
                 self._blind = True
                 self._open.clear()
                 return
-            if tag == _REFUSED:
-                number = int.from_bytes(data[position + 2 : following], "big")
+            if reply.tag == _REFUSED:
+                _, number = reply.layout.unpack_from(data, position + 1)
                 if self._open and self._open[0][0] & 0xFFFF == number:
                     self._settle(now)
-            elif tag not in _UNASKED and self._open:
+            elif reply.tag not in UNASKED and self._open:
                 self._settle(now)
             position = following
         self._replies = data[position:]

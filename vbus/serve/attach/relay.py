@@ -1,14 +1,15 @@
 """A host of this computer and its session with the remote board, byte for byte."""
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.core.state import Names
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.serve.attach.upstream import Upstream
-from vbus.serve.session import MOST_PENDING, Serving, Session
+from vbus.serve.session import MOST_PENDING, Services, Session
 from vbus.transports.base import Link
-from vbus.transports.states import DONE, FINISH
+from vbus.transports.states import DONE
 
 SOME_TIME: Final = 1
 """An instant: what is held until then is not held for ever."""
@@ -72,8 +73,9 @@ class Passage(Protocol):
 class RelaySession(Session):
     """Serves one host: what it sends goes to the board, and what the board answers to it."""
 
-    def __init__(self, serving: Serving, link: Link, port: RelayPort, protocol: Protocol) -> None:
-        super().__init__(serving, link, port, protocol)
+    def __init__(self, services: Services, link: Link, port: RelayPort, protocol: Protocol) -> None:
+        super().__init__(services, link, port, protocol)
+        self._gone_of: Callable[[list[int]], set[int]] = services.disconnects.gone_of
         self._upstream: Upstream = port.upstream
         self._relay: RelayPort = port
         self._over: bool = False
@@ -84,37 +86,30 @@ class RelaySession(Session):
         """Send the host what has come from the board; the board waits for a host that is slow."""
         if self.open:
             self.protocol.out += data
-            self._send()
-            self._throttle()
+            self.send()
+            if len(self.pending) > MOST_PENDING:
+                self._upstream.read_off()
 
-    def _throttle(self) -> None:
-        if len(self._pending) > MOST_PENDING:
-            self._upstream.read_off()
+    def stays(self) -> bool:
+        """Whether a host that sends no more is there for what it has asked for."""
+        if self._gone_of([self.link.fd]):
+            return False
+        self._relay.finish()
+        return True
 
-    def _writable(self) -> None:
-        super()._writable()
-        if self.open and len(self._pending) <= MOST_PENDING:
-            self._upstream.read_on()
-
-    def _finish(self) -> None:
-        """The host will send no more, and may be there for what it has asked for."""
-        self._move(FINISH)
-        if self._disconnects.gone_of([self.link.fd]):
-            self._leave()
-        else:
-            self._relay.finish()
-
-    def _depart(self) -> None:
+    def depart(self) -> None:
+        """What the host has sent goes to the board; nothing waits here."""
         self._relay.depart(self.protocol)
-        self._move(DONE)
+        self.move(DONE)
 
-    def _all_sent(self) -> None:
+    def all_sent(self) -> None:
         """The host has all there is by now; the board may send more while it is there."""
+        self._upstream.read_on()
         if self._over:
             self.end("the board has ended the session", True)
 
     def board_done(self) -> None:
         """The session with the board is over, as it was to be: the host gets what is left."""
         self._over = True
-        if not self._pending:
-            self._all_sent()
+        if not self.pending:
+            self.all_sent()

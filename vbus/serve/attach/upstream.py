@@ -57,17 +57,20 @@ async def aside(work: Callable[[], T], unwanted: Callable[[T], object] | None = 
 
 
 MOST_PENDING: Final = 65536
-"""Bytes the board has not taken beyond which its host is read from no more."""
+"""Bytes the board has not taken beyond which its host is read from no more: as many as a board
+lets wait for a host. A bound of memory."""
 OPEN_SECONDS: Final = 5.0
-"""How long opening a link may take."""
+"""How long opening a link may take; not measured."""
 BEAT_SECONDS: Final = 1.0
-"""How often to ask an idle board whether it is there, on links that do not report its end (s)."""
+"""How often to ask an idle board whether it is there, on links that do not report its end (s);
+not measured."""
 LEAVING_SECONDS: Final = 2.0
-"""How long a host that has gone waits for what it has asked for."""
+"""How long a host that has gone waits for what it has asked for; not measured."""
 VANISHED_MS: Final = 25_000
-"""How long bytes may be on their way before the other computer counts as vanished."""
+"""How long bytes may be on their way before the other computer counts as vanished: as long as a
+silent host is waited for (``KEEP_ALIVE`` of the sockets)."""
 TICK_SECONDS: Final = 0.1
-"""How often a link is looked after that has to mend itself."""
+"""How often a link is looked after that has to mend itself; not measured."""
 
 
 def opened(where: str) -> BoardLink:

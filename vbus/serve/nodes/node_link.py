@@ -22,14 +22,17 @@ TEST_DISTURB: Final = "VBUS_TEST_DISTURB"
 a stream with that seed, so that messages arrive late and out of order."""
 
 ASK_SECONDS: Final = 1.0
+"""How long the network may take to tell whether a node runs already; not measured."""
 ATTEMPT_SECONDS: Final = 0.2
-"""How long the first attempt to reach the middle of the star takes, and the pause after each."""
+"""How long the first attempt to reach the middle of the star takes, and the pause after each;
+not measured."""
 LONGEST_ATTEMPT: Final = 2.0
 """How long later attempts take: certificates are shown over slow links, too."""
 MARGIN_MS: Final = 250
 """What a lease is longer than a deadline: nodes look for silence ten times a second."""
 PIECE: Final = 1 << 18
-"""Bytes of an answer that travel at a time; between them go the messages that time waits for."""
+"""Bytes of an answer that travel at a time; between them go the messages that time waits for.
+Not measured."""
 LARGEST_ANSWER: Final = LARGEST_MESSAGE
 """Bytes of an answer of a node."""
 
@@ -79,7 +82,7 @@ class NodeLink:
         self._mine: tuple[int, ...] = tuple(mine)
         self._session: zenoh.Session | None = None
         self._publishers: dict[int, zenoh.Publisher] = {}
-        self._kept: list[object] = []
+        self._declared: list[object] = []
         self._opened: ExitStack = ExitStack()
         self._draw: random.Random | None = None
         self._longest: float = 0.0
@@ -136,17 +139,18 @@ class NodeLink:
                 if listen or "no process listens" not in str(error):
                     raise
                 if seconds == ATTEMPT_SECONDS:
-                    waits(f"no process listens at {', '.join(connect)} yet; waits for it")
+                    # It may listen, and have no turn on a busy machine to say so.
+                    waits(f"no process answers at {', '.join(connect)} yet; waits for it")
                 await asyncio.sleep(ATTEMPT_SECONDS)
                 seconds = min(2 * seconds, LONGEST_ATTEMPT)
         self._opened.callback(close_session, self._session)
         await loop.run_in_executor(None, self._declare, self._session, bool(listen), security)
 
     def _declare(self, session: zenoh.Session, listens: bool, security: Security | None) -> None:
-        root, kept, liveliness = self._root, self._kept, session.liveliness()
+        root, declared, liveliness = self._root, self._declared, session.liveliness()
         mine = {rank: f"{root}/{self._names[rank]}" for rank in self._mine}
         if security is not None and listens:
-            kept.append(answer_access(session, security))
+            declared.append(answer_access(session, security))
         elif security is not None:
             refused = ask_access(session, f"{root}/**")
             if refused:
@@ -159,19 +163,19 @@ class NodeLink:
                     " start another node"
                 )
         enter = self._inbox.entry
-        kept.append(session.declare_subscriber(f"{root}/*", enter(self._message)))
+        declared.append(session.declare_subscriber(f"{root}/*", enter(self._message)))
         for rank, key in mine.items():
             self._publishers[rank] = session.declare_publisher(
                 key, congestion_control=zenoh.CongestionControl.BLOCK, express=True
             )
-        kept.append(
+        declared.append(
             liveliness.declare_subscriber(f"{root}/*/alive", enter(self._presence), history=True)
         )
         for key in mine.values():
             order = enter(self._ordered)
-            kept.append(session.declare_queryable(f"{key}/orders", order, complete=True))
+            declared.append(session.declare_queryable(f"{key}/orders", order, complete=True))
         for key in mine.values():
-            kept.append(liveliness.declare_token(f"{key}/alive"))
+            declared.append(liveliness.declare_token(f"{key}/alive"))
 
     # -- what comes -----------------------------------------------------------------------------
 
@@ -259,5 +263,5 @@ class NodeLink:
     def close(self) -> None:
         """Leave the network."""
         self._publishers.clear()
-        self._kept.clear()
+        self._declared.clear()
         self._opened.close()

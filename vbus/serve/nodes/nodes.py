@@ -10,6 +10,7 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
+from vbus.board.snapshot import MAGIC
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
 from vbus.core.collection import keep_what_is_made
@@ -36,7 +37,7 @@ from vbus.serve.server import ServedRun, Server
 from vbus.serve.serving import links_of, metrics_of, network_of
 
 LAST_WORDS: Final = 0.1
-"""Seconds that a message to the other nodes may take before the link is closed."""
+"""Seconds that a message to the other nodes may take before the link is closed; not measured."""
 
 
 @dataclass(slots=True)
@@ -238,9 +239,9 @@ class _NodesRun(ServedRun):
         scenario = scenario_of(file, options.scenario) if options.scenario else None
         for name in names:
             owned.enter_context(own_board(f"{file.board.name}.{name}"))
-        self._trace, kept = (
-            owned.enter_context(closing(OutputFile(path))) if path else None
-            for path in (options.trace, options.snapshot)
+        self._trace, recorded = (
+            owned.enter_context(closing(OutputFile(path, begins=begins))) if path else None
+            for path, begins in ((options.trace, b""), (options.snapshot, MAGIC))
         )
         self._link: NodeLink | None = None
         # In real time orders to start come over the network, also if all nodes are here.
@@ -275,7 +276,7 @@ class _NodesRun(ServedRun):
         else:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
-            self._peers = Timebase(group, conductors, kept)
+            self._peers = Timebase(group, conductors, recorded)
         self.over = self._peers.finished
 
     async def finish(self) -> None:
@@ -337,9 +338,7 @@ class _NodesRun(ServedRun):
             server.skew = self._peers.latest_skew
             self._use_orders(node, server.control)
             self.servers.append(server)
-            self.open(server, loop)
-        if self._before is not None:
-            await self._before()
+        await super().begin(loop)
 
     def _use_orders(self, node: Node, control: Control) -> None:
         """Leave of a board's orders those that a node can follow: faults happen in its own time."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from vbus.boardfile.sections import BoardFile
-from vbus.circuit.orders import LEAD, Order
+from vbus.circuit.orders import LEAD
 from vbus.core.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.core.kernel import MS, US
 from vbus.network.session import open_session
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import zenoh
 
 ANSWER_SECONDS: Final = 3.0
+"""How long a node may take to answer an order; not measured."""
 LABEL: Final = "order"
 """Who it is, in traces."""
 NO_ORDER: Final = "this is no order"
@@ -129,10 +130,7 @@ def take_order(node: Node, request: NodeRequest, uncertainty: int) -> Answer:
         )
     node.orders_of(LABEL, saved=False)
     for order in scenario.orders:
-        moved = Order(
-            request.at + order.when, order.chips, order.kind, order.address, order.data, order.pin
-        )
-        node.order(LABEL, moved)
+        node.order(LABEL, msgspec.structs.replace(order, when=request.at + order.when))
     return Answer(node.name, now, len(scenario.orders))
 
 

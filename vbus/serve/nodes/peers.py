@@ -26,13 +26,13 @@ from vbus.serve.nodes.ordering import (
 from vbus.serve.time.pacer import WallClockPacer
 
 TICK: Final = 0.1
-"""Seconds between signs of life."""
+"""Seconds between signs of life; the margin of a lease (MARGIN_MS) is two and a half of them."""
 FAREWELL: Final = 5.0
-"""Seconds that a node which is done waits for the others at most."""
+"""Seconds that a node which is done waits for the others at most; not measured."""
 GRACE: Final = 0.3
 """Seconds between a loss and the error: long enough to hear which node was the first to be lost."""
 LET_IN: Final = 10.0
-"""Seconds that an order from outside waits for other nodes."""
+"""Seconds that an order from outside waits for other nodes; not measured."""
 ASK_SECONDS: Final = LET_IN + 30.0
 """How long an answer of another process may take: a node says itself why it waits, and what it
 sends may be long."""
@@ -100,6 +100,11 @@ class Peers(Receiver):
         clock: wall time in seconds; for tests.
 
     Attributes:
+        plan: the board.
+        group: that, and how its nodes are reached.
+        ranks: of the nodes in this process.
+        others: the nodes of other processes, by rank.
+        loop: the event loop, while time moves.
         failure: why the run ended, if it did so in error.
         finished: set when the run is over, for better or worse.
         agreed: set when this process knows when chip time begins.
@@ -113,17 +118,15 @@ class Peers(Receiver):
         self.failure: VbusError | None = None
         self.finished: asyncio.Event = asyncio.Event()
         self.agreed: asyncio.Event = asyncio.Event()
-        self._ranks: tuple[int, ...] = tuple(mine)
-        self._link: NodeLink | None = group.link
-        self._report: Callable[[str], None] = group.report
-        self._patience: float = group.patience
+        self.group: Group = group
+        self.ranks: tuple[int, ...] = tuple(mine)
         self.lost: list[str] = []
         self._clock: Callable[[], float] = clock
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._peers: dict[int, Peer] = {
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self.others: dict[int, Peer] = {
             rank: Peer(name, self.plan.deadlines[rank] / (1000 * MS))
             for rank, name in enumerate(self.plan.nodes)
-            if rank not in self._ranks
+            if rank not in self.ranks
         }
         self._lost: dict[int, tuple[float, NodeLostError]] = {}
         self._last_tick: float = 0.0
@@ -187,18 +190,18 @@ class Peers(Receiver):
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin; the link is open."""
-        self._loop = loop
+        self.loop = loop
         self._last_tick = self._clock()
         self._tick()
 
     def stop(self) -> None:
         """Let time stand still."""
-        if self._loop is not None and self.failure is None and self._done_at < 0:
-            for rank in self._ranks:
+        if self.loop is not None and self.failure is None and self._done_at < 0:
+            for rank in self.ranks:
                 self.send(rank, Alive(self.plan.digest, rank, -1, LEFT))
         if self._timer is not None:
             self._timer.cancel()
-        self._loop = None
+        self.loop = None
 
     def done(self) -> None:
         """The run is over for the nodes of this process; it ends when it is so for all."""
@@ -211,30 +214,30 @@ class Peers(Receiver):
 
     def send(self, rank: int, message: Message) -> None:
         """Send what node ``rank`` of this process has to say to other processes."""
-        if self._link is not None:
-            self._link.send(rank, encode(message))
+        if self.group.link is not None:
+            self.group.link.send(rank, encode(message))
 
     def received(self, rank: int, data: bytes) -> None:
         """Take what a node of another process has sent."""
-        if self.failure is not None or self._loop is None:
+        if self.failure is not None or self.loop is None:
             return
-        other = self._peers[rank]
+        other = self.others[rank]
         try:
             message = decode(data, other.name, len(self.plan.nodes), len(self.plan.wires))
             reports = message.reports if isinstance(message, Reports) else ()
-            if message.node != rank or any(one.node in self._ranks for one in reports):
+            if message.node != rank or any(one.node in self.ranks for one in reports):
                 raise NodeMismatchError(
                     other.name, f"node {other.name} has sent a message in the name of another"
                 )
         except NodeMismatchError as error:
             # What cannot be understood is no sign of life either.
-            self._report(str(error))
+            self.group.report(str(error))
             return
         try:
             if message.digest != self.plan.digest:
                 self._refuse(other)
                 return
-            self._heard(rank)
+            self.heard_of(rank)
             if isinstance(message, Alive):
                 # What a lost node said before may come late.
                 if rank not in self._lost or message.state.startswith(GAVE_UP):
@@ -245,7 +248,7 @@ class Peers(Receiver):
             else:
                 self.deliver(rank, message)
         except VbusError as error:
-            self._fail(error)
+            self.fail(error)
         self.proceed()
 
     def _refuse(self, other: Peer) -> None:
@@ -255,14 +258,15 @@ class Peers(Receiver):
             f"node {other.name} runs another board file or version of vbus: give every node the"
             " same",
         )
-        if len(self._ranks) == 1 and not any(known.joined for known in self._peers.values()):
+        if len(self.ranks) == 1 and not any(known.joined for known in self.others.values()):
             raise error
         if not other.refused:
-            self._report(f"{error}; waits for it")
+            self.group.report(f"{error}; waits for it")
         other.refused = True
 
-    def _heard(self, rank: int) -> None:
-        other = self._peers[rank]
+    def heard_of(self, rank: int) -> None:
+        """Node ``rank`` has shown that it is there."""
+        other = self.others[rank]
         other.heard = self._clock()
         if not other.joined:
             other.joined = other.present = True
@@ -270,7 +274,7 @@ class Peers(Receiver):
             self.joined(rank)
         if rank in self._lost and other.present:
             del self._lost[rank]
-            self._report(f"node {other.name} is back")
+            self.group.report(f"node {other.name} is back")
             self.joined(rank)
 
     # -- orders -----------------------------------------------------------------------------
@@ -327,10 +331,10 @@ class Peers(Receiver):
                 reply({"error": str(error)})
 
         rank, asked = plan.rank(name), msgspec.json.encode(NodeRequest(plan.digest, save=number))
-        if self._link is None or rank in self._ranks:
+        if self.group.link is None or rank in self.ranks:
             self.order(rank, asked, take)
         else:
-            self._link.ask(rank, asked, ASK_SECONDS, take)
+            self.group.link.ask(rank, asked, ASK_SECONDS, take)
 
     def _part(self, name: str, number: int, data: bytes) -> Any:
         """Return what a node has answered, for JSON.
@@ -356,13 +360,13 @@ class Peers(Receiver):
 
     def present(self, rank: int, there: bool) -> None:
         """A node of another process has come or gone."""
-        if self._loop is None:
+        if self.loop is None:
             return
-        other = self._peers[rank]
+        other = self.others[rank]
         if there:
             other.present = True
             if other.joined:
-                self._heard(rank)
+                self.heard_of(rank)
             self._tell_state()
             self.joined(rank)
             self.proceed()
@@ -376,77 +380,78 @@ class Peers(Receiver):
     def _lose(self, rank: int, why: str) -> None:
         if rank in self._lost or self.failure is not None:
             return
-        other = self._peers[rank]
+        other = self.others[rank]
         error = NodeLostError(other.name, f"node {other.name} {why}; {self.standing_at()}")
         if not other.state.startswith((GAVE_UP, LEFT)):
             other.state = "lost"
         self._lost[rank] = (self._clock(), error)
-        if self._patience > 0:
-            self._report(f"{error}; waits {self._patience:g} s for it to rejoin")
+        if self.group.patience > 0:
+            self.group.report(f"{error}; waits {self.group.patience:g} s for it to rejoin")
         else:
-            assert self._loop is not None
-            self._loop.call_later(GRACE, self._give_up)
+            assert self.loop is not None
+            self.loop.call_later(GRACE, self._give_up)
 
     def _follow(self, rank: int, name: str) -> None:
         """Node ``rank`` ends because of node ``name``: that is the one to be named."""
-        other = self._peers[rank]
+        other = self.others[rank]
         lost = self.plan.nodes.index(name) if name in self.plan.nodes else -1
-        if lost in self._ranks and self._done_at < 0:
-            self._fail(
+        if lost in self.ranks and self._done_at < 0:
+            self.fail(
                 NodeLostError(
                     other.name,
                     f"node {other.name} has given up node {name}, which runs here: it was silent"
                     " too long, or cut off",
                 )
             )
-        elif lost in self._peers and self._done_at < 0:
-            self._peers[lost].cause = True
+        elif lost in self.others and self._done_at < 0:
+            self.others[lost].cause = True
             self._lose(lost, f"does not answer node {other.name}, which has given it up")
 
     def _give_up(self) -> None:
         expired = [
             (
-                not self._peers[rank].cause,
-                self._peers[rank].state.startswith(GAVE_UP),  # the consequence of another
+                not self.others[rank].cause,
+                self.others[rank].state.startswith(GAVE_UP),  # the consequence of another
                 self.plan.hub != rank,  # all links end there: with it all are lost
                 rank,
                 error,
             )
             for rank, (since, error) in self._lost.items()
-            if self._clock() - since >= self._patience
+            if self._clock() - since >= self.group.patience
         ]
         if expired and self.failure is None:
-            self._fail(min(expired, key=lambda item: item[:4])[4])
+            self.fail(min(expired, key=lambda item: item[:4])[4])
 
-    def _fail(self, error: VbusError) -> None:
+    def fail(self, error: VbusError) -> None:
+        """End the run in error, and let the other nodes know because of which node."""
         if self.failure is None:
             if isinstance(error, NodeLostError):
-                for rank in self._ranks:
+                for rank in self.ranks:
                     state = GAVE_UP + error.node
                     self.send(rank, Alive(self.plan.digest, rank, -1, state))
             self.failure = error
             self.finished.set()
 
     def _tick(self) -> None:
-        if self._loop is None:
+        if self.loop is None:
             return
-        self._timer = self._loop.call_later(TICK, self._tick)
+        self._timer = self.loop.call_later(TICK, self._tick)
         now = self._clock()
         if now - self._last_tick > 5 * TICK:
             # This process itself stood still: what others sent meanwhile is still to be read.
-            for other in self._peers.values():
+            for other in self.others.values():
                 other.heard = max(other.heard, now - TICK)
         self._last_tick = now
         self._tell_state()
         if self._done_at < 0 and self.failure is None:
             self._look_for_silence(now)
-        if self._lost and self._patience > 0:
+        if self._lost and self.group.patience > 0:
             self._give_up()
         self._see_whether_all_are_done()
         self.proceed()
 
     def _look_for_silence(self, now: float) -> None:
-        for rank, other in self._peers.items():
+        for rank, other in self.others.items():
             if not other.joined or rank in self._lost or other.state == DONE:
                 continue
             if now - other.heard > other.deadline:
@@ -457,7 +462,7 @@ class Peers(Receiver):
     def _tell_state(self) -> None:
         if self.failure is not None:
             return
-        for rank in self._ranks:
+        for rank in self.ranks:
             latest, state = self.state_of(rank)
             if self._done_at >= 0:
                 state = DONE
@@ -467,7 +472,7 @@ class Peers(Receiver):
         if self._done_at < 0:
             return
         late = self._clock() - self._done_at > FAREWELL
-        if late or all(o.state == DONE or not o.present for o in self._peers.values()):
+        if late or all(o.state == DONE or not o.present for o in self.others.values()):
             self.finished.set()
 
     # -- telling --------------------------------------------------------------------------------
@@ -475,7 +480,7 @@ class Peers(Receiver):
     def state_seen(self, name: str) -> str:
         """Return what a node of this machine does, or has said last that it does."""
         rank = self.plan.rank(name)
-        return self._peers[rank].state if rank in self._peers else self.state_of(rank)[1]
+        return self.others[rank].state if rank in self.others else self.state_of(rank)[1]
 
     def status(self, rank: int) -> dict[str, Any]:
         """Return what ``vbus ls`` shows of one node of this process; instants in ps."""

@@ -12,7 +12,7 @@ from vbus.network.places import endpoints_at, router_place
 from vbus.network.session import check_endpoint, free_endpoint
 
 LOOK_SECONDS: Final = 1.0
-"""How long it may take to see whether a process listens at an endpoint (s)."""
+"""How long it may take to see whether a process listens at an endpoint (s); not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +66,16 @@ def endpoint_parts(endpoint: str) -> tuple[str, str, int]:
     return protocol, host, int(port)
 
 
-def meeting_of(file: BoardFile, router: str = "") -> Meeting:
+def meeting_of(
+    file: BoardFile, router: str = "", held: contextlib.ExitStack | None = None
+) -> Meeting:
     """Return where the processes of a machine on this computer meet.
 
     Args:
         file: the board file.
         router: endpoint at which a router is wanted, whatever the board file says; port 0 is any
             free one.
+        held: keeps a free port for the router, until it is closed.
 
     Raises:
         TransportError: no process listens where the board file says, and none here may.
@@ -80,7 +83,7 @@ def meeting_of(file: BoardFile, router: str = "") -> Meeting:
     if router:
         check_endpoint(router)
         protocol, host, port = endpoint_parts(router)
-        endpoint = router if port else free_endpoint(protocol, host)
+        endpoint = router if port else free_endpoint(protocol, host, held=held)
         return Meeting(endpoint, (endpoint,), endpoint)
     for node in file.nodes:
         if node.listen:
@@ -92,7 +95,7 @@ def meeting_of(file: BoardFile, router: str = "") -> Meeting:
     there = endpoints_at(router_place())
     if there:
         return Meeting("", there, f"{', '.join(there)}, a router that runs already")
-    endpoint = free_endpoint()
+    endpoint = free_endpoint(held=held)
     return Meeting(endpoint, (endpoint,), endpoint)
 
 

@@ -20,10 +20,10 @@ from vbus.serve.nodes.peers import TICK, Group, Peers
 from vbus.serve.time.pacer import WallClockPacer
 from vbus.serve.time.statistics import Histogram
 
-KEPT: Final = 64
-"""Exchanges looked back at."""
+LAST_EXCHANGES: Final = 64
+"""Exchanges looked back at: some seconds of them. Not measured."""
 ENOUGH: Final = 6
-"""Exchanges after which the estimate is used."""
+"""Exchanges after which the estimate is used; not measured."""
 
 
 def monotonic_clock() -> str:
@@ -48,7 +48,7 @@ class ClockEstimate:
     """
 
     def __init__(self) -> None:
-        self._exchanges: deque[tuple[int, int]] = deque(maxlen=KEPT)
+        self._exchanges: deque[tuple[int, int]] = deque(maxlen=LAST_EXCHANGES)
         self.offset: int = 0
         """The other clock minus this one (ns)."""
         self.uncertainty: int = -1
@@ -77,9 +77,9 @@ class ClockEstimate:
 
 
 MARKS_KEPT: Final = 2000
-"""Marks whose skew is kept for percentiles."""
+"""Marks whose skew is recorded for percentiles."""
 MARKS_OPEN: Final = 50
-"""Marks back to which stragglers may still come."""
+"""Marks back to which stragglers may still come: five seconds."""
 BOUNDS_NS: Final = tuple(digit * 10**power for power in range(4, 8) for digit in (1, 2, 5))
 """Upper bounds of the classes in which all marks are counted, 10 us to 50 ms."""
 
@@ -141,13 +141,15 @@ class Skew:
 
 
 HEAD_START_NS: Final = 300_000_000
-"""Wall time between agreeing on the epoch and the epoch itself."""
+"""Wall time between agreeing on the epoch and the epoch itself: each node has
+to hear of it before. Not measured."""
 PING_SECONDS: Final = 0.02
-"""Between exchanges, until the clocks are known."""
+"""Between exchanges, until the clocks are known; not measured."""
 MARK: Final = 100 * MS
 """Chip time between two marks at which skew is measured, at rate 1."""
 SLEW: Final = 500
-"""A clock that drifts is followed by at most this much (ns in a million)."""
+"""A clock that drifts is followed by at most this much (ns in a million): the
+kernel, too, slews a clock by 500 ppm at most."""
 
 
 class RealTime(Peers):
@@ -198,7 +200,7 @@ class RealTime(Peers):
 
     @property
     def keeps(self) -> bool:
-        """Whether the epoch is kept in this process."""
+        """Whether the epoch is held in this process."""
         return self.keeper in self.nodes
 
     # -- agreeing on the epoch ------------------------------------------------------------------
@@ -219,22 +221,22 @@ class RealTime(Peers):
     def proceed(self) -> None:
         """The keeper begins when all it has to wait for are there."""
         if self.keeps and self.epoch < 0:
-            here = all(other.joined for other in self._peers.values())
+            here = all(other.joined for other in self.others.values())
             # With a scenario everybody is to be there when it begins.
             if here or self._until < 0:
                 self._begin(self._ns() + HEAD_START_NS)
 
     def _ping(self) -> None:
-        if self._loop is None:
+        if self.loop is None:
             return
-        mine = self._ranks[0]
+        mine = self.ranks[0]
         self.send(mine, Ping(self.plan.digest, mine, self._pings, self._ns(), self._clock_name))
         self._pings += 1
         pause = TICK if self.agreed.is_set() else PING_SECONDS
-        self._pinging = self._loop.call_later(pause, self._ping)
+        self._pinging = self.loop.call_later(pause, self._ping)
 
     def _answered(self, pong: Pong) -> None:
-        if pong.node != self.keeper or pong.other != self._ranks[0]:
+        if pong.node != self.keeper or pong.other != self.ranks[0]:
             return
         if pong.shared:
             self.clock.share()
@@ -286,9 +288,8 @@ class RealTime(Peers):
             number = self._sent[node.rank]
             self.send(node.rank, WireEdges(self.plan.digest, node.rank, number, tuple(edges)))
             self._sent[node.rank] = number + 1
-        if self._until >= 0 and self._done_at < 0:
-            if all(mine.board.now > self._until for mine in self.nodes.values()):
-                self.done()
+        if self._until >= 0 and all(mine.board.now > self._until for mine in self.nodes.values()):
+            self.done()
 
     def _accept(self, node: Node, edges: Sequence[Edge]) -> None:
         pacer = self.pacers.get(node.rank)
@@ -296,7 +297,7 @@ class RealTime(Peers):
             # The board may stand where it was before a stall: there the edges are not late yet.
             node.accept(edges)
             pacer.catch_up()
-            pacer.touched()
+            pacer.served()
 
     def _mark(self, node: Node) -> None:
         number = node.board.now // self._period
@@ -310,7 +311,7 @@ class RealTime(Peers):
         return 0 if self.keeps else max(self.clock.uncertainty, 0)
 
     def _here(self) -> int:
-        return len(self.nodes) + sum(other.joined for other in self._peers.values())
+        return len(self.nodes) + sum(other.joined for other in self.others.values())
 
     # -- orders ---------------------------------------------------------------------------------
 
@@ -322,14 +323,14 @@ class RealTime(Peers):
             return
         pacer.catch_up()
         taken = take_order(node, request, self._uncertainty())
-        pacer.touched()
+        pacer.served()
         answer(taken)
 
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen at a node now, and send the edges it has caused."""
         super().let_in(rank, do)
         if rank in self.pacers:
-            self.pacers[rank].touched()
+            self.pacers[rank].served()
 
     # -- messages -------------------------------------------------------------------------------
 
@@ -360,7 +361,7 @@ class RealTime(Peers):
         lost = number - self._next.get(rank, number)
         self._next[rank] = number + 1
         if lost > 0:
-            self._report(
+            self.group.report(
                 f"{lost} messages with edges of node {self.plan.nodes[rank]} were lost while it was"
                 " cut off; a wire it drives may stand wrong until its next edge"
             )

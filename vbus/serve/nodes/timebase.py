@@ -19,11 +19,11 @@ from vbus.serve.output_file import OutputFile
 from vbus.serve.time.pacer import WallClockPacer
 
 LACKING: Final = 0.25
-"""Seconds after which a report that does not come is asked for."""
+"""Seconds after which a report that does not come is asked for; not measured."""
 BUDGET: Final = 0.01
-"""Seconds of computing after which the loop serves others."""
+"""Seconds of computing after which the loop serves others; not measured."""
 SNAPSHOT_EVERY: Final = 0.25
-"""Seconds between two snapshots."""
+"""Seconds between two snapshots; not measured."""
 WAITS_FOR_OTHERS: Final = "waits for the others"
 
 log = logging.getLogger("vbus")
@@ -51,6 +51,7 @@ class Timebase(Peers):
     ) -> None:
         super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
+        self._seconds: Callable[[], float] = clock
         self._pacers: list[WallClockPacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
@@ -60,7 +61,7 @@ class Timebase(Peers):
         self._snapshot: OutputFile | None = snapshot
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
-        self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
+        self._mine: dict[int, Conductor] = dict(zip(self.ranks, conductors, strict=True))
         self._to_send: list[NodeReport] = []
         """Reports of this turn; they travel as one message."""
 
@@ -71,32 +72,32 @@ class Timebase(Peers):
         super().start(loop)
         self.agreed.set()
         for rank, conductor in self._mine.items():
-            # After a snapshot these were made before anybody was there to take them.
+            # After a snapshot: these messages were made before the link was open.
             for number in sorted(conductor.participant.log):
                 self._share(rank, conductor.participant.log[number])
-            for other in self._peers:
+            for other in self.others:
                 self._ask(rank, other)
         self._send_reports()
         self.proceed()
 
     def proceed(self) -> None:
         """Something has happened: see soon what can be done."""
-        if not self._scheduled and self._loop is not None:
+        if not self._scheduled and self.loop is not None:
             self._scheduled = True
-            self._loop.call_soon(self._run)
+            self.loop.call_soon(self._run)
 
     def _run(self) -> None:
         self._scheduled = False
-        if self._loop is None or self.failure is not None:
+        if self.loop is None or self.failure is not None:
             return
-        started = self._clock()
+        started = self._seconds()
         try:
             while self._round():
-                if self._clock() - started > BUDGET:
+                if self._seconds() - started > BUDGET:
                     self.proceed()
                     return
         except NodeError as error:
-            self._fail(error)
+            self.fail(error)
         if all(conductor.finished for conductor in self.conductors):
             self.done()
 
@@ -105,12 +106,12 @@ class Timebase(Peers):
         moved = False
         for conductor in self.conductors:
             before = conductor.participant.round
-            started = self._clock()
+            started = self._seconds()
             report = conductor.poll()
-            self._computed += self._clock() - started
+            self._computed += self._seconds() - started
             if conductor.participant.round != before:
                 self.rounds += 1
-                self._ended = self._clock()
+                self._ended = self._seconds()
                 if self._began < 0:
                     self._began = self._ended
                 for pacer in self._pacers:
@@ -134,7 +135,7 @@ class Timebase(Peers):
     def _send_reports(self) -> None:
         if not self._to_send:
             return
-        started = self._clock()
+        started = self._seconds()
         first, *others = self._to_send
         message: Message = first
         # One message for all nodes of this process: a message costs more than its bytes.
@@ -142,7 +143,7 @@ class Timebase(Peers):
             message = Reports(first.digest, first.node, first.round, (first, *others))
         self.send(first.node, message)
         self._to_send.clear()
-        self._sent += self._clock() - started
+        self._sent += self._seconds() - started
 
     def _ask(self, rank: int, other: int) -> None:
         participant = self._mine[rank].participant
@@ -159,13 +160,13 @@ class Timebase(Peers):
             self._take(message)
         elif isinstance(message, Reports):
             for report in message.reports:
-                self._heard(report.node)
+                self.heard_of(report.node)
                 self._take(report)
         elif isinstance(message, Need) and message.other in self._mine:
-            self._resend(message.other, self._peers[rank].name, message.round)
+            self._resend(message.other, self.others[rank].name, message.round)
 
     def _take(self, report: NodeReport) -> None:
-        other = self._peers[report.node]
+        other = self.others[report.node]
         for conductor in self.conductors:
             conductor.participant.receive(report)
         other.round = max(other.round, report.round)
@@ -177,7 +178,7 @@ class Timebase(Peers):
         if log and first < min(log):
             raise NodeMismatchError(
                 name,
-                f"node {name} rejoins at round {first}, and reports are kept from round {min(log)}"
+                f"node {name} rejoins at round {first}, and reports are held from round {min(log)}"
                 " on: its snapshot is too old, or from another run",
             )
         for number in range(first, latest + 1):
@@ -185,7 +186,7 @@ class Timebase(Peers):
 
     def check(self, now: float) -> None:
         """Ask for reports that do not come."""
-        for rank, other in self._peers.items():
+        for rank, other in self.others.items():
             for mine, conductor in self._mine.items():
                 if (
                     rank in conductor.participant.missing()
@@ -198,7 +199,7 @@ class Timebase(Peers):
     # -- telling --------------------------------------------------------------------------------
 
     def _keep_snapshot(self, conductor: Conductor) -> None:
-        now = self._clock()
+        now = self._seconds()
         if self._snapshot is not None and now - self._last_snapshot >= SNAPSHOT_EVERY:
             self._last_snapshot = now
             self.write_snapshot(conductor)
@@ -210,7 +211,7 @@ class Timebase(Peers):
             self._snapshot.write(write(conductor.save()), sync=False)
         except VbusError as error:
             self.lost.append(str(error))
-            self._report(f"{error}; no more snapshots are written")
+            self.group.report(f"{error}; no more snapshots are written")
             self._snapshot = None
 
     def state_of(self, rank: int) -> tuple[int, str]:
@@ -238,11 +239,6 @@ class Timebase(Peers):
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen as soon as no other node relies on that it does not."""
         self._ask_for(rank, self._mine[rank].outside, 0, "nothing was changed", do)
-
-    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
-        """Let something happen at the end of a round, or of the next if that one is past."""
-        what = f"round {number} has not ended"
-        self._ask_for(rank, self._mine[rank].at_round, number, what, do)
 
     def _ask_for(
         self,
@@ -296,7 +292,8 @@ class Timebase(Peers):
                 )
             )
         elif request.save >= 0:
-            self.at_round(rank, request.save, save)
+            what = f"round {request.save} has not ended"
+            self._ask_for(rank, conductor.at_round, request.save, what, save)
         else:
             answer(Answer(node.name, node.board.now))
 

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+import msgspec
+
 from vbus.board.board import Board
 from vbus.core.options import Value
 from vbus.faults.row import MESSAGES, LinkActs, misfit
@@ -10,7 +12,7 @@ from vbus.serve.host_entry import HostEntry
 from vbus.serve.local_socket import Order
 from vbus.serve.message_session import MessageSession
 from vbus.serve.session import Session
-from vbus.transports.traffic import MessageFault, Traffic
+from vbus.transports.traffic import AnswerFault, MessageFault, Traffic
 
 if TYPE_CHECKING:
     from vbus.faults.armed import Armed
@@ -18,42 +20,29 @@ if TYPE_CHECKING:
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
 
-class _LinkFault:
+class _LinkFault(AnswerFault):
     """One fault on one session."""
 
     def __init__(self, session: Session, name: str, once: bool) -> None:
-        self.session: Session = session
-        self._name: str = name
-        self._once: bool = once
-        self._kept: bytearray = bytearray()
-        self._silent: bool = False
+        super().__init__(name, once)
+        self._session: Session = session
 
     def begin(self) -> "_LinkFault":
         """Act from now on."""
-        self.session.add_filter(self._pass)
-        if self._name == "link_dead":
-            self.session.stop_reading()
+        self._session.add_filter(self._pass)
+        if self.name == "link_dead":
+            self._session.stop_reading()
         return self
 
     def _pass(self, out: bytearray) -> None:
-        """Keep an answer for later, cut it short, or lose it."""
-        if self._name == "answers_late":
-            self._kept += out
-            out.clear()
-        elif self._name == "half_answer" and not self._silent:
-            self._silent = True
-            # A byte at least: a host that gets nothing cannot tell half an answer from a lost one.
-            del out[max(1, len(out) // 2) :]
-        else:
-            out.clear()
-            if self._name == "answer_lost" and self._once:
-                self.undo()
+        if self.bend(out):
+            self.undo()
 
     def undo(self) -> None:
-        """Let the session send and read as ever; what was kept is sent now."""
-        self.session.remove_filter(self._pass, bytes(self._kept))
-        if self._name == "link_dead":
-            self.session.read_again()
+        """Let the session send and read as ever; what was held back is sent now."""
+        self._session.remove_filter(self._pass, bytes(self.held_back))
+        if self.name == "link_dead":
+            self._session.read_again()
 
 
 class FaultOrders(LinkActs):
@@ -99,18 +88,8 @@ class FaultOrders(LinkActs):
     def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         return [_as_json(armed) for armed in self._board.faults.all()]
 
-    def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
-        return [
-            {
-                "when_ps": evidence.when,
-                "number": evidence.number,
-                "name": evidence.name,
-                "target": evidence.target,
-                "what": evidence.what,
-                "text": evidence.text,
-            }
-            for evidence in self._board.faults.log
-        ]
+    def _log(self, request: dict[str, Any]) -> Any:
+        return msgspec.to_builtins(list(self._board.faults.log))
 
     # -- links --------------------------------------------------------------------------------
 
@@ -175,11 +154,6 @@ class FaultOrders(LinkActs):
             traffic.remove(fault)
         for one in self.acting.pop(number)[2] if number in self.acting else ():
             one.undo()
-
-    def end_all(self) -> None:
-        """Let none act any more."""
-        for number in [*self._of_messages, *self.acting]:
-            self.end(number)
 
     def connected(self, host: HostEntry, session: Session) -> None:
         """A host has connected while faults act: they act on it too."""

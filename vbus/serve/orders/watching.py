@@ -55,11 +55,11 @@ from vbus.views.wave.wave import DONE, Wave
 UNSEEN_SECONDS: Final = 0.25
 """The same of frames without samples: the page is not shown now."""
 MOST_PENDING: Final = 1 << 20
-"""Bytes stored for a watcher that does not read events."""
+"""Bytes stored for a watcher that does not read events: a bound of memory."""
 MOST_WAVE: Final = 1 << 26
-"""The same of a waveform, which ends there."""
+"""The same of a waveform, which ends there; a bound of memory."""
 MOST_EVENTS: Final = 20_000
-"""Events stored between two sendings; the rest is counted as lost."""
+"""Events stored between two sendings; the rest is counted as lost. A bound of memory."""
 
 
 class Watched(NamedTuple):
@@ -197,7 +197,7 @@ class WaveView(BoardView, io.StringIO):
         Raises:
             OSError: who watches does not read.
         """
-        if len(self._text) + len(self._connection.pending) > MOST_WAVE:
+        if len(self._text) + len(self.connection.pending) > MOST_WAVE:
             raise OSError(errno.ENOBUFS, "the other end does not read")
         self._text += text.encode("ascii", "replace")
         return len(text)
@@ -334,7 +334,7 @@ class ScopeView(FramesView):
             self.recorder.look_at_samples(self._samples)
             self.send()
         elif self._manual is not None:
-            self._watched.control.take(line, self._connection)
+            self._watched.control.take(line, self.connection)
 
     def step_aside(self) -> None:
         """Let go of the board: it goes back."""
@@ -348,17 +348,17 @@ class ScopeView(FramesView):
         assert self._manual is not None
         self._manual.attach()
         self.recorder = self._new_recorder()
-        self._connection.answer({"scope": self.described()})
+        self.connection.answer({"scope": self.described()})
         self._record()
 
     def _steps_changed(self) -> None:
         # A step may end within a bus cycle: nothing is sent, no watcher cut off, before its end.
-        self._connection.loop.call_soon(self._tell_steps)
+        self.connection.loop.call_soon(self._tell_steps)
 
     def _tell_steps(self) -> None:
-        if self._connection.view is self:
+        if self.connection.view is self:
             self.take_news()
-            self._connection.answer({"control": self._steps.status()})
+            self.connection.answer({"control": self._steps.status()})
 
     def end(self) -> None:
         """Record no more, and let time go on."""

@@ -9,7 +9,7 @@ from fractions import Fraction
 from math import isinf
 from typing import Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.board import Board
 from vbus.core.errors import TimeEndedError
@@ -18,7 +18,6 @@ from vbus.core.wall_clock import monotonic_ns
 from vbus.serve.time.overload import Overload
 from vbus.serve.time.statistics import LAG_PS, Histogram
 from vbus.serve.time.time_slicer import SLICE_NS, TimeSlicer
-from vbus.serve.time.time_source import TimeSource, chip_time
 from vbus.transports.base import ignore
 from vbus.transports.linux import TimerFd
 
@@ -41,6 +40,57 @@ long visits take less than many short ones, since each finds what it works on fa
 processor."""
 RESTING_NS: Final = 20_000
 """A round of all chips that takes less: boards at rest are left alone."""
+_WEEKS_NS: Final = 1 << 51
+_USUAL: Final = 1 << 10
+"""Chip time that passes in less wall time, at such a rate, is no more than 2^61 ps."""
+
+
+def chip_time(elapsed: int, ps_per_ns: tuple[int, int]) -> int:
+    """Return the chip time (ps) that passes in ``elapsed`` wall time (ns), at a rate as a fraction.
+
+    At the rate 1, and at whole parts of it, in machine words for the first 26 days.
+    """
+    numerator, denominator = ps_per_ns
+    if elapsed >= _WEEKS_NS or numerator >= _USUAL:
+        return elapsed * numerator // denominator
+    ns: i64 = elapsed
+    passed: i64 = ns * numerator // denominator
+    return passed
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class TimeSource:
+    """Time as a session knows it; by itself that of chips elsewhere, which no pacer here moves.
+
+    Args:
+        clock: wall time in ns; for tests.
+    """
+
+    def __init__(self, clock: Callable[[], int] = monotonic_ns) -> None:
+        self.clock: Callable[[], int] = clock
+        """Wall time (ns)."""
+        self.real: bool = True
+        """Whether time runs on whatever hosts do."""
+        self.halted: bool = False
+        """Whether time stands still, and what hosts ask for is held for later."""
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps); 0 where that is not known."""
+        return 0
+
+    def catch_up(self) -> bool:
+        """Bring the chips to the present; tell whether they are there."""
+        return True
+
+    def served(self) -> None:
+        """A host has been served."""
+
+    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
+        """Call back when chip time may run to ``instant`` (ps)."""
+
+    def forget(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` no more."""
 
 
 class Tick:
@@ -468,7 +518,7 @@ class WallClockPacer(TimeSource):
             wait = -(-(due - self.wall()) * denominator // numerator) if numerator else 10**9
             self._timer.set(max(1, wait))
 
-    def touched(self) -> None:
+    def served(self) -> None:
         """A host has been served: an edge may be due earlier now."""
         if self._tick.span > self._tick.longest:
             self._tick.begin()

@@ -70,10 +70,10 @@ class Priority(Struct, frozen=True):
             lock_memory()
         except OSError as error:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-            kept = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] >> 10
+            limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] >> 10
             raise VbusError(
                 f"--priority fifo:{self.fifo}: memory cannot be locked: {error.strerror}, and"
-                f" {kept} KiB are allowed; {rights('memlock', 'ipc_lock')}"
+                f" {limit} KiB are allowed; {rights('memlock', 'ipc_lock')}"
             ) from None
 
     def give_back(self) -> None:

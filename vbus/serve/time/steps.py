@@ -1,6 +1,6 @@
 """Pause and steps: time that stands still, and goes on step by step.
 
-While time stands still, every request of a host is kept before it acts, and carried out when time
+While time stands still, every request of a host is held before it acts, and carried out when time
 goes on. A step lets the board run, hosts included, to an instant, a bus cycle or a condition. Where
 hosts are masters of time it is they who move it, as ever, so a run in steps is the run it would
 have been without. Where no host is attached, or if asked to, the session that steps lets time pass.
@@ -8,6 +8,7 @@ have been without. Where no host is attached, or if asked to, the session that s
 
 import asyncio
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
@@ -30,10 +31,11 @@ STEPPING: Final = "stepping"
 STEPS: Final = ("cycle", "time", "sample", "edge", "condition")
 
 
+@dataclass(slots=True)
 class _Goal:
     """What a step goes to.
 
-    Args:
+    Attributes:
         board: the board.
         text: what is said once it is there.
         at: the instant, if it is one (ps).
@@ -41,29 +43,21 @@ class _Goal:
         watch: looks for the condition, if it is one.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        text: str,
-        at: int = NEVER,
-        cycles: int = -1,
-        watch: "Watch | None" = None,
-    ) -> None:
-        self.text: str = text
-        self.cycles: int = cycles
-        self.watch: Watch | None = watch
-        self._board: Board = board
-        self._at: int = at
+    board: Board
+    text: str
+    at: int = NEVER
+    cycles: int = -1
+    watch: "Watch | None" = None
 
     def met(self) -> bool:
         """Whether it is there."""
         if self.watch is not None:
             return self.watch.look()
-        return self.cycles == 0 or self._board.now >= self._at
+        return self.cycles == 0 or self.board.now >= self.at
 
     def next_look(self) -> int:
         """Return the next instant at which it may be, though nothing is asked of the board."""
-        return self._at if self.watch is None else self.watch.next_look()
+        return self.at if self.watch is None else self.watch.next_look()
 
 
 class Steps(Observer):
@@ -181,7 +175,7 @@ class Steps(Observer):
         self._tell(PAUSED, text)
 
     def go(self) -> None:
-        """Let time run as ever; what was kept is carried out."""
+        """Let time run as ever; what was held is carried out."""
         self._leave()
         if self.state != RUNNING:
             self._tell(RUNNING, "time runs")

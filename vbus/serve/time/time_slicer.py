@@ -11,7 +11,7 @@ SLICE_NS: Final = 20_000_000
 """Wall time of a slice; between two of them hosts are served and Ctrl-C is heard. What is begun is
 finished: one chip brought up to date, or one stretch of :data:`SHORTEST`."""
 FIRST: Final = 10 * MS
-"""Chip time run in one go on a board of unknown speed."""
+"""Chip time run in one go on a board of unknown speed; not measured."""
 SHORTEST: Final = 20 * US
 LONG_NS: Final = 5_000_000
 SHORT_NS: Final = 1_000_000

@@ -10,6 +10,8 @@ import os
 import select
 import signal
 import sys
+from collections.abc import Set
+from contextlib import suppress
 
 ENDINGS = frozenset({signal.SIGINT, signal.SIGTERM})
 PATIENCE = 0.7
@@ -17,15 +19,15 @@ PATIENCE = 0.7
 CLOSING = 10.0
 """Seconds in which one that has heard closes its links and recordings: before systemd, which waits
 90 s, kills it, and long enough for a journal on a slow disk."""
-BUSY = 0.4
-"""Seconds of processor time without which a server that wants to run is starved, not stuck:
-more than half of :data:`PATIENCE`."""
+BUSY = 0.57
+"""The share of its time in which a server that wants to run must have had the processor to be
+stuck, and not starved: more than half."""
 STARVED = 10.0
-"""Seconds after which it is killed all the same."""
+"""Seconds more after which it is killed all the same."""
 LOOK = 0.05
 """Seconds between two looks at it: 14 in :data:`PATIENCE`."""
 _DUMP = 0.1
-"""Seconds a server has to write down where it hangs."""
+"""Seconds a server has to write down where it hangs, if it has the processor."""
 
 
 def _watch(pid: int, signals: int, heard: int, wake: int, server: int) -> None:
@@ -51,33 +53,54 @@ def _watch(pid: int, signals: int, heard: int, wake: int, server: int) -> None:
 
 
 def _see_it_end(pid: int, name: str, heard: int, server: int) -> None:
-    waited, longest, before = 0.0, PATIENCE, _state(pid)[1]
     poll = select.poll()
     poll.register(heard, select.POLLIN)
     poll.register(server, select.POLLIN)
-    while True:
-        if ready := dict(poll.poll(LOOK * 1000)):
-            if ready != {heard: select.POLLIN}:
-                return
-            poll.modify(heard, 0)  # that it is closed is reported all the same
-            longest = CLOSING
-            continue
-        waited += LOOK
-        if waited < longest:
-            continue
-        state, used = _state(pid)
-        starved = state == "R" and used - before < BUSY
-        if state in "Tt" or (starved and waited < STARVED):
-            continue
+    ready, waited = _wait(poll, pid, PATIENCE)
+    if ready == {heard: select.POLLIN}:
+        poll.modify(heard, 0)  # that it is closed is reported all the same
+        ready, waited = _wait(poll, pid, CLOSING)
+    if ready:
+        return
+    with suppress(OSError):  # who read what the server prints may have gone before it
         sys.stderr.write(
             f"vbus: {name} has not ended process {pid} within {waited:.1f} s; it is killed, and"
             " this is where it stood\n"
         )
         sys.stderr.flush()
-        signal.pidfd_send_signal(server, signal.SIGABRT)
-        poll.poll(_DUMP * 1000)
-        signal.pidfd_send_signal(server, signal.SIGKILL)
-        return
+    signal.pidfd_send_signal(server, signal.SIGABRT)
+    poll.unregister(heard)
+    _wait(poll, pid, _DUMP)
+    signal.pidfd_send_signal(server, signal.SIGKILL)
+
+
+def _wait(poll: select.poll, pid: int, longest: float) -> tuple[dict[int, int], float]:
+    """Wait for what a server tells; return that, empty if nothing has come, and the seconds.
+
+    It has longer than ``longest`` while it is starved. One that is stopped (T) has for ever.
+    """
+    waited, before = 0.0, _state(pid)[1]
+    while not (ready := dict(poll.poll(LOOK * 1000))):
+        waited += LOOK
+        if waited < longest:
+            continue
+        state, used = _state(pid)
+        if state not in ("T", "t") and not starved({state}, used - before, waited, longest):
+            break
+    return ready, waited
+
+
+def starved(states: Set[str], used: float, waited: float, longest: float) -> bool:
+    """Tell whether a process may yet do what it should have done: others have what it needs.
+
+    Args:
+        states: those of its threads, as the system calls them: R wants the processor, D the disk.
+        used: seconds of processor time that it has had since it should.
+        waited: seconds since then.
+        longest: seconds that it has anyway.
+    """
+    needs = "D" in states or ("R" in states and used < BUSY * longest)
+    return needs and waited < longest + STARVED
 
 
 def _state(pid: int) -> tuple[str, float]:

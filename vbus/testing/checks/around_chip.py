@@ -5,6 +5,7 @@ from typing import Any, Self
 
 from vbus import plugins
 from vbus.board.board import Board
+from vbus.boardfile.sections import BoardFile
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
 from vbus.client.aio.access import Packets, RegisterCycles, calls_of
@@ -30,6 +31,14 @@ def table_calls(family: Family) -> Any:
         return None
     base = family.object("access") or (RegisterCycles if family.registers else Packets)
     return calls_of("Calls", base, family.tables)
+
+
+def out_of_reset(chip: Chip, file: BoardFile) -> int:
+    """Return when a chip is out of the reset that follows power-on (ps)."""
+    clocks = plugins.family_of(chip.part).object("reset")
+    if not clocks or file.board.power_on == "done":
+        return chip.ready_at()
+    return max(chip.ready_at(), chip.clock.span_up(int(clocks)))
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -10,10 +10,11 @@ from vbus.chips.base import OUTPUT, Chip
 from vbus.core.kernel import MS, NEVER, SECOND, US
 from vbus.core.signals import EdgeTaker, Observer
 from vbus.core.state import save
-from vbus.testing.checks.finding import Nonconformance, demand, packed
+from vbus.testing.checks import Nonconformance, demand, packed
 
 _GAPS: Final = (0, 1, 1 * US, 7 * US, 40 * US, 333 * US, 2 * MS)
 _LONGEST_RESET: Final = 10 * SECOND
+"""Beyond any part that is known: an LM628 takes 1.5 ms."""
 
 Step = tuple[int, bool, int, int]
 """Pause before it (ps), whether it writes, address, byte."""

@@ -7,7 +7,7 @@ from typing import Final
 from vbus.core.signals import Plant
 from vbus.core.signals.axis import DRIVES
 from vbus.core.state import load, save
-from vbus.testing.checks.finding import Nonconformance, demand, packed, unpacked
+from vbus.testing.checks import Nonconformance, demand, hand_over, packed
 
 PERIOD: Final = 256e-6
 
@@ -155,15 +155,10 @@ class _Check:
             before = self._fresh()
             for drive in self._drives[:place]:
                 _give(before, self._kind, drive)
-            state = packed(self._name, save(before))
             after = self._fresh()
             for drive in reversed(self._drives[:20]):
                 _give(after, self._kind, drive)
-            load(after, unpacked(state))
-            demand(
-                packed(self._name, save(after)) == state,
-                f"{self._name}: the state loaded after period {place} is not the one saved",
-            )
+            hand_over(self._name, before, after, f" after period {place}")
             demand(
                 after.count == before.count,
                 f"{self._name}: loading a state leaves .count at {after.count}, not {before.count}",

@@ -14,15 +14,16 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.core.errors import TransportError
 from vbus.core.kernel import NEVER
-from vbus.core.state import load, save
+from vbus.core.state import save
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.testing.boards import default_part, for_test, of_part
-from vbus.testing.checks.finding import Nonconformance, demand, packed, unpacked
+from vbus.testing.checks import Nonconformance, demand, hand_over, packed
 from vbus.transports.base import Link, Transport
 
 ALL_BYTES: Final = bytes(range(256))
 _PATIENCE: Final = 20.0
+"""Seconds after which what a transport owes is given up: far above what a busy machine takes."""
 
 
 class _ProtocolRun:
@@ -53,14 +54,8 @@ class _ProtocolRun:
 
     def hand_over(self) -> None:
         """Let another protocol of the same kind go on in this one's place."""
-        name = type(self.protocol).__name__
-        state = packed(name, save(self.protocol))
-        self.protocol = self.factory(self.port)
-        load(self.protocol, unpacked(state))
-        demand(
-            packed(name, save(self.protocol)) == state,
-            f"{name}: the state loaded is not the one saved",
-        )
+        before, self.protocol = self.protocol, self.factory(self.port)
+        hand_over(type(before).__name__, before, self.protocol)
 
 
 def check_protocol(
@@ -94,15 +89,15 @@ def check_protocol(
             if turn % 2:
                 run.hand_over()
         where = f"cut at {cuts}" if turn != 1 else "byte by byte"
-        kept = ", saved and loaded at the cuts" if turn % 2 else ""
+        cut = ", saved and loaded at the cuts" if turn % 2 else ""
         demand(
             answer == expected,
-            f"{name}: {where}{kept}, the same bytes give {answer[:48].hex(' ')}…, not"
+            f"{name}: {where}{cut}, the same bytes give {answer[:48].hex(' ')}…, not"
             f" {expected[:48].hex(' ')}…",
         )
         demand(
             run.board.state_hash() == state,
-            f"{name}: {where}{kept}, the same bytes leave the board in another state",
+            f"{name}: {where}{cut}, the same bytes leave the board in another state",
         )
     for _ in range(rounds):
         run = _ProtocolRun(factory)

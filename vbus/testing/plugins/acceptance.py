@@ -1,38 +1,21 @@
 """Which tests accept which violations; an acceptance of what never happens fails."""
 
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
 from vbus.core.errors import ConfigError
 from vbus.testing.judge import CHOICES, Judge, accepted
-from vbus.testing.limits import BUDGET, NEAR, Limits, budget_of, tolerance_of
 from vbus.views.findings.suppress import Suppression, suppressions_of
-from vbus.views.runs.difference import Tolerance
 
 _KEYS: Final = (*CHOICES, "accept", "budget", "golden", "suppress")
 
 
-@dataclass(frozen=True, slots=True)
-class Project:
-    """What holds for tests that say nothing else.
-
-    Attributes:
-        judge: which violations fail them.
-        budget: what they may take.
-        tolerance: how far from their goldens they may be.
-    """
-
-    judge: Judge
-    budget: Limits
-    tolerance: Tolerance
-
-
-def read_project(folder: Path) -> Project:
+def read_project(folder: Path) -> Judge:
     """Return what holds for all tests of the project in ``folder`` that say nothing else.
 
     Raises:
@@ -42,7 +25,7 @@ def read_project(folder: Path) -> Project:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8")).get("tool", {}).get("vbus", {})
     except FileNotFoundError:
-        return Project(Judge(), BUDGET, NEAR)
+        return Judge()
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: {error}") from None
     where = f"{path}: [tool.vbus]"
@@ -52,9 +35,7 @@ def read_project(folder: Path) -> Project:
     allowed = accepted(where, table.get("accept", {}))
     if "suppress" in table:
         allowed += suppressions_of(str(folder / str(table["suppress"])))
-    judge = Judge(accepted=allowed).configured(where, table)
-    budget = budget_of(where, table.get("budget", {}), BUDGET)
-    return Project(judge, budget, tolerance_of(where, table.get("golden", {})))
+    return Judge(accepted=allowed).configured(where, table)
 
 
 @dataclass(slots=True)
@@ -100,10 +81,10 @@ class Acceptances:
     """
 
     def __init__(self, config: pytest.Config) -> None:
-        self.project: Project = read_project(config.rootpath)
+        self.project: Judge = read_project(config.rootpath)
         self._all: dict[tuple[str, str, str], Acceptance] = {}
         self._deselected: set[str] = set()
-        for one in self.project.judge.accepted:
+        for one in self.project.accepted:
             self._add("", one)
 
     def _add(self, scope: str, one: Suppression) -> Acceptance:
@@ -122,11 +103,9 @@ class Acceptances:
                     where = f"{scope}: @pytest.mark.vbus"
                     for one in accepted(where, mark.kwargs["accept"]):
                         self._add(scope, one).tests.add(item.nodeid)
-            for acceptance in self._of_project():
-                acceptance.tests.add(item.nodeid)
-
-    def _of_project(self) -> Iterator[Acceptance]:
-        return (one for (scope, _, _), one in self._all.items() if not scope)
+            for acceptance in self._all.values():
+                if not acceptance.scope:  # it is the project's
+                    acceptance.tests.add(item.nodeid)
 
     def deselect(self, items: Iterable[pytest.Item]) -> None:
         """Take note of tests that are left out: what holds for them cannot be judged."""
@@ -151,23 +130,14 @@ class Acceptances:
 
     # -- at the end of the run ----------------------------------------------------------------
 
-    def export(self) -> list[Any]:
-        """Return what a worker of pytest-xdist has seen, for :meth:`merge`."""
-        rows = [
-            [one.scope, one.suppression.rule, one.suppression.chip, one.suppression.reason,
-             one.suppression.used, sorted(one.tests)]
-            for one in self._all.values()
-        ]  # fmt: skip
-        return [rows, sorted(self._deselected)]
-
-    def merge(self, exported: list[Any]) -> None:
-        """Add what a worker has seen."""
-        rows, deselected = exported
-        self._deselected |= set(deselected)
-        for scope, rule, chip, reason, used, tests in rows:
-            one = self._add(scope, Suppression(rule, chip, reason))
-            one.suppression.used += used
-            one.tests |= set(tests)
+    def update(self, other: "Acceptances") -> None:
+        """Add what a worker of pytest-xdist has seen."""
+        self._deselected |= other._deselected
+        for key, one in other._all.items():
+            mine = self._all.setdefault(key, one)
+            if mine is not one:
+                mine.suppression.used += one.suppression.used
+                mine.tests |= one.tests
 
     def needless(self, config: pytest.Config, passed: set[str]) -> list[str]:
         """Return what was accepted in vain; of places of which all tests have run, and passed."""

@@ -2,16 +2,18 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
+
+from vbus.testing.plugins.workers import handed_over, is_worker
 
 if TYPE_CHECKING:
     from vbus.testing.plugins.acceptance import Acceptances
 
-ACCEPTED: pytest.StashKey["Acceptances"] = pytest.StashKey()
+ACCEPTED: pytest.StashKey["Acceptances"] = handed_over("accepted")
 DESELECTED: pytest.StashKey[list[pytest.Item]] = pytest.StashKey()
-PASSED: pytest.StashKey[set[str]] = pytest.StashKey()
+PASSED: pytest.StashKey[set[str]] = handed_over("passed")
 """Node ids of the tests that have passed, with a board or without."""
 NEEDLESS: pytest.StashKey[list[str]] = pytest.StashKey()
 
@@ -61,21 +63,6 @@ def finished(item: pytest.Item, counts: bool) -> list[str]:
     return needless
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over what a worker of pytest-xdist has seen."""
-    output = getattr(node, "workeroutput", {})
-    stash = node.config.stash
-    stash.setdefault(PASSED, set()).update(output.get("vbus_passed", ()))
-    exported = output.get("vbus")
-    if exported is not None:
-        from vbus.testing.plugins.acceptance import Acceptances
-
-        if ACCEPTED not in stash:
-            stash[ACCEPTED] = Acceptances(node.config)
-        stash[ACCEPTED].merge(exported)
-
-
 def _accepts(session: pytest.Session) -> bool:
     """Tell whether something is accepted in a run in which no test has had a board."""
     project = session.config.rootpath / "pyproject.toml"
@@ -92,10 +79,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
             acceptances(session)
     accepted = config.stash.get(ACCEPTED, None)
     passed = config.stash.setdefault(PASSED, set())
-    if hasattr(config, "workeroutput"):
-        config.workeroutput["vbus_passed"] = sorted(passed)
-        if accepted is not None:
-            config.workeroutput["vbus"] = accepted.export()
+    if is_worker(config):
         return
     needless = accepted.needless(config, passed) if accepted is not None else []
     if needless:

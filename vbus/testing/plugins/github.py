@@ -88,7 +88,6 @@ def write(terminal: pytest.TerminalReporter, root: Path, more: Sequence[str]) ->
         for report in terminal.getreports(outcome)
         if isinstance(report, pytest.TestReport) and said_of(report)
     ]
-    terminal.ensure_newline()
     for report in failed:
         terminal.line(annotation(report, root))
     file = os.environ.get(SUMMARY)

@@ -1,4 +1,4 @@
-"""Goldens: runs that were right, kept in a file beside the test, and compared with the run now."""
+"""Goldens: runs that were right, in a file beside the test, and compared with the run now."""
 
 import io
 import json
@@ -8,7 +8,7 @@ from difflib import unified_diff
 from pathlib import Path
 from typing import Final
 
-from vbus.core.errors import VbusError, read_errors, write_errors
+from vbus.core.errors import VbusError, content, write_errors
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.record.format import JournalReader
 from vbus.serve.output_file import write_file
@@ -91,8 +91,7 @@ def read_golden(path: Path) -> Run:
     Raises:
         VbusError: it cannot be read, or is none.
     """
-    with read_errors(path):
-        data = path.read_bytes()
+    data = content(path)
     try:
         table = tomllib.loads(data.decode())
         if table["format"] != FORMAT:

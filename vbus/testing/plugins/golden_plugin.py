@@ -3,24 +3,23 @@
 import re
 from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
 from vbus.testing.plugins.acceptance_plugin import fail_run
+from vbus.testing.plugins.workers import handed_over, is_worker
 from vbus.testing.plugins.worlds_plugin import SEARCHING
 
 if TYPE_CHECKING:
     from vbus.testing.bench import Bench
 
 ASKED: pytest.StashKey["Golden"] = pytest.StashKey()
-LEFT_OVER: pytest.StashKey[set[str]] = pytest.StashKey()
-WRITTEN: pytest.StashKey[set[str]] = pytest.StashKey()
+LEFT_OVER: pytest.StashKey[set[str]] = handed_over("goldens left over")
+WRITTEN: pytest.StashKey[set[str]] = handed_over("goldens written")
 SUFFIX: Final = ".golden"
-_TOLD: Final = {LEFT_OVER: "vbus_golden", WRITTEN: "vbus_golden_written"}
-"""What a worker of pytest-xdist tells, and as what."""
 _LONGEST: Final = 100
-"""Characters of a test's name that are kept."""
+"""Characters of a test's name that are used."""
 
 
 class Golden:
@@ -46,7 +45,7 @@ class Golden:
             return "vbus_golden: the test has no board; take a chip's fixture, or vbus_board"
         config = self._item.config
         update = config.getoption("--vbus-golden") == "update"
-        complaint = judge(tested, self._item.nodeid, self.path, self._bench.tolerance, update)
+        complaint = judge(tested, self._item.nodeid, self.path, self._bench.judge.tolerance, update)
         if update:
             config.stash.setdefault(WRITTEN, set()).add(str(self.path))
         return complaint
@@ -127,22 +126,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     }
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over what a worker of pytest-xdist has found."""
-    output = getattr(node, "workeroutput", {})
-    for key, name in _TOLD.items():
-        node.config.stash.setdefault(key, set()).update(output.get(name, []))
-
-
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Fail a run that leaves goldens of no test, or take them away."""
     config = session.config
     left_over = config.stash.setdefault(LEFT_OVER, set())
-    if hasattr(config, "workeroutput"):
-        for key, name in _TOLD.items():
-            config.workeroutput[name] = sorted(config.stash.get(key, ()))
-    elif config.getoption("--vbus-golden") == "update":
+    if is_worker(config):
+        return
+    if config.getoption("--vbus-golden") == "update":
         for file in left_over:
             Path(file).unlink(missing_ok=True)
     elif left_over:

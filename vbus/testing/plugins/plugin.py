@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 from traceback import walk_tb
 from types import TracebackType
@@ -15,7 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
+from vbus.core.entry_points import installed
 from vbus.testing.plugins.acceptance_plugin import acceptances, fail_run, finished
+from vbus.testing.plugins.workers import handed_over, is_worker
 from vbus.testing.plugins.worlds_plugin import LIMITS, SEARCHING, WORLD, world_run
 
 if TYPE_CHECKING:
@@ -31,17 +32,20 @@ if TYPE_CHECKING:
 pytest_plugins = (
     "vbus.testing.plugins.acceptance_plugin",
     "vbus.testing.plugins.golden_plugin",
+    "vbus.testing.plugins.workers",
     "vbus.testing.plugins.worlds_plugin",
 )
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
 CALLED: pytest.StashKey[bool] = pytest.StashKey()
 """Whether a test has passed, as far as its call."""
-COVERAGE: pytest.StashKey["SuiteCoverage"] = pytest.StashKey()
+COVERAGE: pytest.StashKey["SuiteCoverage"] = handed_over("coverage")
 SHORT: pytest.StashKey[str] = pytest.StashKey()
 NOTES: pytest.StashKey[list[tuple[str, str]]] = pytest.StashKey()
 """What is noted of a test that has passed."""
 _PACKAGE: Final = Path(__file__).parents[2]
+_RUNNERS: Final = ("_pytest", "pluggy", "pytest_asyncio")
+"""Packages whose lines say nothing of a user's mistake."""
 
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
@@ -56,7 +60,7 @@ _OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "scope": {"choices": ("never", "on-failure"), "default": "on-failure",
         "help": "of which tests to keep a page for a browser (HTML)"},
     "dir": {"type": Path, "metavar": "DIR",
-        "help": "where journals, pages and waveforms are kept (pytest's temporary folder)"},
+        "help": "where journals, pages and waveforms are written (pytest's temporary folder)"},
     "github": {"action": "store_true",
         "help": "annotate failing tests for GitHub, and add to the summary of the job"},
     "coverage": {"action": "append", "nargs": "?", "const": "", "metavar": "FILE",
@@ -84,12 +88,10 @@ def _wants_coverage(config: pytest.Config) -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker; refuse an option that cannot be met before the first test."""
     if config.getoption("--vbus-wave") != "never":
-        try:
+        from vbus.core.errors import import_errors
+
+        with import_errors("--vbus-wave needs pyvcd", "pyvcd", pytest.UsageError):
             import vcd  # noqa: F401
-        except ImportError:
-            raise pytest.UsageError(
-                "--vbus-wave needs pyvcd; install it with: pip install pyvcd"
-            ) from None
     if _wants_coverage(config):
         from vbus.testing.plugins.suite_coverage import asked_for
 
@@ -129,7 +131,7 @@ def vbus_bench(
     from vbus.campaign.world import REFERENCE
     from vbus.core.errors import VbusError
     from vbus.testing.bench import Bench
-    from vbus.testing.variant import Variant
+    from vbus.testing.boards import Variant
 
     item = request.node
     keywords: dict[str, Any] = {}
@@ -141,7 +143,7 @@ def vbus_bench(
     keywords.pop("accept", None)
     option = item.config.getoption
     known = acceptances(request.session)
-    judge = replace(known.project.judge, accepted=known.of(item.nodeid))
+    judge = replace(known.project, accepted=known.of(item.nodeid))
     if option("--vbus-violations"):
         judge = replace(judge, violations=option("--vbus-violations"))
     try:
@@ -154,16 +156,15 @@ def vbus_bench(
             option("--vbus-strict"),
             option("--vbus-wave"),
             judge,
-            known.project.budget,
             COVERAGE in item.config.stash,
-            known.project.tolerance,
             Variant(**vbus_variant, world=item.stash.get(WORLD, REFERENCE)),
             scope=option("--vbus-scope") != "never",
             chips=[CHIPS[name] for name in item.fixturenames if name in CHIPS],
             witnessed=item.stash.get(SEARCHING, False),
         )
     except VbusError as error:
-        raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
+        message = f"{item.nodeid}: @pytest.mark.vbus: {error}"
+        raise pytest.fail.Exception(message, pytrace=False) from None
     if LIMITS in item.stash:
         bench.limit(*item.stash[LIMITS])
     item.stash[BENCH] = bench
@@ -240,20 +241,11 @@ def _chip_fixture(name: str, start: str) -> object:
     return pytest.fixture(name=name)(chip)
 
 
-def _chip_entries() -> Iterator[EntryPoint]:
-    """Give the entry points of chips, in a third of the time of ``entry_points()``.
-
-    That reads the name of every package too, and who does not use vbus pays for it.
-    """
-    for package in distributions():
-        if "[vbus.chips]" in (package.read_text("entry_points.txt") or ""):
-            yield from package.entry_points.select(group="vbus.chips")
-
-
-for _entry in sorted(_chip_entries(), reverse=True):
-    _name = f"vbus_{re.sub('[^a-z0-9]', '', _entry.name.lower())}"
-    CHIPS[_name] = _entry.name
-    globals()[_name] = _chip_fixture(_name, _entry.name)
+# As installers write them: who does not use vbus pays for no package's metadata.
+for _start in sorted((one.name for one in installed() if one.group == "vbus.chips"), reverse=True):
+    _name = f"vbus_{re.sub('[^a-z0-9]', '', _start.lower())}"
+    CHIPS[_name] = _start
+    globals()[_name] = _chip_fixture(_name, _start)
 
 
 @contextmanager
@@ -288,7 +280,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object
         bench.relent()
     with _running(item):
         result = yield
-    complaints = bench.late_complaints() if bench else []
+    complaints = bench.late_complaints(NOTES in item.stash) if bench else []
     counts = item.stash.get(CALLED, False) and not item.stash.get(SEARCHING, False)
     complaints = complaints or finished(item, counts)
     if complaints:
@@ -311,16 +303,23 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
 
 
 def _cut_short(found: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
-    """Leave only the test's own lines of a mistake that vbus has put in a sentence."""
+    """Leave only the test's own lines of a mistake that vbus has put in a sentence.
+
+    In a fixture of vbus no line is the test's: then the sentence stands alone.
+    """
     from vbus.core.errors import VbusError
     from vbus.testing.limits import HostStuck
 
     own = None
     for frame, line in reversed(list(walk_tb(found.tb))):
-        if not Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):
+        of_pytest = frame.f_globals.get("__name__", "").partition(".")[0] in _RUNNERS
+        if not of_pytest and not Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):
             own = TracebackType(own, frame, frame.f_lasti, line)
-    if own is None or not isinstance(found.value, VbusError | ValueError | HostStuck):
+    if not isinstance(found.value, VbusError | ValueError | HostStuck):
         return found
+    if own is None:
+        failure = pytest.fail.Exception(f"{type(found.value).__name__}: {found.value}", False)
+        return pytest.ExceptionInfo.from_exception(failure.with_traceback(found.tb))
     return pytest.ExceptionInfo.from_exception(found.value.with_traceback(own))
 
 
@@ -347,22 +346,11 @@ def pytest_runtest_makereport(
     return report
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over what a worker of pytest-xdist has counted."""
-    output = getattr(node, "workeroutput", {})
-    if "vbus_coverage" in output:
-        node.config.stash[COVERAGE].take(output["vbus_coverage"])
-
-
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Write what was exercised; fail a run that exercises too little."""
     config = session.config
     coverage = config.stash.get(COVERAGE, None)
-    if coverage is None:
-        return
-    if hasattr(config, "workeroutput"):
-        config.workeroutput["vbus_coverage"] = coverage.export()
+    if coverage is None or is_worker(config):
         return
     from vbus.core.errors import VbusError
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import pytest
 
 from vbus.board.board import Board
-from vbus.core.errors import VbusError, read_errors, write_errors
+from vbus.core.errors import VbusError, content, value_errors, write_errors
 from vbus.serve.output_file import write_file
 from vbus.views.coverage.coverage import Coverage, CoverageObserver, from_json
 from vbus.views.coverage.formats import as_text, coverage_format, difference
@@ -38,17 +38,14 @@ class SuiteCoverage:
         self.whole: Coverage = Coverage()
         self._files: Final = [file for file in files if file]
         self._least: Final = least
-        try:
-            self._styles: Final = [coverage_format(file) for file in self._files]
-        except ValueError as error:
-            raise VbusError(f"--vbus-coverage={error}") from None
+        with value_errors(VbusError, "--vbus-coverage="):
+            for file in self._files:
+                coverage_format(file)
         if not 0 <= least <= 100:
             raise VbusError(f"--vbus-coverage-fail-under={least:g}: percent go from 0 to 100")
         self._base: Coverage | None = None
         if base:
-            with read_errors(base):
-                text = Path(base).read_bytes()
-            self._base = from_json(text, base)
+            self._base = from_json(content(base), base)
 
     def add(self, test: str, observers: Iterable[CoverageObserver]) -> None:
         """Take what a test has exercised."""
@@ -57,13 +54,9 @@ class SuiteCoverage:
             of_test = {family: set(keys) for family, keys in found.counts.items()}
             self.whole.merge(Coverage([], found.counts, {test: of_test}))
 
-    def export(self) -> str:
-        """Return what a worker of pytest-xdist has seen, for :meth:`take`."""
-        return self.whole.to_json().decode()
-
-    def take(self, exported: str) -> None:
-        """Add what a worker has seen."""
-        self.whole.merge(from_json(exported.encode(), "a worker"))
+    def update(self, other: "SuiteCoverage") -> None:
+        """Add what a worker of pytest-xdist has seen."""
+        self.whole.merge(other.whole)
 
     def finish(self) -> str:
         """Write the files; return why the run fails, or "".
@@ -73,10 +66,10 @@ class SuiteCoverage:
         """
         whole = self.whole
         whole.runs = [f"{len(whole.tests)} tests"]
-        for file, style in zip(self._files, self._styles, strict=True):
+        for file in self._files:
             with write_errors(file):
                 Path(file).parent.mkdir(parents=True, exist_ok=True)
-            write_file(file, style(whole).encode())
+            write_file(file, coverage_format(file)(whole).encode())
         percent, shown = (whole.percent(), whole.shown()) if whole.counts else (0.0, "0.0%")
         return f"{shown} exercised, {self._least:g}% wanted" if percent < self._least else ""
 

@@ -1,15 +1,15 @@
 """The part of the pytest plug-in that runs one test in many worlds: parts, specimens, campaigns."""
 
-import pickle
-import re
+import os
 import shlex
 import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, closing
-from functools import partial
+from contextlib import ExitStack, closing, suppress
+from functools import cache, partial
 from hashlib import sha256
 from itertools import islice, product
+from math import ceil, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -17,6 +17,7 @@ import pytest
 from _pytest.runner import runtestprotocol
 
 from vbus.testing.plugins.acceptance_plugin import fail_run
+from vbus.testing.plugins.workers import handed_over, is_worker
 
 if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile
@@ -33,11 +34,15 @@ WORLD: pytest.StashKey["World"] = pytest.StashKey()
 """The world in which the test runs now."""
 SEARCHING: pytest.StashKey[bool] = pytest.StashKey()
 """Whether it runs to find out what comes of it there; its last run is what counts."""
+END: pytest.StashKey[float] = pytest.StashKey()
+"""Instant of the wall clock at which the time of all campaigns is over."""
+SKIPPED: pytest.StashKey[bool] = pytest.StashKey()
+"""Whether the test was skipped in its last run."""
 RUN: pytest.StashKey["tuple[BoardFile, Source, Account | None, list[Path]]"] = pytest.StashKey()
 """The board that the test ran on, what became of it, and the files that the test named."""
 LIMITS: pytest.StashKey["tuple[int, int]"] = pytest.StashKey()
 """Chip time (ps) and bus cycles that it may take in a world of a campaign."""
-TALLY: pytest.StashKey["Tally"] = pytest.StashKey()
+TALLY: pytest.StashKey["Tally"] = handed_over("worlds")
 FILES: pytest.StashKey["dict[str, OutputFile]"] = pytest.StashKey()
 """Files of a campaign, by what they are."""
 BEFORE: pytest.StashKey["Saved"] = pytest.StashKey()
@@ -60,7 +65,7 @@ _OPTIONS: Final[dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 """What ``vbus campaign`` takes, too, behind ``--vbus-campaign-``."""
 _USUAL: Final = 100
-"""Worlds of each test, where nothing is said."""
+"""Worlds of each test, where nothing is said; not measured."""
 _MOST: Final = 20
 """Silent outcomes that the summary tells."""
 _LISTS: Final = ("part", "clock", "time", "seed")
@@ -71,25 +76,27 @@ class Tally:
     """The worlds that a run of pytest has seen.
 
     Attributes:
-        tests: runs of each test that has a board.
+        tests: of each test that has a board, the worlds in which it has run.
         worlds: of campaigns, those that have results.
         digests: of each test that has a campaign.
         results: what came of its worlds, by name.
         left: of each dimension and way, how many worlds were not tried.
-        refused: dimensions that do not apply to the board of a test, with the reason.
+        refused: by test, dimensions that do not apply to its board, with the reason.
         passed: tests of which no campaign can be made, with the reason.
+        replays: what came of tests in the world of ``--vbus-world``.
     """
 
     def __init__(self) -> None:
-        self.tests: Counter[str] = Counter()
+        self.tests: dict[str, set[str]] = {}
         self.worlds: list[PlannedWorld] = []
         self.digests: dict[str, str] = {}
         self.results: dict[str, Result] = {}
         self.left: Counter[tuple[str, str]] = Counter()
-        self.refused: dict[str, str] = {}
+        self.refused: dict[str, dict[str, str]] = {}
         self.passed: dict[str, str] = {}
+        self.replays: list[str] = []
 
-    def add(self, other: "Tally") -> None:
+    def update(self, other: "Tally") -> None:
         """Take over what a worker of pytest-xdist has seen."""
         for name, value in vars(self).items():
             more = getattr(other, name)
@@ -102,13 +109,17 @@ class Tally:
         from vbus.campaign.verdict import Campaign
 
         made = Campaign(plan, saved.results)
+        if not made.tried:
+            late = "its time was over after the reference runs"
+            self.passed[test] = late if plan.worlds else "nothing that it is to try applies"
         for one in made.tried:
+            self.tests.setdefault(test, set()).add(str(one.planned.world))
             group = f"{test}: {one.planned.group}"
             self.worlds.append(replace(one.planned, group=group))
             self.results[one.planned.name] = one.result
         for total in made.totals():
             self.left[total.dimension, total.way] += total.left
-        self.refused |= plan.refused
+        self.refused[test] = plan.refused
         self.digests[test] = saved.digests[test]
 
     def campaign(self) -> "Campaign":
@@ -117,25 +128,37 @@ class Tally:
         from vbus.campaign.verdict import Campaign
 
         worlds = sorted(self.worlds, key=lambda one: one.test)
-        return Campaign(WorldPlan(worlds, self.left, self.refused | self.passed), self.results)
+        refused = {}
+        for test, reasons in sorted(self.refused.items()):
+            for what, why in reasons.items():
+                of_all = all(what in others for others in self.refused.values())
+                refused[what if of_all else f"{test}: {what}"] = why
+        return Campaign(WorldPlan(worlds, self.left, refused | self.passed), self.results)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether there were campaigns, and not one has tried a world."""
+        return bool(self.digests) and not self.results
 
     def lines(self, config: pytest.Config) -> Iterator[str]:
         """Say in one line how many worlds there were; of a campaign, what was silent, too."""
-        runs, tests = sum(self.tests.values()), len(self.tests)
+        runs, tests = sum(map(len, self.tests.values())), len(self.tests)
         seen = f"vbus: {tests} test{'s' * (tests != 1)} in {runs} world{'s' * (runs != 1)}"
+        yield from self.replays
         if not self.digests and not self.passed:
-            yield seen
+            yield seen if self.tests else "vbus: no campaign: no test here has a board"
             return
-        from vbus.campaign.report import outcomes
-        from vbus.campaign.verdict import DETECTED, NO_EFFECT, VERDICTS
+        from vbus.campaign.report import outcomes, shown
+        from vbus.campaign.verdict import VERDICTS, WayTotal
 
         verdicts = Counter(result.verdict for result in self.results.values())
-        effects = sum(verdicts.values()) - verdicts[NO_EFFECT]
-        share = f"{100 * verdicts[DETECTED] / effects:.0f} %" if effects else "-"
-        counts = ", ".join(f"{verdicts[one]} {one}" for one in VERDICTS)
+        share = shown(WayTotal("", "", verdicts, 0).coverage)
+        counts = ", ".join(f"{verdicts[one]} {one.replace(',', '')}" for one in VERDICTS)
         yield f"{seen}: {counts}; diagnostic coverage {share}; {self.left.total()} not tried"
         for test, why in self.passed.items():
             yield f"  {test}: no campaign: {why}"
+        if self.in_vain:
+            yield "  no world was tried at all, which fails the run"
         everything = "--vbus-campaign-all tells them"
         known, most = config.stash.get(KNOWN, None), None if _option(config, "all") else _MOST
         for line in outcomes(self.campaign(), known, _line, most, everything):
@@ -161,7 +184,7 @@ class Tally:
 
 
 def _line(one: "PlannedWorld") -> str:
-    return f"pytest '{one.test}' --vbus-world='{one.world}'"
+    return f"pytest {shlex.quote(one.test)} --vbus-world={shlex.quote(str(one.world))}"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -182,18 +205,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-_TIME: Final = re.compile(r"(\d+(?:\.\d+)?) ?(s|m|min|h)")
-_UNITS: Final = {"s": 1, "m": 60, "min": 60, "h": 3600}
-
-
 def _asked(config: pytest.Config) -> tuple[int | None, float | None] | None:
     """Return the number of worlds of each test, or the seconds for all; None: no campaign."""
     text = config.getoption("--vbus-campaign")
     if text is None:
         return None
-    found = _TIME.fullmatch(text)
-    if found:
-        return None, float(found[1]) * _UNITS[found[2]]
+    from vbus.core.kernel import SECOND
+    from vbus.protocols.quantities import WALL_UNITS, parse_duration
+
+    with suppress(ValueError):
+        return None, parse_duration(text, WALL_UNITS) / SECOND
     if not text.isdecimal() or not int(text):
         raise pytest.UsageError(
             f"--vbus-campaign={text}: write a number of worlds, such as 100, or a time, such as 5m"
@@ -215,15 +236,16 @@ def _prepare(config: pytest.Config) -> None:
         VbusError: a file cannot be read or written, or is of another kind.
     """
     from vbus.campaign.report import FILES as KINDS
-    from vbus.campaign.report import Saved, read_baseline, read_saved
-    from vbus.campaign.world import NO_TURNS, THREADS, read_dimensions, read_world
+    from vbus.campaign.report import Saved, check_files, read_baseline, read_saved
+    from vbus.campaign.world import NO_TURNS, PHASE, THREADS, read_dimensions, read_world
+    from vbus.core.errors import value_errors
     from vbus.serve.output_file import OutputFile
 
     if config.getoption("--vbus-world"):
-        try:
+        if _asked(config) is not None:
+            raise ValueError("--vbus-world is one world, and --vbus-campaign is many")
+        with value_errors(ValueError, "--vbus-world: "):
             read_world(config.getoption("--vbus-world"))
-        except ValueError as error:
-            raise ValueError(f"--vbus-world: {error}") from None
     given = [name for name in _OPTIONS if _option(config, name) not in (None, False)]
     if given and _asked(config) is None:
         raise ValueError(f"--vbus-campaign-{given[0]} goes with --vbus-campaign")
@@ -232,11 +254,15 @@ def _prepare(config: pytest.Config) -> None:
         raise ValueError(f"--vbus-campaign-only={only}: {NO_TURNS}")
     if (phases is not None and not 2 <= phases <= 4096) or (seed is not None and seed < 0):
         raise ValueError("--vbus-campaign-phases is 2 to 4096, --vbus-campaign-seed 0 or more")
-    if _option(config, "baseline"):
-        config.stash[KNOWN] = read_baseline(_option(config, "baseline"))
-    json = _option(config, "json")
+    json, baseline = (_option(config, name) for name in ("json", "baseline"))
+    tests = [name.partition("::")[0] for name in config.args]
+    check_files([_option(config, kind) for kind in KINDS], [baseline, *tests])
+    if phases is not None and PHASE not in read_dimensions(only):
+        raise ValueError("--vbus-campaign-phases goes with the dimension phase")
+    if baseline:
+        config.stash[KNOWN] = read_baseline(baseline)
     config.stash[BEFORE] = read_saved(json) if json else Saved()
-    if hasattr(config, "workerinput"):
+    if is_worker(config):
         return
     with ExitStack() as stack:
         for kind in KINDS:
@@ -329,9 +355,12 @@ def _short(key: str, value: object) -> str:
 
 def world_run(item: pytest.Item, bench: "Bench") -> None:
     """A test is over: note its board, and what became of it."""
+    from vbus.campaign.world import REFERENCE
+
     begun = bench.begun
     if begun is not None:
-        item.config.stash[TALLY].tests[item.nodeid] += 1
+        world = item.stash.get(WORLD, None) or REFERENCE
+        item.config.stash[TALLY].tests.setdefault(item.nodeid, set()).add(str(world))
         item.stash[RUN] = (begun.file, begun.source, bench.account(), bench.named)
 
 
@@ -352,9 +381,10 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         from vbus.campaign.world import read_world
 
         item.stash[WORLD] = read_world(named)
+        item.config.stash[TALLY].replays += _replayed(item)
     elif hostile:
         item.stash[WORLD] = _weak_on(item, hostile)
-    if campaign and not named:
+    if campaign:
         _campaign(item, *campaign)
     runtestprotocol(item, nextitem=nextitem)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
@@ -378,35 +408,66 @@ def _in_world(item: pytest.Item, world: "World") -> list[pytest.TestReport]:
             item.stash[WORLD] = before
 
 
+def _replayed(item: pytest.Item) -> Iterator[str]:
+    """Say what comes of a test in its world, as a campaign does, where it can."""
+    from vbus.campaign.verdict import judge
+    from vbus.campaign.world import REFERENCE
+    from vbus.cli.hosted.campaign_runs import limits_of
+
+    reference = _account(item, REFERENCE)
+    if reference is None or reference.code or item.stash[RUN][0].board.time == "realtime":
+        return
+    item.stash[LIMITS] = limits_of(reference)
+    run = _account(item, item.stash[WORLD])
+    if run is not None:
+        world = item.stash[WORLD]
+        result = judge(reference, run, world)
+        said = f"{result.verdict}: {result.reason}" if result.reason else result.verdict
+        yield f"vbus: {item.nodeid}: {world.sentence()}: {said}"
+        yield from (f"    finding: {finding}" for finding in result.findings)
+
+
 def _weak_on(item: pytest.Item, examples: int) -> "World":
     """Return the specimen with the fewest extremes under which a test fails, or nothing otherwise.
 
-    What failed in the last run is tried first, and what is found is kept for the next one.
+    What failed in the last run is tried first, and what is found is remembered for the next one.
     """
     from vbus.campaign.plan import specimens, weakest
     from vbus.campaign.world import REFERENCE, possible, read_world
 
-    results: dict[World, bool] = {}
-
+    @cache
     def fails(world: "World") -> bool:
-        if world not in results:
-            results[world] = any(report.failed for report in _in_world(item, world))
-        return results[world]
+        return any(report.failed for report in _in_world(item, world))
 
     # What fails with nothing otherwise is no weakness.
     if fails(REFERENCE) or RUN not in item.stash:  # or it was skipped, or has no board after all
         return REFERENCE
     file = item.stash[RUN][0]
-    cache = getattr(item.config, "cache", None)
+    store = getattr(item.config, "cache", None)
     key = f"vbus/hostile/{sha256(item.nodeid.encode()).hexdigest()[:16]}"
-    kept = cache.get(key, None) if cache is not None else None
+    last = store.get(key, None) if store is not None else None
     worlds = specimens(file, 0, examples)
-    if kept is not None and possible(file, read_world(kept)):
-        worlds = iter([read_world(kept), *worlds])
+    if last is not None and possible(file, read_world(last)):
+        worlds = iter([read_world(last), *worlds])
     found = weakest(worlds, fails)
-    if cache is not None and (found is not None or kept is not None):
-        cache.set(key, None if found is None else str(found))
+    if store is not None and (found is not None or last is not None):
+        store.set(key, None if found is None else str(found))
     return found or REFERENCE
+
+
+def _until(item: pytest.Item, seconds: float | None) -> float:
+    """Return when the campaign of a test ends: tests share evenly what is left of the time."""
+    from vbus.core.wall_clock import monotonic
+
+    if seconds is None:
+        return inf
+    now, items = monotonic(), item.session.items
+    end = item.config.stash.setdefault(END, now + seconds)
+    left = sum(
+        "vbus_bench" in getattr(one, "fixturenames", ()) for one in items[items.index(item) :]
+    )
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    return now + (end - now) / ceil(left / workers)
 
 
 def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> None:
@@ -417,17 +478,19 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     from vbus.board.build import build
     from vbus.campaign.plan import PHASES, plan
     from vbus.campaign.report import Saved, as_json
-    from vbus.campaign.verdict import judge
-    from vbus.campaign.world import REFERENCE, read_dimensions
+    from vbus.campaign.verdict import Campaign, judge
+    from vbus.campaign.world import NO_LINK, REFERENCE, read_dimensions
     from vbus.cli.hosted.campaign_runs import limits_of
     from vbus.core.wall_clock import monotonic
+    from vbus.faults.row import LINK
+    from vbus.faults.table import faults
 
-    tally = item.config.stash[TALLY]
-    # Tests share the time evenly: the first one must not take all of it.
-    until = monotonic() + (seconds or 0) / max(len(item.session.items), 1)
+    tally, until = item.config.stash[TALLY], _until(item, seconds)
     reference = _account(item, REFERENCE)
     why = "its board has nodes, or there is none" if reference is None else ""
-    if reference is not None:
+    if item.stash[SKIPPED]:
+        why = "it is skipped"
+    elif reference is not None:
         # A test that does not repeat would give other verdicts each time.
         again = _account(item, REFERENCE)
         if reference.code:
@@ -447,22 +510,32 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
         option("phases") or PHASES,
     )  # fmt: skip
     planned.worlds = [replace(one, test=item.nodeid) for one in planned.worlds]
+    links = [name for name, row in faults().items() if row.target == LINK]
+    planned.refused |= {name: NO_LINK for name in links if name in planned.refused}
     state = sha256(f"{_project(item.config)}{source.text}".encode() + encode(reference))
     for path in sorted(named):
         state.update(path.read_bytes() if path.is_file() else b"")
     before = item.config.stash[BEFORE].of(state.hexdigest(), item.nodeid)
     saved = Saved({item.nodeid: state.hexdigest()}, {})
+
+    def result_of(world: "World") -> "Result":
+        return judge(reference, _account(item, world) or reference, world)
+
     try:
         for one in islice(planned.worlds, most):
             if one.name in before:
                 saved.results[one.name] = before[one.name]
                 continue
-            if seconds is not None and monotonic() >= until:
+            if monotonic() >= until:
                 break
             run = _account(item, one.world)
             if run is not None:
-                saved.take(one.name, judge(reference, run, one.world), None)
-    finally:  # what is found until a campaign is stopped is told and stored, too
+                saved.take(one, judge(reference, run, one.world), None)
+        if monotonic() < until:
+            campaign = Campaign(planned, saved.results)
+            for tried in campaign.with_least(result_of, lambda: monotonic() < until).tried:
+                saved.results[tried.planned.name] = tried.result
+    finally:  # what is found until a campaign is stopped is listed and stored, too
         tally.add_campaign(item.nodeid, planned, saved)
         del item.stash[LIMITS]
         if "json" in item.config.stash[FILES]:
@@ -495,6 +568,7 @@ def _account(item: pytest.Item, world: "World") -> "Account | None":
     item.stash.setdefault(RUN, cast(Any, None))
     del item.stash[RUN]
     reports = _in_world(item, world)
+    item.stash[SKIPPED] = any(report.skipped for report in reports)
     run = item.stash.get(RUN, None)
     if run is None or run[2] is None:
         return None
@@ -510,20 +584,13 @@ def _account(item: pytest.Item, world: "World") -> "Account | None":
 # -- the summary ----------------------------------------------------------------------------------
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over what a worker of pytest-xdist has seen."""
-    output = getattr(node, "workeroutput", {})
-    if "vbus_worlds" in output:
-        node.config.stash[TALLY].add(pickle.loads(output["vbus_worlds"]))
-
-
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Hand over what this worker of pytest-xdist has seen; fail for what a baseline has not."""
-    config = session.config
-    if hasattr(config, "workeroutput"):
-        config.workeroutput["vbus_worlds"] = pickle.dumps(config.stash[TALLY])
-    elif KNOWN in config.stash and config.stash[TALLY].campaign().new(config.stash[KNOWN]):
+    """Fail a run in which something is silent that the baseline has not, or nothing was tried."""
+    stash = session.config.stash
+    if is_worker(session.config):
+        return
+    new = KNOWN in stash and stash[TALLY].campaign().new(stash[KNOWN])
+    if new or stash[TALLY].in_vain:
         fail_run(session)
 
 
@@ -532,7 +599,9 @@ def pytest_terminal_summary(
 ) -> None:
     """Say how many worlds the tests have seen."""
     tally = config.stash[TALLY]
-    for line in tally.lines(config) if tally.tests else ():
+    # A session that only lists tests makes no campaign.
+    asked = _asked(config) is not None and not config.option.collectonly
+    for line in tally.lines(config) if tally.tests or asked else ():
         terminalreporter.line(line)
     if config.stash[FILES]:
         tally.write(config)

@@ -39,7 +39,7 @@ def as_text(coverage: Coverage, every: bool = False, each: bool = True) -> str:
             lines.append(f"  {name}: {len(some)} of {len(found)}")
             if not each:
                 continue
-            # Broken rules are listed always: there is no list of those that were kept.
+            # Broken rules are listed always: there is no list of the others.
             listed = every or name not in COUNTED
             lines += [f"    {count:>7} x {_place(item)}" for item, count in some if listed]
             if name in COUNTED:
@@ -131,7 +131,7 @@ def as_cobertura(coverage: Coverage) -> str:
         package = ElementTree.SubElement(packages, "package", {"name": family, **share})
         classes = ElementTree.SubElement(package, "classes")
         for name, found in coverage.groups(family).items():
-            # Cobertura knows lines hit and missed alone: a rule that was kept is no miss.
+            # Cobertura knows lines hit and missed alone: a rule that was not broken is no miss.
             if name not in COUNTED:
                 continue
             some = sum(1 for _, count in found if count)

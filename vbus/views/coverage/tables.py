@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import ClassVar, Final, NamedTuple
 
 from vbus import plugins
 from vbus.chips.family import Family
@@ -53,14 +53,37 @@ class Item:
         return self.group, self.name
 
 
+class Word(NamedTuple):
+    """A word, or the byte of a register, whose bits a host may exercise one by one.
+
+    Attributes:
+        group: one of :data:`GROUPS`.
+        name: what a report calls it.
+        bits: the bits that count.
+        clause: clause of the specification.
+        packets: names of the packets that have it.
+        zeros: it acts by the bits that are 0.
+    """
+
+    group: str
+    name: str
+    bits: tuple[Bit, ...]
+    clause: str
+    packets: tuple[str, ...]
+    zeros: bool = False
+
+
 class Exercises:
     """Base: what a host can exercise of a chip family, and what one of its packets exercises.
 
-    This much follows from the tables: every command, and every register read and written.
+    This much follows from the tables: every command, every register read and written, and the bits
+    of the words that a family names.
 
     Args:
         family: the family.
     """
+
+    WORDS: ClassVar[tuple[Word, ...]] = ()
 
     def __init__(self, family: Family) -> None:
         self.family: Family = family
@@ -75,6 +98,9 @@ class Exercises:
             for register in self.family.registers:
                 if way in register.access:
                     yield Item(group, register.name, register.clause, register.title)
+        for word in self.WORDS:
+            for bit in word.bits:
+                yield Item(word.group, _name(word, bit), word.clause, bit.title)
 
     def exercised(self, packet: Packet) -> Iterator[Key]:
         """Give the keys of what one whole packet exercises."""
@@ -84,6 +110,12 @@ class Exercises:
             yield WRITES if packet.cycles[0].write else READS, name
         elif packet.name in self._commands:
             yield COMMANDS, packet.name
+        for word in self.WORDS:
+            if packet.name in word.packets:
+                value = first_value(packet)
+                for bit in word.bits:
+                    if bool(value & bit.mask) != (low(bit) or word.zeros):
+                        yield word.group, _name(word, bit)
 
 
 def low(bit: Bit) -> bool:
@@ -92,23 +124,14 @@ def low(bit: Bit) -> bool:
     return "active low" in bit.title
 
 
-def bit_items(group: str, word: str, bits: Iterable[Bit], clause: str) -> Iterator[Item]:
-    """Give an item for each bit of a word."""
-    for bit in bits:
-        level = "=0" if low(bit) else ""
-        yield Item(group, f"{word} {bit.name}{level}", clause, bit.title)
+def _name(word: Word, bit: Bit) -> str:
+    return f"{word.name} {bit.name}{'=0' if low(bit) else ''}"
 
 
-def bit_keys(group: str, word: str, bits: Iterable[Bit], value: int) -> Iterator[Key]:
-    """Give the keys of those bits of a word that say something."""
-    for bit in bits:
-        if bool(value & bit.mask) != low(bit):
-            yield group, f"{word} {bit.name}{'=0' if low(bit) else ''}"
-
-
-def first_word(packet: Packet) -> int:
-    """Return the first word after a command byte."""
-    return packet.cycles[1].data << 8 | packet.cycles[2].data
+def first_value(packet: Packet) -> int:
+    """Return the first word behind a command byte, or the byte of a packet of one cycle."""
+    cycles = packet.cycles
+    return cycles[0].data if len(cycles) < 3 else cycles[1].data << 8 | cycles[2].data
 
 
 def of_rule(rule: Rule) -> Item:

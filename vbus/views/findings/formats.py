@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 from xml.etree import ElementTree
 
+import msgspec
+
 from vbus.protocols.quantities import format_instant
 from vbus.version import __version__
 from vbus.views.clauses import ac_rules
@@ -73,10 +75,6 @@ def text(report: Report) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cycles(lines: list[CycleLine]) -> list[dict[str, Any]]:
-    return [{"when_ps": l.when, "cycle": l.text, "packets": l.packets} for l in lines]  # noqa: E741
-
-
 def as_json(report: Report) -> str:
     """Return the report for programs; instants in ps."""
     findings = []
@@ -87,8 +85,8 @@ def as_json(report: Report) -> str:
                 "when_ps": v.when, "chip": v.chip, "rule": v.rule, "clause": v.clause,
                 "severity": v.severity, "measured": v.measured, "limit": v.limit,
                 "unit": "ps" if v.rule in ac_rules() else "", "detail": v.detail,
-                "accepted": finding.reason or None, "before": _cycles(finding.before),
-                "after": _cycles(finding.after),
+                "accepted": finding.reason or None, "before": msgspec.to_builtins(finding.before),
+                "after": msgspec.to_builtins(finding.after),
             }
         )  # fmt: skip
     counts = [
@@ -115,7 +113,7 @@ def junit(report: Report) -> str:
     """Return a test case for each rule of each chip; errors that are not accepted fail it."""
     suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
-    # Rules that were kept are test cases, too: a suite without failures says what was looked at.
+    # Rules that were not broken are test cases too: a suite without failures says what it covers.
     pairs = [
         (chip, rule)
         for chip, family in report.families.items()

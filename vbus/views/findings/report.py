@@ -5,26 +5,51 @@ Notes of what a driver for another part does that this one takes differently are
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Generic, TypeVar
 
 from msgspec import Struct, field
 
 from vbus.chips.family import Family
-from vbus.chips.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Packet
+from vbus.chips.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Cycle, Packet
 from vbus.circuit.stream import PacketReader
 from vbus.core.errors import OptionError
 from vbus.core.signals import Rule, Violation
 from vbus.views.findings.suppress import Suppression
 
+Line = TypeVar("Line")
+
 # A command with its words and the polls before it, of any family.
 CONTEXT: Final = 20
-"""Bus cycles shown on either side of a violation."""
+"""Bus cycles shown on either side of a finding."""
 # A driver that polls too early breaks one rule thousands of times, each time alike.
 DETAILED: Final = 100
-"""Violations of one rule by one chip that are kept whole; more are counted."""
+"""Violations of one rule by one chip that are listed; more are counted."""
 
 
-class CycleLine(Struct):
+class Surroundings(Generic[Line]):
+    """The lines on either side of what is found among them, :data:`CONTEXT` of each."""
+
+    def __init__(self) -> None:
+        self._latest: deque[Line] = deque(maxlen=CONTEXT)
+        self._open: list[list[Line]] = []
+
+    def add(self, line: Line) -> None:
+        """Take a line."""
+        self._latest.append(line)
+        for after in self._open:
+            after.append(line)
+        # The oldest is full first: most lines find nothing to close.
+        if self._open and len(self._open[0]) > CONTEXT:
+            self._open = [after for after in self._open if len(after) <= CONTEXT]
+
+    def found(self) -> tuple[list[Line], list[Line]]:
+        """Return the lines before what is found now, and what takes the next, and those after."""
+        after: list[Line] = []
+        self._open.append(after)
+        return list(self._latest), after
+
+
+class CycleLine(Struct, rename={"when": "when_ps", "text": "cycle"}):
     """One bus cycle of a transcript.
 
     Attributes:
@@ -109,13 +134,12 @@ class Report(PacketReader):
         self.suppressions: list[Suppression] = suppressions or []
         self.findings: list[Finding] = []
         self.counts: dict[tuple[str, str], int] = {}
-        """Violations by chip and rule, also of those not kept whole."""
+        """Violations by chip and rule, also of those not listed."""
         self.cycles: int = 0
         self.no_effect: NoEffect = NoEffect()
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
-        self._ring: deque[CycleLine] = deque(maxlen=CONTEXT)
-        self._open: list[Finding] = []
+        self._around: Surroundings[CycleLine] = Surroundings()
         self._ended: list[str] = []
 
     def packet(self, chip: str, packet: Packet) -> None:
@@ -128,17 +152,11 @@ class Report(PacketReader):
     ) -> None:
         """Take down a bus cycle."""
         self.cycles += 1
-        line = CycleLine(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
+        line = CycleLine(when, f"{host} {chip} {Cycle(when, write, address, data)}")
         if self._ended:
             line.packets = self._ended
             self._ended = []
-        self._ring.append(line)
-        if self._open:
-            for finding in self._open:
-                finding.after.append(line)
-            # The oldest is full first: most cycles find nothing to close.
-            if len(self._open[0].after) > CONTEXT:
-                self._open = [f for f in self._open if len(f.after) <= CONTEXT]
+        self._around.add(line)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation, with what came before it."""
@@ -152,9 +170,7 @@ class Report(PacketReader):
                 reason = reason or suppression.reason
         # With 40 cycles around each, all of them would fill the memory of a long run.
         if self.counts[key] <= DETAILED:
-            finding = Finding(violation, list(self._ring), [], reason)
-            self.findings.append(finding)
-            self._open.append(finding)
+            self.findings.append(Finding(violation, *self._around.found(), reason))
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Take down the evidence of a fault."""

@@ -28,6 +28,7 @@ SETTLED: Final = 3e-5
 """A step so small, in units of the parameters, ends the search."""
 MOST_ROUNDS: Final = 30
 SEARCHES: Final = 4
+"""Steps of a search, and searches, at most; both bound the time, and neither is measured."""
 PROMISE: Final = 0.01
 """Squares of standard deviations that a step may still promise at the end of a search."""
 ASTRAY: Final = 50.0
@@ -113,7 +114,6 @@ class MotorFit:
                 f"{name}: a motor with torque_constant, back_emf, gain or supply 0 goes nowhere;"
                 " write about what its data sheet says into [plants]"
             )
-        self._name = name
         self._move = move
         self._induced = given["back_emf"] / given["torque_constant"]
         self._breakaway = (

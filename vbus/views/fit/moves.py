@@ -266,9 +266,10 @@ def capture_move(capture: Capture, name: str, wiring: dict[str, str], period: in
     for signal in CHANNELS:
         channel = wiring.get(signal, "")
         if channel not in capture.channels and (signal != "sign" or channel):
+            missing = f"there is no channel {channel!r}" if channel else "its channel is not given"
             raise CaptureError(
-                f"{name}: no channel {channel or 'is named'!r} for {signal}; give it with --map"
-                f" {signal}=CHANNEL; there are {', '.join(capture.channels)}"
+                f"{name}: {signal}: {missing}; give it with --map {signal}=CHANNEL; there are"
+                f" {', '.join(capture.channels)}"
             )
         bits.append(capture.channels.index(channel) if channel else -1)
     pwm, sign, a, b = bits

@@ -133,7 +133,10 @@ def recorded_run(reader: JournalReader) -> Run:
         )
     # What came after the last entry is not known, so neither is where the motors came to rest.
     if not outcome.ended:
-        raise VbusError(f"it was not closed ({reader.damage or 'its end is missing'})")
+        raise VbusError(
+            f"it was not closed ({reader.damage or 'its end is missing'}):"
+            " record it again, and end it with vbus stop or Ctrl-C"
+        )
     # Only now: a packet that the host left open is one of its packets.
     stream.finish()
     run.axes = axes

@@ -32,11 +32,6 @@ NODE_MARK: Final = "node"
 """Kind of the marks of nodes that go and come back, on a page of several boards that run."""
 
 
-def axis_name(chip: Chip, axis: int) -> str:
-    """Return what an axis (0-based) is called: as its chip, if that has one axis at most."""
-    return chip.name if chip.axis_count < 2 else f"{chip.name}.{axis + 1}"
-
-
 class Lateness(NamedTuple):
     """How well a board that runs keeps to the wall clock.
 
@@ -113,7 +108,8 @@ class Lanes:
         plants = self.plants[chip.name] = []
         # A chip without an axis has lanes of its own all the same.
         for number in range(max(chip.axis_count, 1)):
-            axis = axis_name(chip, number)
+            # Of several axes each has its number; one alone is called as its chip.
+            axis = chip.name if chip.axis_count < 2 else f"{chip.name}.{number + 1}"
             plant = self._board.axes.get(f"{chip.name}.{number + 1}")
             turn = plant.encoder.counts if isinstance(plant, EncodedPlant) else None
             told_of = {"name": axis, "part": chip.part, "counts_per_rev": turn, "counts": "counts"}

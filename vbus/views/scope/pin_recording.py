@@ -60,16 +60,14 @@ class PinRecorder(Observer):
 
     def start(self) -> None:
         """Begin to record."""
-        for net, lane in self._nets:
-            if self._lanes[net.name][0] is lane:
-                net.observe(self)
+        for net in dict(self._nets):
+            net.observe(self)
         self._note_all()
 
     def stop(self) -> None:
         """Record no more."""
-        for net, lane in self._nets:
-            if self._lanes[net.name][0] is lane:
-                net.unobserve(self)
+        for net in dict(self._nets):
+            net.unobserve(self)
 
     def edge(self, when: int, net: str, level: int) -> None:
         """Take down an edge."""

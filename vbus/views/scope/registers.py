@@ -5,7 +5,6 @@ what its host does to it after each bus cycle.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Final
 
 from vbus import plugins
@@ -105,7 +104,7 @@ class ChipRegisters:
         """Return the description of a register that has an address, beside what all have."""
         decoder = decoder_of(self._chip.FAMILY)
         if isinstance(decoder, RegisterPackets) and row.bits == 8 and not row.fields:
-            self._worded[lane.number] = partial(_word, decoder, row)
+            self._worded[lane.number] = lambda value: decoder.value(row, value, False)
         return {
             "group": "registers",
             "digits": 2 * len(row.addresses) if row.fields or row.bits == 8 else 0,
@@ -158,7 +157,3 @@ class ChipRegisters:
 def _reading(rows: list[tuple[str, Lane]]) -> Callable[[Any], list[int]]:
     """Return the function of a chip that gives the values of all rows."""
     return reader(f"[{', '.join(expression for expression, _ in rows)}]")
-
-
-def _word(decoder: RegisterPackets, row: Register, value: int) -> str:
-    return decoder.value(row, value, False)

@@ -1,4 +1,4 @@
-"""What pages are sent of a board: kept for those that come later, or cannot follow."""
+"""What pages are sent of a board: buffered for those that come later, or cannot follow."""
 
 from typing import Any, Final
 
@@ -29,7 +29,7 @@ class Stream:
         """Frames by their number."""
         self._size: int = 0
         self._first: int = 0
-        """Number of the oldest that is kept."""
+        """Number of the oldest that is buffered."""
         self._lasting: list[tuple[int, bytes]] = []
         """Frames that last and are older, each with its number."""
         self._begin: int = 0

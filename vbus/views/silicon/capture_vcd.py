@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any, BinaryIO, Final
 
-from vbus.core.errors import CaptureError, PluginError
+from vbus.core.errors import CaptureError, import_errors
 from vbus.views.silicon.capture import (
     LONGEST_TEXT,
     MOST_CHANNELS,
@@ -83,10 +83,8 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
         CaptureError: it is no VCD file, or has no wires.
         PluginError: pyvcd is not installed.
     """
-    try:
+    with import_errors("VCD captures need pyvcd", "pyvcd"):
         from vcd.reader import TokenKind, VCDParseError, tokenize
-    except ImportError:
-        raise PluginError("VCD captures need pyvcd; install it with: pip install pyvcd") from None
     text = _Text(file, name)
     tokens = tokenize(text)
     channels: list[tuple[str, str]] = []

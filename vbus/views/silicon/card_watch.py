@@ -20,7 +20,6 @@ class CardWatch(BusWatch):
     """
 
     def __init__(self, bus: CardBus, wiring: Wiring | None = None) -> None:
-        self._bus: CardBus = bus
         first, last = bus.where(0), bus.where(int(bus.settings["size"]) - 1)
         self._lines: list[int] = [
             number for number, line in enumerate(bus.row.address)

@@ -9,12 +9,13 @@ from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.chips.bus_watch import BusWatch
-from vbus.chips.packets import Cycle, Packet
+from vbus.chips.packets import Cycle, Packet, calls
 from vbus.circuit.stream import PacketStream
 from vbus.core.errors import CaptureError
 from vbus.core.signals import Observer, Pin, Violation
 from vbus.core.state import load, save
 from vbus.protocols.quantities import format_instant
+from vbus.views.findings.report import CONTEXT, Surroundings
 from vbus.views.silicon.capture import Sample
 from vbus.views.silicon.channel_map import Wiring
 from vbus.views.silicon.outputs import UNKNOWN, Difference, OutputWatch
@@ -113,12 +114,9 @@ class Candidate:
     ignored: bool = False
 
 
-# The longest packet has 15 bytes: the one with the difference is whole in it.
-CONTEXT: Final = 20
-"""Bus cycles answers on either side of a difference."""
 # A capture of a driver that breaks a rule at each poll has millions.
-KEPT: Final = 1000
-"""Violations kept; more are counted."""
+LONGEST_LIST: Final = 1000
+"""Violations that are listed; more are counted."""
 
 
 class _DataBus(Observer):
@@ -174,8 +172,7 @@ class Conform(Observer):
         self._model: PacketStream = PacketStream.of([chip])
         self._recent: deque[Packet] = deque(maxlen=CONTEXT)
         self._candidates: deque[Candidate] = deque()
-        self._open: list[list[str]] = []
-        self._ring: deque[str] = deque(maxlen=CONTEXT)
+        self._around: Surroundings[str] = Surroundings()
         self._polls: deque[tuple[int, int, int]] = deque()
         board.listen(self)
         self._inputs: list[tuple[str, Pin]] = []
@@ -210,7 +207,7 @@ class Conform(Observer):
     def violation(self, violation: Violation) -> None:
         """Keep a violation of the model's rules."""
         self.verdict.broken += 1
-        if len(self.verdict.violations) < KEPT:
+        if len(self.verdict.violations) < LONGEST_LIST:
             self.verdict.violations.append(violation)
         self._silicon.violation(violation)
         self._model.violation(violation)
@@ -232,7 +229,8 @@ class Conform(Observer):
                 continue
             when = sample[0]
             if number == start.sample:
-                if first is not None and self._unknown_lines(first[1]):
+                # A control line that is unknown.
+                if first and any(self._wiring.unknown(name, first[1]) for name in self._watch.PINS):
                     first = None
                 self._begin(first or sample, start)
             self._take(*sample)
@@ -263,11 +261,7 @@ class Conform(Observer):
         for output in self._outputs:
             output.begin(when, self._output(output, value), start.reset)
         for chip in self._board.chips if self._chip.CONNECTOR else (self._chip,):
-            chip.judged = self._judged
-
-    def _unknown_lines(self, value: int) -> bool:
-        """Tell whether a control line is unknown."""
-        return any(self._wiring.unknown(name, value) for name in self._watch.PINS)
+            chip.timing_checked = self._judged
 
     def _drive(self, value: int) -> None:
         """Drive the inputs whose levels are known."""
@@ -361,16 +355,15 @@ class Conform(Observer):
             self._remember(cycle, answers[-1])
             model = Cycle(cycle.when, False, cycle.address, answer)
         text = f"{format_instant(cycle.when)} {self._chip.name} {silicon}"
-        if undriven:
-            text += f"  <- {self._named(undriven)} not driven; the model gives {model.data:02X}"
-            bytes_ = f"{self._named(undriven)} not driven (x or z)", f"{model.data:02X}H"
-            found = Mismatch(cycle.when, f"read at address {cycle.address:X}H", *bytes_)
-            self._suspect(found, silicon, model, undriven)
-        elif silicon.data != model.data:
-            text += f"  <- the model gives {model.data:02X}"
+        if undriven or silicon.data != model.data:
+            gave, said = f"{silicon.data:02X}H", f"the model gives {model.data:02X}"
+            if undriven:
+                gave = f"{self._named(undriven)} not driven (x or z)"
+                said = f"{self._named(undriven)} not driven; {said}"
+            text += f"  <- {said}"
             where = f"read at address {cycle.address:X}H"
-            bytes_ = f"{silicon.data:02X}H", f"{model.data:02X}H"
-            self._suspect(Mismatch(cycle.when, where, *bytes_), silicon, model)
+            found = Mismatch(cycle.when, where, gave, f"{model.data:02X}H")
+            self._suspect(found, silicon, model, undriven)
         elif self.verdict.mismatch is None:
             self.verdict.reads += not cycle.write
         # What follows a difference is context alone.
@@ -379,10 +372,7 @@ class Conform(Observer):
         packets = [packet for _, packet in self._silicon.decoded(self._chip.name, silicon)]
         self._recent.extend(packet for _, packet in self._model.decoded(self._chip.name, model))
         text += "".join(f"\n    {packet.text}" for packet in packets)
-        self._ring.append(text)
-        for after in self._open:
-            after.append(text)
-        self._open = [after for after in self._open if len(after) <= CONTEXT]
+        self._around.add(text)
         for packet in packets:
             self._resolve(packet)
         self._decide()
@@ -422,8 +412,7 @@ class Conform(Observer):
         self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None, undriven: int = 0
     ) -> Candidate:
         """Note a candidate: what follows is noted with it."""
-        mismatch.before.extend(self._ring)
-        self._open.append(mismatch.after)
+        mismatch.before, mismatch.after = self._around.found()
         candidate = Candidate(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
         candidate.undriven = undriven != 0
         self._candidates.append(candidate)
@@ -433,7 +422,7 @@ class Conform(Observer):
         """A packet is whole: settle the candidates among its bytes."""
         for candidate in self._candidates:
             if not candidate.settled and candidate.silicon in packet.cycles:
-                if {packet.name, *packet.name.split()} & self._tolerance.names:
+                if self._tolerance.names.intersection(calls(packet.name)):
                     candidate.settled = candidate.ignored = True
                     self.verdict.ignored += 1
                 else:

@@ -22,7 +22,7 @@ Change = tuple[int, Signal, Reading]
 
 # All values of a byte, with the one before, would be 65,536: those in use are few.
 MOST_TEXTS: Final = 4096
-"""Texts of values that are kept of a signal: the next is as likely as not one of them."""
+"""Texts of values that are cached of a signal: the next is as likely as not one of them."""
 
 
 class _Written:

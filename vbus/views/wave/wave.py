@@ -9,7 +9,7 @@ from typing import Final, TextIO
 from vbus.board.board import Board
 from vbus.chips.packets import Packet
 from vbus.circuit.stream import PacketReader, PacketStream
-from vbus.core.errors import PluginError, VbusError
+from vbus.core.errors import VbusError, import_errors
 from vbus.core.kernel import MS
 from vbus.core.signals import Reading, Violation
 from vbus.events.watch import Watch
@@ -19,7 +19,7 @@ from vbus.views.wave.vcd_file import Change, VcdFile
 
 # Some 100 MB: minutes of a driver, with what it shows from before the trigger.
 RING: Final = 1_000_000
-"""Changes kept while a trigger is waited for."""
+"""Changes buffered while a trigger is waited for."""
 
 WAITING: Final = "waiting"
 RECORDING: Final = "recording"
@@ -63,10 +63,8 @@ class Wave(PacketReader):
     ) -> None:
         if profile not in PROFILES:
             raise VbusError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
-        try:
+        with import_errors("waveforms need pyvcd", "pyvcd"):
             import vcd  # noqa: F401
-        except ImportError:
-            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
         self.board: Board = board
         self.state: str = "new"
         self.error: str = ""
@@ -200,44 +198,21 @@ class Wave(PacketReader):
     def _drain(self, now: int) -> None:
         """Sort out what happened before ``now``: lazy chips report late."""
         self._changes.drain(now)
-        if self.state == RECORDING and self._end < 0:
-            self._write_until(now)
-            return
-        pending = self._changes.pending
-        done = 0
-        for change in pending:
-            if change[0] >= now:
-                break
-            done += 1
-            self._take(change)
-            if self.state not in (WAITING, RECORDING):
-                break
+        pending, recording = self._changes.pending, self.state == RECORDING
+        # What happens at the end itself is written, too.
+        until = min(now, self._end + 1) if recording and self._end >= 0 else now
+        done = bisect_left(pending, until, key=itemgetter(0))
+        changes = pending[:done]
         del pending[:done]
-        if self.state == RECORDING:
+        if not recording:
+            for change in changes:
+                self._ring.append(change)
+                self._forget(change[0])
+        elif self._write(changes):
             if 0 <= self._end < now:
                 self._finish(self._end)
             else:
                 self._guarded(self._file.flush)
-
-    def _write_until(self, now: int) -> None:
-        """Write what happened before ``now``: nothing waits for a trigger, or for an end."""
-        pending = self._changes.pending
-        done = bisect_left(pending, now, key=itemgetter(0))
-        changes = pending[:done]
-        del pending[:done]
-        if self._write(changes):
-            self._guarded(self._file.flush)
-
-    def _take(self, change: Change) -> None:
-        when = change[0]
-        if self.state == RECORDING:
-            if 0 <= self._end < when:
-                self._finish(self._end)
-            else:
-                self._write([change])
-            return
-        self._ring.append(change)
-        self._forget(when)
 
     def _forget(self, when: int) -> None:
         """Keep of the ring what a recording from instant ``when`` on would show."""
@@ -256,7 +231,7 @@ class Wave(PacketReader):
             self._begin(max(0, now - self._before), now)
 
     def _begin(self, first: int, trigger: int) -> None:
-        """Write the head, and what was kept from before the trigger."""
+        """Write the head, and what is buffered from before the trigger."""
         self.state = RECORDING
         if self._duration:
             self._end = trigger + self._duration

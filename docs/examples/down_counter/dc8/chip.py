@@ -29,7 +29,7 @@ class DC8(Chip):
     def power_on(self, done):
         self.load = 0
         self.advance()
-        self.touched()
+        self.input_changed()
 
     # -- time -----------------------------------------------------------------------------
 
@@ -63,4 +63,4 @@ class DC8(Chip):
             return
         self.load, self.start = data, self.clock.cycle_at(self.kernel.now)
         self.advance()
-        self.touched()
+        self.input_changed()

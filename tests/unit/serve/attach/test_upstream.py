@@ -7,16 +7,19 @@ from collections.abc import Callable, Coroutine
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from tests.unit.fake_port import FakePort
 from vbus.core.errors import TransportError
+from vbus.serve.attach import upstream as upstream_module
 from vbus.serve.attach.meter import Meter, Trips
 from vbus.serve.attach.relay import Passage, RelayPort, RelaySession
 from vbus.serve.attach.upstream import MOST_PENDING, Upstream, opened
 from vbus.serve.detached_waits import DetachedWaits, DisconnectPoller
 from vbus.serve.loop import HostLoop
-from vbus.serve.session import Serving, SpinTurn
+from vbus.serve.session import Services, SpinTurn
+from vbus.serve.time.pacer import TimeSource
 from vbus.serve.time.statistics import ROUND_TRIP_NS, Histogram
-from vbus.serve.time.time_source import TimeSource
 from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink
 
@@ -129,6 +132,35 @@ def test_an_end_that_was_not_asked_for_is_a_loss() -> None:
     run(test)
 
 
+def test_a_board_that_has_gone_is_found_by_a_host_that_asks_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a link that does not tell, such as one of Zenoh."""
+    near, far = socket.socketpair()
+    looks = iter([None, None, TransportError("gone")])
+    said: list[object] = []
+
+    def look() -> None:
+        if found := next(looks):
+            raise found
+
+    link = SimpleNamespace(
+        fd=near.fileno(), by_descriptor=False, unanswered=0, look_for_board=look, close=near.close
+    )
+    monkeypatch.setattr(upstream_module, "opened", lambda where: link)
+    monkeypatch.setattr(upstream_module, "BEAT_SECONDS", 0)
+
+    async def test(board: Board) -> None:
+        board.loop.set_exception_handler(lambda loop, wrong: said.append(wrong))
+        one = upstream(board)
+        one.on_over = said.append
+        await one.over.wait()
+        assert list(map(str, said)) == ["gone"]
+
+    with near, far:
+        run(test)
+
+
 def test_a_computer_that_vanishes_is_noticed() -> None:
     async def test(board: Board) -> None:
         link = await asyncio.to_thread(opened, board.where)
@@ -149,14 +181,14 @@ def test_a_board_waits_for_a_host_that_does_not_read() -> None:
         host.setblocking(False)
         disconnects = DisconnectPoller(loop)
         disconnects.open()
-        serving = Serving(
+        services = Services(
             loop, TimeSource(), SpinTurn(), Histogram(ROUND_TRIP_NS), disconnects,
             DetachedWaits(TimeSource()),
             lambda _: None,
         )  # fmt: skip
         way = upstream(board)
         port = RelayPort(way)
-        session = RelaySession(serving, SocketLink(near, "x"), port, Passage(port))
+        session = RelaySession(services, SocketLink(near, "x"), port, Passage(port))
         session.begin()
         way.send(b"x")
         count = 12 * (1 << 20)
@@ -165,7 +197,7 @@ def test_a_board_waits_for_a_host_that_does_not_read() -> None:
             sending = asyncio.ensure_future(loop.sock_sendall(link, bytes(count)))
             done, _ = await asyncio.wait([sending], timeout=0.5)
             assert not done
-            assert len(session._pending) < 4 * MOST_PENDING
+            assert len(session.pending) < 4 * MOST_PENDING
             assert len(await board.heard(host, count)) == count
             await sending
             host.close()

@@ -35,11 +35,11 @@ class FoxgloveClient:
 
     async def greet(self, count: int) -> None:
         """Take the greeting and so many channels."""
-        info = await self._socket.receive_json(timeout=20)
+        info = await self._socket.receive_json(timeout=60)
         assert info["op"] == "serverInfo"
         self.name = info["name"]
         while len(self.channels) < count:
-            told = await self._socket.receive_json(timeout=20)
+            told = await self._socket.receive_json(timeout=60)
             assert told["op"] == "advertise"
             self.channels |= {channel["topic"]: channel for channel in told["channels"]}
 
@@ -55,7 +55,7 @@ class FoxgloveClient:
     async def take(self, enough: Callable[[], object]) -> None:
         """Take messages until that is enough."""
         while not enough():
-            message = await self._socket.receive(timeout=20)
+            message = await self._socket.receive(timeout=60)
             assert message.type == WSMsgType.BINARY, message
             if message.data[0] == TIME:
                 (self.now,) = struct.unpack_from("<Q", message.data, 1)

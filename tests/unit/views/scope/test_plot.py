@@ -132,7 +132,7 @@ def test_what_cannot_be_told_apart_is_thinned_and_no_peak_is_lost() -> None:
         ({"axes": ["y"]}, "no axis is called y; there are x"),
         ({"lanes": ["speed"]}, "no lane is called speed; there are desired, real, error, velocity,"
          " profile, output, current, load"),
-        ({"begin": 50 * SECOND}, "nothing to draw between 50000000us and "),
+        ({"begin": 50 * SECOND}, "nothing to draw from 50000000us on: the run ends at "),
         ({"output": "a.bmp"}, "a.bmp: a picture's name ends in .svg, .png, .pdf"),
     ],
 )  # fmt: skip

@@ -233,33 +233,6 @@ class Registers:
         self.ka = other.ka
         self.kv = other.kv
 
-    def copy_own(self, other: "Registers") -> None:
-        """Take those that the chip itself changes."""
-        self.flag = other.flag
-        self.config = other.config
-        self.capture_control = other.capture_control
-        self.mode = other.mode
-        self.phase = other.phase
-        self.status = other.status
-        self.motor_command = other.motor_command
-        self.pwm_command = other.pwm_command
-        self.command_increment = other.command_increment
-        self.command_position = other.command_position
-        self.actual_position = other.actual_position
-        self.preset_position = other.preset_position
-        self.interpolator_count = other.interpolator_count
-        self.encoder_pwm = other.encoder_pwm
-        self.step_width = other.step_width
-        self.velocity = other.velocity
-        self.position_error = other.position_error
-        self.capture = other.capture
-        self.accel_delta = other.accel_delta
-        self.actual_velocity = other.actual_velocity
-        self.decel_position = other.decel_position
-        self.velocity_command = other.velocity_command
-        self.motor_command_low = other.motor_command_low
-        self.pwm_fraction = other.pwm_fraction
-
     def byte(self, address: i64) -> i64:
         """Return the byte at ``address``; 0 where there is no register."""
         if address < 0x29:

@@ -3,8 +3,7 @@
 import pytest
 
 from vbus.core.state import load, save
-from vbus.plant.stepper import StepperMotor
-from vbus.plant.windings import field
+from vbus.plant.stepper import StepperMotor, field
 
 
 def test_two_phases_are_sine_and_cosine():
