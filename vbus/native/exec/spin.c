@@ -4,7 +4,8 @@
  * So the processor time of the program ticks, and each tick looks at the thread that has the turn. If
  * all its registers are the same whenever it is at the same instruction, it does nothing but wait for
  * memory. It is named, and from then on others run and time passes until one of them has done
- * something; then it looks again.
+ * something; then it goes round its loop once more, step by step, which is how it is known that it has
+ * looked: where other programs have the processors, any time may pass without an instruction of it.
  */
 #define _GNU_SOURCE
 #include "spin.h"
@@ -20,10 +21,12 @@
 #include <errno.h>
 
 #define TICK_NS 20000000  /* of processor time */
-#define LOOK_NS 100000    /* of real time, for one that is known to spin */
 #define PLACES 24         /* instructions of such a loop */
 #define NEAR 64           /* bytes within which instructions are of one loop */
 #define PROOF 20          /* ticks that find it where it was */
+#define STEPS 1000        /* instructions after which it is not back, and no more waits */
+#define TRAP_FLAG 0x100   /* in EFLAGS: a trap after each instruction */
+#define RESUME_FLAG 0x10000
 #define WORK 50           /* ticks without a sign of life, after which it is named anyhow */
 
 static struct place {
@@ -33,11 +36,16 @@ static struct place {
 static unsigned known, ticks, again;
 static int changing, said_work, proven, watching;
 static unsigned seen;
-static timer_t soon;
+
+/* A thread that goes round its loop by steps: from where, and what SIGTRAP has meant meanwhile. */
+static struct place home;
+static unsigned steps;
+static int stepping, blocked;
+static struct sigaction theirs;
 
 static uintptr_t sum_of(const ucontext_t *context)
 {
-    uintptr_t sum = (uintptr_t)context->uc_mcontext.gregs[REG_EFL];
+    uintptr_t sum = (uintptr_t)context->uc_mcontext.gregs[REG_EFL] & ~(uintptr_t)(TRAP_FLAG | RESUME_FLAG);
     unsigned turn;
 
     for (turn = 0; turn < X86_REGISTERS; turn++)
@@ -101,17 +109,67 @@ static void say(uintptr_t ip, const char *what, const char *after)
 /* Until another thread has done something or a signal has come, this one would see nothing new. */
 static void stand_by(struct guest *self)
 {
-    static const struct itimerspec shortly = {{0, 0}, {0, LOOK_NS}};
     struct wait wait = {.until = FOR_EVER, .spins = 1};
-    int (*set)(timer_t, int, const struct itimerspec *, struct itimerspec *);
 
     self->inside++;
     turns_wait(&wait);
     self->inside--;
     signals_run(self);
     seen = turns_entries();
-    *(void **)&set = dlsym(RTLD_NEXT, "timer_settime");
-    set(soon, 0, &shortly, NULL);
+}
+
+static void step_no_more(ucontext_t *context)
+{
+    context->uc_mcontext.gregs[REG_EFL] &= ~TRAP_FLAG;
+    if (blocked)
+        sigaddset(&context->uc_sigmask, SIGTRAP);
+    signals_real(SIGTRAP, &theirs, NULL);
+    stepping = 0;
+}
+
+static void on_step(int number, siginfo_t *info, void *data)
+{
+    struct guest *self = turns_self();
+    ucontext_t *context = data;
+    uintptr_t ip = (uintptr_t)context->uc_mcontext.gregs[CONTEXT_IP];
+    int saved = errno;
+
+    if (info->si_code != TRAP_TRACE) { /* a break of the program's own */
+        step_no_more(context);
+        syscall(SYS_tgkill, getpid(), self->tid, number);
+    } else if (turns_holder() != self || self->inside > 0 || turns_entries() != seen || after_call(ip)
+               || ++steps > STEPS) {
+        step_no_more(context);
+        start_again(turns_entries());
+    } else if (ip == home.ip && sum_of(context) != home.sum) {
+        home.sum = sum_of(context); /* it has seen another value: once more */
+    } else if (ip == home.ip) {
+        say(ip, "waits for memory to change",
+            "chip time would stand still for ever, so other threads go on and time passes until one"
+            " of them has done something; let the loop look at a clock or sleep instead");
+        stand_by(self);
+        steps = 0;
+    }
+    errno = saved;
+}
+
+static void step_from(uintptr_t ip, ucontext_t *context)
+{
+    struct sigaction action;
+
+    home = (struct place){ip, sum_of(context)};
+    steps = 0;
+    context->uc_mcontext.gregs[REG_EFL] |= TRAP_FLAG;
+    if (stepping) /* it had left by a long jump */
+        return;
+    memset(&action, 0, sizeof action);
+    action.sa_sigaction = on_step;
+    action.sa_flags = SA_SIGINFO | SA_RESTART | SA_ONSTACK;
+    sigaddset(&action.sa_mask, SPIN_SIGNAL);
+    signals_real(SIGTRAP, &action, &theirs);
+    blocked = sigismember(&context->uc_sigmask, SIGTRAP) == 1;
+    sigdelset(&context->uc_sigmask, SIGTRAP);
+    stepping = 1;
 }
 
 static void on_tick(int number, siginfo_t *info, void *data)
@@ -125,7 +183,7 @@ static void on_tick(int number, siginfo_t *info, void *data)
     if (holder != NULL && holder != self && info->si_code == SI_TIMER)
         syscall(SYS_tgkill, getpid(), holder->tid, number);
     if (!clock_follows() || holder == NULL || holder != self || self->inside > 0
-        || self->trapped != NULL) {
+        || self->trapped != NULL || context->uc_mcontext.gregs[REG_EFL] & TRAP_FLAG) {
         errno = saved;
         return;
     }
@@ -136,10 +194,7 @@ static void on_tick(int number, siginfo_t *info, void *data)
     again += (unsigned)here;
     if (!changing && here && (proven || again >= PROOF)) {
         proven = 1;
-        say(ip, "waits for memory to change",
-            "chip time would stand still for ever, so other threads go on and time passes until one"
-            " of them has done something; let the loop look at a clock or sleep instead");
-        stand_by(self);
+        step_from(ip, context);
     } else if (changing && ticks >= WORK && !said_work) {
         said_work = 1;
         say(ip, "has worked for a second of processor time",
@@ -170,8 +225,7 @@ void spin_watch(void)
     event.sigev_signo = SPIN_SIGNAL;
     *(void **)&create = dlsym(RTLD_NEXT, "timer_create");
     *(void **)&set = dlsym(RTLD_NEXT, "timer_settime");
-    if (create(CLOCK_MONOTONIC, &event, &soon) == 0
-        && create(CLOCK_PROCESS_CPUTIME_ID, &event, &timer) == 0)
+    if (create(CLOCK_PROCESS_CPUTIME_ID, &event, &timer) == 0)
         set(timer, 0, &ticking, NULL);
 }
 
