@@ -149,6 +149,24 @@ static int follow(struct x86 *cpu, const sigset_t *mask, int *result)
     return accesses > 0;
 }
 
+int follow_round(struct x86 *cpu)
+{
+    struct following following = {
+        .cpu = cpu, .who = turns_self(), .stack_end = cpu->regs[X86_SP] - RED_ZONE};
+    uintptr_t home = cpu->ip;
+    enum found found = NOTHING;
+    unsigned steps;
+
+    for (steps = 0; steps < MOST_STEPS && !is_ours(cpu->ip); steps++) {
+        found = step(&following);
+        if (found != STEP || cpu->ip == home)
+            break;
+    }
+    if (is_below(&following))
+        *cpu = following.kept;
+    return found == STEP && cpu->ip == home;
+}
+
 void follow_give_up(const struct guest *self)
 {
     if (looking == self)

@@ -4,8 +4,8 @@
  * So the processor time of the program ticks, and each tick looks at the thread that has the turn. If
  * all its registers are the same whenever it is at the same instruction, it does nothing but wait for
  * memory. It is named, and from then on others run and time passes until one of them has done
- * something; then it goes round its loop once more, step by step, which is how it is known that it has
- * looked: where other programs have the processors, any time may pass without an instruction of it.
+ * something; then it is followed round its loop once, which is how it is known that it has looked:
+ * where other programs have the processors, any time may pass without an instruction of it.
  */
 #define _GNU_SOURCE
 #include "spin.h"
@@ -13,6 +13,7 @@
 #include "card.h"
 #include "clock.h"
 #include "context.h"
+#include "follow.h"
 #include "signals.h"
 #include "sys.h"
 #include "trap.h"
@@ -24,10 +25,9 @@
 #define PLACES 24         /* instructions of such a loop */
 #define NEAR 64           /* bytes within which instructions are of one loop */
 #define PROOF 20          /* ticks that find it where it was */
-#define STEPS 1000        /* instructions after which it is not back, and no more waits */
-#define TRAP_FLAG 0x100   /* in EFLAGS: a trap after each instruction */
-#define RESUME_FLAG 0x10000
 #define WORK 50           /* ticks without a sign of life, after which it is named anyhow */
+#define LOOKED 2          /* the same, of one that is known to wait and could not be followed */
+#define ROUNDS 8          /* of a loop that sees something new each time, and so does more than wait */
 
 static struct place {
     uintptr_t ip, sum;
@@ -37,15 +37,9 @@ static unsigned known, ticks, again;
 static int changing, said_work, proven, watching;
 static unsigned seen;
 
-/* A thread that goes round its loop by steps: from where, and what SIGTRAP has meant meanwhile. */
-static struct place home;
-static unsigned steps;
-static int stepping, blocked;
-static struct sigaction theirs;
-
 static uintptr_t sum_of(const ucontext_t *context)
 {
-    uintptr_t sum = (uintptr_t)context->uc_mcontext.gregs[REG_EFL] & ~(uintptr_t)(TRAP_FLAG | RESUME_FLAG);
+    uintptr_t sum = (uintptr_t)context->uc_mcontext.gregs[REG_EFL];
     unsigned turn;
 
     for (turn = 0; turn < X86_REGISTERS; turn++)
@@ -118,58 +112,35 @@ static void stand_by(struct guest *self)
     seen = turns_entries();
 }
 
-static void step_no_more(ucontext_t *context)
+/* Whether the thread has come round its loop to where it is. */
+static int goes_round(ucontext_t *context)
 {
-    context->uc_mcontext.gregs[REG_EFL] &= ~TRAP_FLAG;
-    if (blocked)
-        sigaddset(&context->uc_sigmask, SIGTRAP);
-    signals_real(SIGTRAP, &theirs, NULL);
-    stepping = 0;
+    struct x86 cpu;
+    int round;
+
+    context_get(context, &cpu);
+    round = follow_round(&cpu);
+    context_put(context, &cpu);
+    return round;
 }
 
-static void on_step(int number, siginfo_t *info, void *data)
+/* From here on it looks only when there may be something to see, and once each time. */
+static void wait_for_memory(struct guest *self, ucontext_t *context)
 {
-    struct guest *self = turns_self();
-    ucontext_t *context = data;
-    uintptr_t ip = (uintptr_t)context->uc_mcontext.gregs[CONTEXT_IP];
-    int saved = errno;
+    unsigned rounds;
+    uintptr_t sum;
+    int round;
 
-    if (info->si_code != TRAP_TRACE) { /* a break of the program's own */
-        step_no_more(context);
-        syscall(SYS_tgkill, getpid(), self->tid, number);
-    } else if (turns_holder() != self || self->inside > 0 || turns_entries() != seen || after_call(ip)
-               || ++steps > STEPS) {
-        step_no_more(context);
-        start_again(turns_entries());
-    } else if (ip == home.ip && sum_of(context) != home.sum) {
-        home.sum = sum_of(context); /* it has seen another value: once more */
-    } else if (ip == home.ip) {
-        say(ip, "waits for memory to change",
-            "chip time would stand still for ever, so other threads go on and time passes until one"
-            " of them has done something; let the loop look at a clock or sleep instead");
+    do {
         stand_by(self);
-        steps = 0;
-    }
-    errno = saved;
-}
-
-static void step_from(uintptr_t ip, ucontext_t *context)
-{
-    struct sigaction action;
-
-    home = (struct place){ip, sum_of(context)};
-    steps = 0;
-    context->uc_mcontext.gregs[REG_EFL] |= TRAP_FLAG;
-    if (stepping) /* it had left by a long jump */
-        return;
-    memset(&action, 0, sizeof action);
-    action.sa_sigaction = on_step;
-    action.sa_flags = SA_SIGINFO | SA_RESTART | SA_ONSTACK;
-    sigaddset(&action.sa_mask, SPIN_SIGNAL);
-    signals_real(SIGTRAP, &action, &theirs);
-    blocked = sigismember(&context->uc_sigmask, SIGTRAP) == 1;
-    sigdelset(&context->uc_sigmask, SIGTRAP);
-    stepping = 1;
+        rounds = 0;
+        do {
+            sum = sum_of(context);
+            round = goes_round(context);
+        } while (round && sum_of(context) != sum && ++rounds < ROUNDS);
+    } while (round && rounds < ROUNDS);
+    start_again(seen);
+    proven = 1;
 }
 
 static void on_tick(int number, siginfo_t *info, void *data)
@@ -183,7 +154,7 @@ static void on_tick(int number, siginfo_t *info, void *data)
     if (holder != NULL && holder != self && info->si_code == SI_TIMER)
         syscall(SYS_tgkill, getpid(), holder->tid, number);
     if (!clock_follows() || holder == NULL || holder != self || self->inside > 0
-        || self->trapped != NULL || context->uc_mcontext.gregs[REG_EFL] & TRAP_FLAG) {
+        || self->trapped != NULL) {
         errno = saved;
         return;
     }
@@ -192,9 +163,11 @@ static void on_tick(int number, siginfo_t *info, void *data)
     here = was_here(ip, sum_of(context));
     ticks++;
     again += (unsigned)here;
-    if (!changing && here && (proven || again >= PROOF)) {
-        proven = 1;
-        step_from(ip, context);
+    if (!changing && here && again >= (proven ? LOOKED : PROOF)) {
+        say(ip, "waits for memory to change",
+            "chip time would stand still for ever, so other threads go on and time passes until one"
+            " of them has done something; let the loop look at a clock or sleep instead");
+        wait_for_memory(self, context);
     } else if (changing && ticks >= WORK && !said_work) {
         said_work = 1;
         say(ip, "has worked for a second of processor time",
