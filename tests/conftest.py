@@ -25,8 +25,8 @@ CALM: dict[str, Any] = {"deadline": None, "suppress_health_check": [HealthCheck.
 settings.register_profile("repeatable", derandomize=True, **CALM)
 settings.register_profile("search", max_examples=2000, **CALM)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
-# It draws numbers of the project's modules, too: of those imported by then, which hangs on the tests
-# before, and so on the worker.
+# It draws numbers of the project's modules, too: of those that are imported by then, which hangs on
+# the tests before, and so on the worker.
 providers._get_local_constants = providers.Constants
 
 QUICK = {"conformance", "frozen", "test_architecture.py", "unit"}
