@@ -85,6 +85,7 @@ def test_a_client_waits_as_long_as_somebody_has_paused_the_board(link: str) -> N
             late = pool.submit(connect, link)
             host.join(2.5)
             assert (host.is_alive(), told, late.done()) == (True, [], False)
+            bus.timeout = PATIENCE
             order("bench", "go")
             host.join(60)
             late.result(60).close()

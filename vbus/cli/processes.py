@@ -16,6 +16,9 @@ from typing import Final
 from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
 from vbus.core.errors import VbusError
+from vbus.serve.registry import TURN_SECONDS
+from vbus.serve.time.turns import Turns
+from vbus.serve.time.watchdog_process import STARVED
 
 # A traceback's last frames and its message, on one screen with the rest.
 LAST_LINES: Final = 10
@@ -204,12 +207,15 @@ class Processes:
                     # One that was stopped (Ctrl-Z) would not hear of it.
                     os.kill(child.pid, number)
         end = time.monotonic() + self._patience
+        turns = [(child, Turns(child.pid)) for child in self.children]
         while any(not child.ended for child in self.children):
             left = end - time.monotonic()
-            if left <= 0 or self.asked > 1:
+            # One that has no turn, because others have the processors, has longer.
+            longer = left > -STARVED and any(not c.ended and one.lacking() for c, one in turns)
+            if self.asked > 1 or (left <= 0 and not longer):
                 self._kill()
                 return
-            self._step(left)
+            self._step(max(left, TURN_SECONDS))
 
     def _kill(self) -> None:
         """Kill what runs, and say so."""

@@ -256,8 +256,8 @@ class Connection:
             while self.pending:
                 if room.poll(LAST_SECONDS * 1000):
                     del self.pending[: os.write(self._link.fd, self.pending)]
-                elif monotonic() > last or not turns.lacking():
-                    break
+                elif (monotonic() > last or not turns.lacking()) and not room.poll(0):
+                    break  # between the two looks it may have had its turn, and have read
 
     def end_with_board(self) -> None:
         """Send what is left, for a run that was short may end with most of it; then end."""
