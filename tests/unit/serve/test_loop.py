@@ -17,7 +17,7 @@ class Echo:
     def __init__(self, loop: HostLoop) -> None:
         self.near, self.far = socket.socketpair()
         self.near.setblocking(False)
-        self.far.settimeout(20)
+        self.far.settimeout(PATIENCE)
         self.seen: list[bytes] = []
         self._loop = loop
         loop.add_direct_reader(self.near.fileno(), self.read)
@@ -148,7 +148,7 @@ def test_a_host_that_never_stops_asking_does_not_keep_timers_and_signals_waiting
     async def main() -> None:
         await asyncio.sleep(0.01)
 
-    loop.run_until_complete(asyncio.wait_for(main(), 20))
+    loop.run_until_complete(asyncio.wait_for(main(), PATIENCE))
     loop.remove_reader(near)
     os.close(near)
     os.close(far)
@@ -170,7 +170,7 @@ def test_sockets_streams_and_tasks_work_as_in_any_event_loop(loop: HostLoop, ech
         await server.wait_closed()
         return answer
 
-    assert loop.run_until_complete(asyncio.wait_for(main(), 20)) == b"abc"
+    assert loop.run_until_complete(asyncio.wait_for(main(), PATIENCE)) == b"abc"
 
 
 def test_a_descriptor_that_is_used_again_at_once_keeps_its_new_reader(
