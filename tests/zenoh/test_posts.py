@@ -177,6 +177,19 @@ def test_a_posted_message_whose_reply_is_lost_is_repeated_and_carried_out_once()
     assert (there.asked, there.posted) == ([0, 2], [1, 2, 3])
 
 
+def test_a_host_that_looks_late_asks_again_before_it_gives_a_board_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with fake(None) as (there, host):
+        monkeypatch.setattr(there, "take", lambda *_: None)
+        host.write(memoryview(b"abc"))
+        until(lambda: host._under_way[0].silent_since, "the end of the first sending")
+        host._under_way[0].silent_since -= 3600
+        assert host.read() == b""
+        assert not host._searching
+        until(lambda: host.read() == b"" and len(there.asked) > 1, "the second")
+
+
 def test_only_the_end_of_the_last_sending_tells_that_nobody_answers() -> None:
     with fake(None) as (_, host):
         query = Sent(host, 5, b"abc")
