@@ -104,7 +104,7 @@ async def first_of(events: Iterable[asyncio.Event]) -> None:
         await _cancelled(waits)
 
 
-async def _cancelled(tasks: Collection[asyncio.Future[None]]) -> None:
+async def _cancelled(tasks: Collection[asyncio.Future[Any]]) -> None:
     """Cancel tasks and wait for their ends, which no loop that is closed next would bring."""
     for task in tasks:
         task.cancel()
