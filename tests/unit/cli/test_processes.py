@@ -120,10 +120,10 @@ def test_one_that_has_no_turn_has_longer_to_end(monkeypatch: pytest.MonkeyPatch)
     looks: list[int] = []
 
     class NoTurn:
-        def __init__(self, pid: int) -> None:
-            self._pid = pid
+        def __init__(self, pids: Callable[[], list[int]]) -> None:
+            [self._pid] = pids()
 
-        def lacking(self) -> bool:
+        def lacking(self, waited: float, longest: float) -> bool:
             looks.append(self._pid)
             if len(looks) == 3:
                 os.kill(self._pid, signal.SIGKILL)  # it ends now

@@ -79,6 +79,17 @@ def test_a_host_may_poll_where_something_can_change(why: str) -> None:
     assert watch.stuck == ""
 
 
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clocks that count what they are asked.
+
+    Where processor time is limited, the kernel's own moves by ticks.
+    """
+    monkeypatch.setattr(host_limits, "monotonic", count(100.0, 1.0).__next__)
+    monkeypatch.setattr(host_limits, "process_time", count(50.0, 0.25).__next__)
+
+
+@pytest.mark.usefixtures("counted")
 def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board = in_lockstep("LM629N-8")
     watch = HostWatch(board, Limits(polling=0.0))
@@ -151,6 +162,7 @@ def moving(policy: str, limits: Limits) -> tuple[HostWatch, Bus]:
     return watch, connect_in_process(board)
 
 
+@pytest.mark.usefixtures("counted")
 @pytest.mark.parametrize("policy", ["lockstep", "realtime"])
 def test_wall_time_says_nothing_of_a_host_where_time_is_virtual(policy: str) -> None:
     watch, bus = moving(policy, Limits(polling=0.0))
@@ -223,13 +235,10 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
     )
 
 
+@pytest.mark.usefixtures("counted")
 def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # Clocks that count what they are asked: where processor time is limited, the kernel's own moves
-    # by ticks.
-    monkeypatch.setattr(host_limits, "monotonic", count(100.0, 1.0).__next__)
-    monkeypatch.setattr(host_limits, "process_time", count(50.0, 0.25).__next__)
     polls = Polls(2)
     old, new, wrote = (
         Packet(STATUS, "RDSTAT", text, "", (Cycle(0, text == "w", 0, 0),))
