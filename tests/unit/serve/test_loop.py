@@ -4,11 +4,12 @@ import asyncio
 import os
 import socket
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import pytest
 
 from tests.waiting import PATIENCE
-from vbus.serve.loop import HostLoop
+from vbus.serve.loop import HostLoop, done_before
 
 
 class Echo:
@@ -52,6 +53,22 @@ def echo(loop: HostLoop) -> Iterator[Echo]:
     echo = Echo(loop)
     yield echo
     echo.close()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_nothing_is_left_to_a_loop_of_what_was_waited_for_beside_work(
+    loop: HostLoop, fails: bool
+) -> None:
+    """A task that is left is reported when it is no more, in whatever runs then."""
+
+    async def work() -> None:
+        if fails:
+            raise RuntimeError("broken")
+
+    ends = (asyncio.Event(), asyncio.Event())
+    with pytest.raises(RuntimeError) if fails else nullcontext():
+        assert loop.run_until_complete(done_before(ends, work()))
+    assert asyncio.all_tasks(loop) == set()
 
 
 async def until(seen: list[bytes], wanted: list[bytes]) -> None:
