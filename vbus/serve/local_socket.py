@@ -258,8 +258,9 @@ class Connection:
                     del self.pending[: os.write(self._link.fd, self.pending)]
                     continue
                 waited += LAST_SECONDS
-                if waited >= LAST_TURNS or not turns.lacking(waited, LAST_SECONDS):
-                    break
+                given_up = waited >= LAST_TURNS or not turns.lacking(waited, LAST_SECONDS)
+                if given_up and not room.poll(0):
+                    break  # between the two looks it may have had its turn, and have read
 
     def end_with_board(self) -> None:
         """Send what is left, for a run that was short may end with most of it; then end."""

@@ -63,12 +63,12 @@ def test_a_process_that_waits_is_stopped_or_asks_lacks_none() -> None:
     assert not Turns(lambda: [os.getpid()]).lacking(60.0, 60.0)
 
 
-@pytest.mark.parametrize("looks", [0, 3])
+@pytest.mark.parametrize("turns", [[], [True] * 3, [False]], ids=["none", "late", "just now"])
 def test_a_watcher_without_a_turn_has_longer_to_take_the_last_words(
-    monkeypatch: pytest.MonkeyPatch, looks: int
+    monkeypatch: pytest.MonkeyPatch, turns: list[bool]
 ) -> None:
     near, far = socket.socketpair()
-    left = [None] * looks
+    left = [*turns]
 
     class NoTurn:
         def __init__(self, pids: Callable[[], list[int]]) -> None:
@@ -77,10 +77,10 @@ def test_a_watcher_without_a_turn_has_longer_to_take_the_last_words(
         def lacking(self, waited: float, longest: float) -> bool:
             if not left:
                 return False
-            left.pop()
+            lacks = left.pop()
             if not left:
                 taken.append(far.recv(1 << 24))
-            return True
+            return lacks
 
     monkeypatch.setattr(local_socket, "LAST_SECONDS", 0.01)
     monkeypatch.setattr(local_socket, "LAST_TURNS", 60.0)
@@ -95,4 +95,4 @@ def test_a_watcher_without_a_turn_has_longer_to_take_the_last_words(
         connection.pending += b"last words"
         connection.send_last()
         loop.close()
-        assert connection.pending == (b"" if looks else b"last words")
+        assert connection.pending == (b"" if turns else b"last words")
