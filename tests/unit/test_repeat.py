@@ -1,12 +1,13 @@
 """Which tests get a second run, how it is told, and how many may need one."""
 
 import shutil
+import subprocess
 from itertools import count
 from pathlib import Path
 
 import pytest
 
-from tests import waiting
+from tests import namespaces, waiting
 
 pytest_plugins = ["pytester"]
 
@@ -133,6 +134,16 @@ def test_a_machine_that_stood_still_is_no_wait_in_vain(
     with pytest.raises(waiting.Starved):
         waiting.until(lambda: next(seen) < 0, "nothing", 60.0, every=0.0)
     assert next(seen) == looks
+
+
+def test_computers_that_are_late_are_not_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(self: namespaces.Computers) -> None:
+        raise subprocess.TimeoutExpired("ip", 60)
+
+    monkeypatch.setattr(namespaces, "require", lambda program: program)
+    monkeypatch.setattr(namespaces.Computers, "make", late)
+    with pytest.raises(subprocess.TimeoutExpired), namespaces.computers(1):
+        pass
 
 
 def test_the_core_has_no_second_run(pytester: pytest.Pytester) -> None:
