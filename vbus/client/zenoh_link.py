@@ -308,7 +308,7 @@ class ZenohBoardLink(BoardLink):
         # Who had no turn looks late, and has not asked again yet.
         if silent and query.sendings > 1:
             self._searching = True
-            # Asking around takes up to two seconds: calls wait with their own time limit meanwhile.
+            # Asking around takes seconds: calls wait with their own time limit meanwhile.
             threading.Thread(target=self._search, daemon=True).start()
         elif now - query.sent > (REPEAT_SECONDS if query.held else AGAIN_SECONDS):
             if query.held:
