@@ -64,6 +64,9 @@ transport = "unix:$VBUS_RUNTIME/x.sock"
 card = "slot"
 """
 
+LONGEST = 300.0
+"""Seconds: some scripts run forty programs, one after the other."""
+
 Done = subprocess.CompletedProcess[str]
 
 
@@ -75,7 +78,7 @@ def execute(
     return subprocess.run(
         vbus("exec", "--board", str(folder / "board.toml"), *map(str, options), "--",
              *map(str, command)),
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=LONGEST, check=False,
     )  # fmt: skip
 
 
@@ -360,7 +363,7 @@ def test_an_interrupt_arrives(
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
         ("early", ["interrupt 2", "done 04, signals 0", "again 3"]),
-        ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("poll", ["poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
     ],
@@ -368,7 +371,6 @@ def test_an_interrupt_arrives(
 def test_an_interrupt_arrives_in_real_time(
     programs: Callable[[str, int], Path], tmp_path: Path, how: str, lines: list[str]
 ) -> None:
-    """The move takes 0.9 s: the first poll, of 10 ms, sees nothing."""
     sends = 'signal = "SIGIO"' if how == "signal" else ""
     board = SERVO.format(time="realtime", card=sends)
     done = execute(tmp_path, board, programs("interrupts", 64), how)

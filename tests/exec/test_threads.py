@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.examples.boards import vbus
-from tests.exec.conftest import compile_c
+from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, said
 
 Programs = Callable[[str, int], Path]
@@ -80,6 +80,23 @@ def test_runs_with_threads_are_the_same_under_load_and_on_one_core(
     assert [run.communicate(timeout=120)[0].splitlines() for run in runs] == [served("poll")] * 4
     transcripts = {(tmp_path / f"{number}.txt").read_text() for number in range(4)}
     assert len(transcripts) == 1
+
+
+@pytest.mark.parametrize(
+    ("what", "order"), [("begins", "abcdefabcdef"), ("asks", "mmammammammammamma")]
+)
+def test_turns_are_the_same_where_the_processor_is_elsewhere(
+    programs: Programs, tmp_path: Path, what: str, order: str
+) -> None:
+    """Each time a thread wakes another, and while one asks the kernel for a child."""
+    slow = compile_c(tmp_path / "slow.so", "-shared", "-fPIC", PROGRAMS / "slow.c")
+    program = programs("takes_turns", 64)
+    for before in ("", f"LD_PRELOAD=$LD_PRELOAD:{slow} "):
+        done = execute(
+            tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "sh", "-c",
+            f"{before}exec {program} {what}",
+        )  # fmt: skip
+        assert said(done) == [order]
 
 
 def test_a_thread_that_spins_on_memory_is_named_and_sees_what_it_waits_for(

@@ -296,7 +296,7 @@ def test_a_reset_loop_retries_until_the_chip_comes_up(driver: Driver, run: Run) 
     run(program, pins(chip=CHIP + "reset_fail = 4\n"), code=4)
 
 
-def test_without_a_board_it_says_what_to_set(driver: Driver) -> None:
+def test_without_a_board_it_says_what_to_set(driver: Driver, tmp_path: Path) -> None:
     program = driver("avr", AVR + "int main(void) { init(); return in(1); }", "-DF_CPU=16000000UL")
     environment = {key: value for key, value in os.environ.items() if key != "VBUS_LINK"}
     done = subprocess.run([program], env=environment, capture_output=True, text=True)
@@ -305,9 +305,15 @@ def test_without_a_board_it_says_what_to_set(driver: Driver) -> None:
         "vbus: no board: set VBUS_LINK to a link with a pin map, such as unix:PATH\n"
     )
     done = subprocess.run(
-        [program], env={**environment, "VBUS_LINK": "unix:/nowhere"}, capture_output=True, text=True
+        [program],
+        env={**environment, "VBUS_LINK": f"unix:{tmp_path}/x"},
+        capture_output=True,
+        text=True,
     )
-    assert (done.returncode, done.stderr) == (4, "vbus: unix:/nowhere: No such file or directory\n")
+    assert (done.returncode, done.stderr) == (
+        4,
+        f"vbus: unix:{tmp_path}/x: No such file or directory\n",
+    )
 
 
 def test_a_link_without_a_pin_map_says_what_to_write(driver: Driver, run: Run) -> None:
@@ -664,6 +670,33 @@ int main(void)
     )
     ran = run(program, card().replace('time = "lockstep"', 'time = "lockstep"\npower_on = "done"'))
     assert ran.said == "5 1\n"
+
+
+def test_a_board_on_a_busy_machine_has_a_minute_for_a_reply(driver: Driver, run: Run) -> None:
+    """The program's poll takes the place of the C library's, and notes how long it is to wait."""
+    program = driver(
+        "linux-io",
+        """
+#define _GNU_SOURCE
+#include <poll.h>
+#include <stdio.h>
+#include <sys/io.h>
+static int longest;
+int poll(struct pollfd *set, nfds_t count, int ms)
+{
+    longest = ms > longest ? ms : longest;
+    return ppoll(set, count, NULL, NULL);
+}
+int main(void)
+{
+    inb(0x340);
+    printf("%d\\n", longest > 50000);
+    return 0;
+}
+""",
+        compiler="gcc",
+    )
+    assert run(program, card(time="realtime")).said == "1\n"
 
 
 def test_a_link_without_a_card_says_what_to_write(driver: Driver, run: Run) -> None:

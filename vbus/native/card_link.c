@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 #define DELAY_PORT 0x80 /* writes here are pauses on every PC */
-
+#define REPLY_MS 60000  /* a board on a busy machine */
 
 static struct {
     struct vbus bus;
@@ -71,6 +71,7 @@ static void open_session(void)
         vbus_close(&card.bus); /* the parent's session is not ours */
     memset(&card, 0, sizeof card);
     size = vbus_open(&card.bus, where);
+    card.bus.timeout_ms = REPLY_MS;
     if (size == VBUS_E_SYSTEM)
         fail(where, strerror(card.bus.system));
     must(size);

@@ -41,12 +41,11 @@ static void reset_and_count(void)
     printf(" signals of 20 resets\n");
 }
 
-static void start_move(void)
+static void prepare(void)
 {
     while (inb(BASE) != 0x84)
         ;
     load_move(20, 1024);
-    command(0x01, 0, NULL);
 }
 
 int main(int count, char **arguments)
@@ -54,6 +53,7 @@ int main(int count, char **arguments)
     const char *how = count > 1 ? arguments[1] : "";
     int fd = -1;
     uint32_t number = 1;
+    sigset_t only, before;
 
     if (ioperm(BASE, 2, 1) != 0)
         return 1;
@@ -66,8 +66,15 @@ int main(int count, char **arguments)
         reset_and_count();
         return 0;
     }
-    start_move();
+    prepare();
+    if (strcmp(how, "early") == 0 && read(fd, &number, 4) != 4)
+        return 1; /* that of the reset */
+    sigemptyset(&only);
+    if (strcmp(how, "signal") == 0)
+        sigaddset(&only, SIGIO);
+    sigprocmask(SIG_BLOCK, &only, &before);
     signals = 0; /* the reset has interrupted too */
+    command(0x01, 0, NULL);
     if (strcmp(how, "uio") == 0 || strcmp(how, "poll") == 0 || strcmp(how, "select") == 0)
         fd = open("/dev/uio0", O_RDWR);
     printf("moving %02x\n", inb(BASE));
@@ -77,7 +84,7 @@ int main(int count, char **arguments)
         in.fd = fd;
         in.events = POLLIN;
         printf("poll %d\n", poll(&in, 1, 10));
-        printf("poll %d\n", poll(&in, 1, 10000));
+        printf("poll %d\n", poll(&in, 1, 60000));
     }
     if (strcmp(how, "select") == 0) {
         fd_set in;
@@ -86,15 +93,13 @@ int main(int count, char **arguments)
         FD_SET(fd, &in);
         printf("select %d\n", select(fd + 1, &in, NULL, NULL, NULL));
     }
-    if (strcmp(how, "early") == 0 && read(fd, &number, 4) != 4)
-        return 1; /* that of the reset */
     if (fd >= 0) {
         if (read(fd, &number, 4) != 4)
             return 1;
         printf("interrupt %u\n", (unsigned)number);
     } else if (strcmp(how, "signal") == 0) {
         while (!signals)
-            pause();
+            sigsuspend(&before);
     } else {
         struct timespec wanted = {100, 0}, left = {0, 0};
         int result = nanosleep(&wanted, &left);

@@ -123,6 +123,8 @@ static void leaves(const char *how)
         for (;;)
             pause();
     }
+    if (strcmp(how, "orphan") == 0)
+        waitpid(child, NULL, 0); /* else it might be left behind, too */
     while (getchar() != '\n')
         ;
 }

@@ -457,6 +457,15 @@ def test_budgets_end_tests_of_every_kind(suite: pytest.Pytester) -> None:
 
 
 def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytester) -> None:
+    suite.makeconftest(
+        """
+        import pytest
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_runtest_teardown(item):
+            item.module.over.set()
+        """
+    )
     suite.makepyfile(
         """
         import asyncio, threading, time
@@ -466,11 +475,14 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
         pytestmark = pytest.mark.vbus("LM629N-8", budget={"polls": 1000})
         read = threading.Event()
         hung = threading.Event()
+        over = threading.Event()
 
-        def poll(terminal):
+        def poll(terminal, until=None):
             with vbus.connect(f"pty:{terminal}") as bus:
                 while not bus.read(0) & 0x40:
                     read.set()
+                    if until is not None:  # else it may have hung before the test is over
+                        until.wait()
 
         def never_ends(terminal):
             try:
@@ -493,7 +505,8 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
         @pytest.mark.asyncio
         async def test_does_not_wait_for_it(vbus_pty):
             read.clear()
-            task = asyncio.ensure_future(asyncio.to_thread(poll, vbus_pty))
+            over.clear()
+            task = asyncio.ensure_future(asyncio.to_thread(poll, vbus_pty, over))
             while not read.is_set():
                 await asyncio.sleep(0)
 

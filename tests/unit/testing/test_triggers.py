@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.waiting import PATIENCE
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, US
@@ -20,13 +19,14 @@ from vbus.testing.triggers import Triggers
 pytestmark = pytest.mark.asyncio
 
 
-IMPATIENT = pytest.mark.parametrize("bench", [0.3], indirect=True)
+@pytest.fixture
+def bench() -> Bench:
+    return Bench("test", {}, [Path.cwd()], Path.cwd)
 
 
 @pytest.fixture
-def bench(request: pytest.FixtureRequest) -> Bench:
-    limits = Limits(polling=getattr(request, "param", PATIENCE))
-    return Bench("test", {}, [Path.cwd()], Path.cwd, judge=Judge(budget=limits))
+def impatient(bench: Bench) -> None:
+    bench.judge = Judge(budget=Limits(polling=0.3))
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ async def test_an_edge_is_met_at_its_very_instant(board: Triggers, x: ChipBench)
     assert net.value == 1
 
 
-@IMPATIENT
+@pytest.mark.usefixtures("impatient")
 async def test_packets_come_from_hosts_and_do_not_move_time(board: Triggers, x: ChipBench) -> None:
     started = board.packet("STT", "x")
     before = x.board.now
@@ -98,7 +98,7 @@ async def test_packets_come_from_hosts_and_do_not_move_time(board: Triggers, x: 
         board.edge("y.HI")
 
 
-@IMPATIENT
+@pytest.mark.usefixtures("impatient")
 async def test_a_machine_that_stood_still_is_no_host_that_does_nothing(
     board: Triggers, x: ChipBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -20,8 +20,7 @@
 #define MOST_CHIPS 16
 #define MOST_REPORTS 16
 #define NO_LINK 4
-#define REPLY_MS 60000
-#define LAST_TRIES 1000 /* another thread may be in the middle of a cycle */
+#define LAST_TRIES 1000 /* milliseconds that another thread has for the rest of a cycle */
 #define PS_PER_NS 1000u
 #define FLOATING 0xFF
 #define STEP_PS UINT64_C(10000000000) /* between looks where nothing is in sight */
@@ -58,7 +57,7 @@ static uint64_t last_rise;        /* of those that a session has reported */
 static volatile int telling;      /* a thread holds these three */
 static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
-static volatile int lock;
+static volatile pid_t lock; /* the thread that has it */
 
 /* --- messages --------------------------------------------------------------------------------- */
 
@@ -303,10 +302,18 @@ void card_read_settings(void)
 
 /* --- the session ------------------------------------------------------------------------------ */
 
+static int take_lock(pid_t self)
+{
+    pid_t nobody = 0;
+
+    return __atomic_compare_exchange_n(&lock, &nobody, self, 0, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED);
+}
+
 void card_enter(void)
 {
-    turns_enter();
-    while (__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE))
+    pid_t self = turns_enter()->tid;
+
+    while (!take_lock(self))
         syscall(SYS_sched_yield);
 }
 
@@ -471,19 +478,25 @@ void card_share(void)
     card_send();
 }
 
+static int holds_back(void)
+{
+    return bus.out_size > 0 || bus.lease_polls > 0 || bus.unsent_stamp;
+}
+
 void card_send_last(void)
 {
+    pid_t self = (pid_t)syscall(SYS_gettid);
     sigset_t before;
     unsigned turn;
 
     sys_block(&before);
-    for (turn = 0; open_session && turn < LAST_TRIES; turn++) {
-        if (!__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE)) {
+    for (turn = 0; open_session && lock != self && holds_back() && turn < LAST_TRIES; turn++) {
+        if (take_lock(self)) {
             vbus_send(&bus); /* a board that is gone is no news now */
             __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
             break;
         }
-        syscall(SYS_sched_yield);
+        sys_poll(NULL, 0, 1); /* who has it may wait for a processor */
     }
     sys_restore(&before);
 }
@@ -714,7 +727,7 @@ int card_leap(int64_t longest, int heeds)
         return 0;
     if (longest < (int64_t)(END_OF_TIME / PS_PER_NS))
         step = (uint64_t)longest * PS_PER_NS;
-    __atomic_store_n(&lock, 1, __ATOMIC_RELAXED);
+    __atomic_store_n(&lock, turns_self()->tid, __ATOMIC_RELAXED);
     if (!heeds) {
         card_pass((uint64_t)longest);
     } else if (noticed == interrupts) {

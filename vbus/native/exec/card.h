@@ -25,6 +25,8 @@ struct card_settings {
 
 extern struct card_settings card;
 
+#define REPLY_MS 60000 /* for the board's replies, on a busy machine too */
+
 void card_read_settings(void);
 
 void card_enter(void);

@@ -55,6 +55,7 @@ void listen_begin(void)
         return;
     listening = 1;
     error = where == NULL ? VBUS_E_WHERE : vbus_open(&line, where);
+    line.timeout_ms = REPLY_MS;
     fd = error < 0 ? -1 : (int)syscall(SYS_fcntl, line.fd, F_DUPFD_CLOEXEC, 800);
     if (fd >= 0) {
         sys_close(line.fd);

@@ -1,8 +1,8 @@
 /* queues.c - calls that wait for other processes, or for messages: sockets, queues, children.
  * License: Apache-2.0.
  *
- * What has a descriptor is polled for before the call; what can be tried is tried; a child is waited
- * for outside, so that other threads have their turns meanwhile.
+ * What has a descriptor is polled for before the call; what can be tried is tried; a child that has not
+ * ended is waited for outside, so that other threads have their turns meanwhile.
  */
 #define _GNU_SOURCE
 #include "card.h"
@@ -13,6 +13,7 @@
 
 #include <errno.h>
 #include <mqueue.h>
+#include <sched.h>
 #include <sys/msg.h>
 #include <sys/sem.h>
 #include <sys/socket.h>
@@ -53,28 +54,68 @@ AWAITED(int, accept4, POLLIN, 0,
 
 /* --- children --------------------------------------------------------------------------------- */
 
-#define OUTSIDE_CALL(type, name, parameters, arguments)                                            \
-    PUBLIC type name parameters                                                                    \
-    {                                                                                              \
-        type result;                                                                               \
-        int error;                                                                                 \
-        REAL(name);                                                                                \
-        turns_go_out();                                                                            \
-        result = real arguments;                                                                   \
-        error = errno;                                                                             \
-        turns_come_back();                                                                         \
-        errno = error;                                                                             \
-        return result;                                                                             \
-    }
+/* A call that would not wait is made here, where no other thread has its turn meanwhile. */
+static pid_t await_child(pid_t child, int *status, int options, struct rusage *usage)
+{
+    pid_t result;
+    int error;
+    REAL(wait4);
 
-OUTSIDE_CALL(pid_t, wait, (int *status), (status))
-OUTSIDE_CALL(pid_t, waitpid, (pid_t child, int *status, int options), (child, status, options))
-OUTSIDE_CALL(pid_t, wait3, (int *status, int options, struct rusage *usage),
-             (status, options, usage))
-OUTSIDE_CALL(pid_t, wait4, (pid_t child, int *status, int options, struct rusage *usage),
-             (child, status, options, usage))
-OUTSIDE_CALL(int, waitid, (idtype_t type, id_t id, siginfo_t *info, int options),
-             (type, id, info, options))
+    result = real(child, status, options | WNOHANG, usage);
+    if (result != 0)
+        return result;
+    if (options & WNOHANG) {
+        sched_yield();
+        return 0;
+    }
+    turns_go_out();
+    result = real(child, status, options, usage);
+    error = errno;
+    turns_come_back();
+    errno = error;
+    return result;
+}
+
+PUBLIC pid_t wait(int *status)
+{
+    return await_child(-1, status, 0, NULL);
+}
+
+PUBLIC pid_t waitpid(pid_t child, int *status, int options)
+{
+    return await_child(child, status, options, NULL);
+}
+
+PUBLIC pid_t wait3(int *status, int options, struct rusage *usage)
+{
+    return await_child(-1, status, options, usage);
+}
+
+PUBLIC pid_t wait4(pid_t child, int *status, int options, struct rusage *usage)
+{
+    return await_child(child, status, options, usage);
+}
+
+PUBLIC int waitid(idtype_t type, id_t id, siginfo_t *info, int options)
+{
+    siginfo_t found = {.si_pid = 0};
+    int result, error;
+    REAL(waitid);
+
+    result = real(type, id, &found, options | WNOHANG);
+    if (result == 0 && found.si_pid == 0 && options & WNOHANG) {
+        sched_yield();
+    } else if (result == 0 && found.si_pid == 0) {
+        turns_go_out();
+        result = real(type, id, &found, options);
+        error = errno;
+        turns_come_back();
+        errno = error;
+    }
+    if (result == 0 && info != NULL)
+        *info = found;
+    return result;
+}
 
 /* --- message queues --------------------------------------------------------------------------- */
 

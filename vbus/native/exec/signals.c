@@ -15,7 +15,6 @@
 
 #include <errno.h>
 #include <limits.h>
-#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/signalfd.h>
@@ -64,7 +63,7 @@ static void keep(struct guest *guest, const siginfo_t *info)
     unsigned turn;
 
     while (__atomic_exchange_n(&guest->keeping, 1, __ATOMIC_ACQUIRE))
-        sched_yield();
+        syscall(SYS_sched_yield);
     for (turn = 0; turn < guest->kept && info->si_signo < 32; turn++)
         if (guest->signals[turn].si_signo == info->si_signo)
             break; /* it is on its way already */

@@ -154,11 +154,16 @@ static void doze(volatile int *word, int seen, unsigned ms)
     syscall(SYS_futex, word, FUTEX_WAIT_PRIVATE, seen, &longest, NULL, 0);
 }
 
+static void wake(struct guest *guest)
+{
+    __atomic_add_fetch(&guest->go, 1, __ATOMIC_SEQ_CST);
+    syscall(SYS_futex, &guest->go, FUTEX_WAKE_PRIVATE, 1, NULL, NULL, 0);
+}
+
 static void pass_to(struct guest *guest)
 {
     __atomic_store_n(&holder, guest, __ATOMIC_SEQ_CST);
-    __atomic_add_fetch(&guest->go, 1, __ATOMIC_SEQ_CST);
-    syscall(SYS_futex, &guest->go, FUTEX_WAKE_PRIVATE, 1, NULL, NULL, 0);
+    wake(guest);
 }
 
 static int seize(struct guest *from, struct guest *to)
@@ -188,10 +193,10 @@ static char doing(const struct guest *guest)
 static void rescue(struct guest *to)
 {
     struct guest *stuck = holder;
-    int turn;
+    int turn, runs = RUNS;
 
-    if (stuck == NULL || stuck->inside > 0 || stuck->trapped != NULL)
-        return;
+    if (stuck == NULL || stuck->state != RUNS || stuck->inside > 0 || stuck->trapped != NULL)
+        return; /* one that has been given the turn, and not yet woken, sleeps too */
     for (turn = 0; turn < SOUND_SLEEP; turn++) {
         char now = doing(stuck);
 
@@ -199,9 +204,13 @@ static void rescue(struct guest *to)
             return;
         sys_poll(NULL, 0, GRACE_MS);
     }
-    stuck->state = OUTSIDE;
-    if (seize(stuck, to) && __atomic_load_n(&stuck->inside, __ATOMIC_SEQ_CST) > 0)
-        pass_to(stuck); /* it has just come back */
+    if (!seize(stuck, to))
+        return;
+    if (__atomic_load_n(&stuck->inside, __ATOMIC_SEQ_CST) == 0)
+        __atomic_compare_exchange_n(&stuck->state, &runs, OUTSIDE, 0, __ATOMIC_SEQ_CST,
+                                    __ATOMIC_SEQ_CST);
+    else if (seize(to, stuck)) /* it has just come back */
+        wake(stuck);
 }
 
 static void await(struct guest *self)
