@@ -48,9 +48,10 @@ def test_nodes_that_are_cut_off_name_each_other(bench: Bench, place: Computers) 
     for process, others in zip(bench.started, ("bd", "ac"), strict=True):
         code, out = ended(process)
         assert code == 1, out
-        assert out.splitlines()[-1].startswith(
-            tuple(f"vbus: node {name} has been silent for 3 s: it stalls or" for name in others)
-        ), out
+        # It is silent for its deadline, and its link is gone a moment later: who has stood still
+        # in between, on a busy machine, hears of that first.
+        said = "(has been silent for 3 s: it stalls or is|has died or was) cut off"
+        assert re.match(f"vbus: node [{others}] {said}", out.splitlines()[-1]), out
 
 
 def test_patient_nodes_go_on_when_the_cable_is_back_and_the_hash_stays(

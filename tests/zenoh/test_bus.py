@@ -192,6 +192,13 @@ def test_a_delay_longer_than_the_hosts_patience_is_waited_for() -> None:
         assert bus.now() - before >= 2500 * 10**9
 
 
+@pytest.mark.parametrize(("option", "more"), [("", 3.0), ("?patience=0.5", 0.5)])
+def test_a_reply_may_take_as_much_longer_as_the_link_may_be_away(option: str, more: float) -> None:
+    """Else who waits gives up before the link says why no reply comes."""
+    with served(board(), LinkSpec("zenoh:")), connect(f"zenoh:bench/x{option}", 60.0) as bus:
+        assert bus._patience() == 60.0 + more
+
+
 def test_a_message_the_board_works_on_may_be_repeated_as_often_as_it_takes() -> None:
     # Each repetition takes the place of the one before, which ends unanswered: no silence.
     link = "zenoh:bench/x?patience=0.5"

@@ -195,9 +195,7 @@ class ZenohBoardLink(BoardLink):
         self._bus_key: str = bus_key
         self._endpoints: tuple[str, ...] = endpoints
         self._security: Security | None = security
-        if patience is not None:
-            self.patience = patience
-        self._recovery: float = RECOVERY_SECONDS if patience is None else patience
+        self.patience = RECOVERY_SECONDS if patience is None else patience
         self._network: zenoh.Session = session
         self._name: bytes = envelope.new_session()
         self._number: int = 0
@@ -303,12 +301,12 @@ class ZenohBoardLink(BoardLink):
         now = monotonic()
         if query is None or self._searching:
             return
-        patience = self._recovery if self._given else FIRST_SECONDS
+        patience = self.patience if self._given else FIRST_SECONDS
         silent = query.silent_since and not query.held and now - query.silent_since > patience
         # Who had no turn looks late, and has not asked again yet.
         if silent and query.sendings > 1:
             self._searching = True
-            # Asking around takes up to two seconds: calls wait with their own time limit meanwhile.
+            # Asking around takes seconds: calls wait with their own time limit meanwhile.
             threading.Thread(target=self._search, daemon=True).start()
         elif now - query.sent > (REPEAT_SECONDS if query.held else AGAIN_SECONDS):
             if query.held:
@@ -372,7 +370,7 @@ class ZenohBoardLink(BoardLink):
         if self._closed or self._finished or self._error is not None or not self._given:
             return
         self._finished = True
-        last = monotonic() + self._recovery
+        last = monotonic() + self.patience
         # The board refuses the end as long as a message is missing.
         while not self._say_goodbye():
             if monotonic() > last:

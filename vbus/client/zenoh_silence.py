@@ -24,7 +24,7 @@ def reason_for_silence(
     security: Security | None,
     tried: int,
 ) -> str:
-    """Return what is wrong, where, and what to do; asks around, which takes up to three seconds.
+    """Return what is wrong, where, and what to do; asks around, which takes seconds.
 
     Args:
         network: the host's session.

@@ -10,8 +10,9 @@ import zenoh
 from vbus.network import keys
 from vbus.network.security import Security, expand
 
-ASK_SECONDS: Final = 1.0
-"""How long a board may take to say why it refuses; then a general message says it. Not measured."""
+ASK_SECONDS: Final = 10.0
+"""How long a board that has no turn may take to say why it refuses; then a general message says it.
+Where nobody is to say it, the network ends the question at once. Not measured."""
 
 log = logging.getLogger("vbus")
 

@@ -21,8 +21,8 @@ from vbus.transports.zenoh_publications import Publications
 SETTLE_SECONDS: Final = 0.5
 """How long a board that joins other routers waits until it knows what they have (s): routers take
 some tenths of a second to exchange that."""
-ASK_SECONDS: Final = 2.0
-"""How long an answer of the network is waited for at the start (s); not measured."""
+ASK_SECONDS: Final = 10.0
+"""How long a router that has no turn may take to answer at the start (s); not measured."""
 TOKEN_SECONDS: Final = 3.0
 """How long a host's session lives without its liveliness token having been seen (s): the token may
 come after the first message."""

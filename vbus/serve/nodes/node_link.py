@@ -21,8 +21,8 @@ TEST_DISTURB: Final = "VBUS_TEST_DISTURB"
 """For tests only: ``"SEED:MS"`` holds each message that comes for 0 to MS milliseconds, drawn from
 a stream with that seed, so that messages arrive late and out of order."""
 
-ASK_SECONDS: Final = 1.0
-"""How long the network may take to tell whether a node runs already; not measured."""
+ASK_SECONDS: Final = 10.0
+"""How long a router that has no turn may take to tell whether a node runs already; not measured."""
 ATTEMPT_SECONDS: Final = 0.2
 """How long the first attempt to reach the middle of the star takes, and the pause after each;
 not measured."""
