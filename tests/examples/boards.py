@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tests.left_out import require
+from tests.waiting import PATIENCE
 from vbus.cli.run.firmware import simulator
 from vbus.core.errors import VbusError
 
@@ -34,12 +35,13 @@ def vbus(*arguments: str) -> list[str]:
 
 
 def compile_c(output: Path, *sources: str, shim: str = "") -> Path:
-    """Compile an example as its README says, with every warning an error."""
+    """Compile an example as its README says, every warning an error; replies may take longer."""
     asked = vbus("cflags", "--shim", shim) if shim else vbus("cflags")
     flags = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
     done = subprocess.run(
         [require("cc"), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-o", str(output),
-         *flags.split(), *(str(EXAMPLES / source) for source in sources)],
+         f"-DDEFAULT_TIMEOUT_MS={PATIENCE * 1000:.0f}", *flags.split(),
+         *(str(EXAMPLES / source) for source in sources)],
         capture_output=True,
         text=True,
     )  # fmt: skip

@@ -1,7 +1,8 @@
-/* Threads that print in which order they had their turns. The card is an MCP-1200.
+/* Threads that print in which order they had their turns, or write. The card is an MCP-1200.
  *
  *     takes_turns begins    six threads begin, and access the card twice
  *     takes_turns asks      one asks again and again for a child that lives, beside one at the card
+ *     takes_turns writes    one writes for ever, and the first waits for it
  */
 #include <pthread.h>
 #include <stdint.h>
@@ -37,6 +38,13 @@ static void *asks(void *data)
     return data;
 }
 
+static void *writes(void *data)
+{
+    for (;;)
+        outb(0x0D, KEEP);
+    return data;
+}
+
 int main(int count, char **arguments)
 {
     pthread_t threads[6];
@@ -51,6 +59,9 @@ int main(int count, char **arguments)
             pthread_create(&threads[turn], NULL, begins, (void *)(intptr_t)('a' + turn));
         for (turn = 0; turn < 6; turn++)
             pthread_join(threads[turn], NULL);
+    } else if (strcmp(arguments[1], "writes") == 0) {
+        pthread_create(&threads[0], NULL, writes, NULL);
+        pthread_join(threads[0], NULL);
     } else {
         if (fork() == 0) {
             close(ends[1]);

@@ -58,6 +58,7 @@ static volatile int telling;      /* a thread holds these three */
 static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
 static volatile pid_t lock; /* the thread that has it */
+static volatile int ending; /* the program dies, and what is held back goes first */
 
 /* --- messages --------------------------------------------------------------------------------- */
 
@@ -313,7 +314,7 @@ void card_enter(void)
 {
     pid_t self = turns_enter()->tid;
 
-    while (!take_lock(self))
+    while (ending || !take_lock(self))
         syscall(SYS_sched_yield);
 }
 
@@ -490,6 +491,7 @@ void card_send_last(void)
     unsigned turn;
 
     sys_block(&before);
+    ending = 1;
     for (turn = 0; open_session && lock != self && holds_back() && turn < LAST_TRIES; turn++) {
         if (take_lock(self)) {
             vbus_send(&bus); /* a board that is gone is no news now */
@@ -498,6 +500,7 @@ void card_send_last(void)
         }
         sys_poll(NULL, 0, 1); /* who has it may wait for a processor */
     }
+    ending = 0;
     sys_restore(&before);
 }
 
