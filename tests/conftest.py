@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 import vbus
 from tests import costs, left_out, left_running, repeat
@@ -19,9 +20,14 @@ from vbus.compiled import core, is_compiled, why
 from vbus.serve import registry
 
 # A run repeats, on every machine. HYPOTHESIS_PROFILE=search looks for examples nobody has seen.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
-settings.register_profile("search", max_examples=2000, deadline=None)
+# How long it takes to make them is not judged: a busy machine takes long.
+CALM: dict[str, Any] = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("repeatable", derandomize=True, **CALM)
+settings.register_profile("search", max_examples=2000, **CALM)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+# It draws numbers of the project's modules, too: of those that are imported by then, which hangs on
+# the tests before, and so on the worker.
+providers._get_local_constants = providers.Constants
 
 QUICK = {"conformance", "frozen", "test_architecture.py", "unit"}
 CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()

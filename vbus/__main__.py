@@ -11,7 +11,7 @@ def main() -> None:
 
             print(version_line())  # without the parser of the command line, which takes longer
             return
-        from vbus.core.collection import collection_held, keep_what_is_made
+        from vbus.core.interpreter import collection_held, keep_what_is_made
 
         with collection_held():
             from vbus.cli.cli import main as run

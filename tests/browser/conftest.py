@@ -7,7 +7,7 @@ import pytest
 
 from tests.browser.recordings import PAGE, Recording
 from tests.left_out import require
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
 ADDRESS = "http://scope.test/"
 Open = Callable[..., Any]
@@ -20,7 +20,9 @@ def browser() -> Iterator[Any]:
     with sync_api.sync_playwright() as playwright:
         # What is drawn by software anyway costs less without the process that stands in for a GPU.
         arguments = ["--no-sandbox", "--disable-gpu"]
-        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        browser = playwright.chromium.launch(
+            executable_path=path, args=arguments, timeout=1000 * PATIENCE
+        )
         yield browser
         browser.close()
 
@@ -71,7 +73,7 @@ def new_page(browser: Any) -> Iterator[Open]:
         options.setdefault("viewport", {"width": 1280, "height": 800})
         contexts.append(browser.new_context(**options))
         page = contexts[-1].new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(1000 * PATIENCE)
         page.on("pageerror", lambda error: mistakes.append(str(error)))
         return page
 

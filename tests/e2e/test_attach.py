@@ -171,9 +171,9 @@ def test_a_host_is_told_that_the_board_has_gone_and_its_links_come_back_with_it(
 
         with served(toy_board(), FAR["unix"]):
             until((runtime / "near.sock").exists, lambda: here.said)
-            assert here.reconnections == 1
             with connect(PTY) as bus:
                 assert bus.echo(3) == 3
+            assert here.reconnections == 1
             assert here.said[-1].endswith("the board bench is back")
 
 

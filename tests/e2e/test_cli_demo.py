@@ -23,12 +23,15 @@ pytestmark = pytest.mark.slow
 SLOW = "more moves than this machine can follow"
 
 
+def mistakes(told: str) -> str:
+    """Return what is told but that the machine is too slow now, which says nothing of a demo."""
+    return "".join(line for line in told.splitlines(keepends=True) if SLOW not in line)
+
+
 @pytest.mark.parametrize("name", demos())
 def test_a_demo_moves_its_motors_from_another_process_and_says_so(name: str, runtime: Path) -> None:
     done = vbus("demo", name, "--headless")
-    # That the machine is too slow at the moment says nothing of the demo.
-    errors = [line for line in done.stderr.splitlines() if SLOW not in line]
-    assert (done.returncode, errors) == (0, [])
+    assert (done.returncode, mistakes(done.stderr)) == (0, "")
     first, link, *said, numbers, last = done.stdout.splitlines()
     board, host = re.findall(r"process (\d+)", first)
     assert board != host
@@ -88,7 +91,7 @@ def test_a_motor_that_cannot_get_there_fails_the_demo_with_the_reason(
     assert re.match(
         r"vbus: demo lm629: move 5 turns forward, 6 turns/s at most:"
         r" NOT real position 3000 \(expected 10000 ±2\) after ",
-        err,
+        mistakes(err),
     )
 
 
@@ -98,7 +101,7 @@ def test_a_host_that_gives_up_fails_the_demo_with_its_words(
     board = lm629.DEMO.board.replace("[plants", "reset_fail = 3\n[plants")
     monkeypatch.setattr(lm629, "DEMO", replace(lm629.DEMO, board=board))
     assert demo.command.main(["lm629", "--headless"], standalone_mode=False) == 1
-    assert capsys.readouterr().err == (
+    assert mistakes(capsys.readouterr().err) == (
         "vbus: demo lm629: the host gave up: status 00h for 10ms; after a reset it is 84h or"
         " C4h: a chip that was in use needs reset() first\n"
     )
@@ -109,7 +112,8 @@ def test_a_host_that_never_ends_is_given_up(
 ) -> None:
     monkeypatch.setattr(demo, "LONGEST", 0.5)
     assert demo.command.main(["--headless"], standalone_mode=False) == 1
-    assert capsys.readouterr().err == ("vbus: demo lm629: the host has not finished within 0.5 s\n")
+    told = mistakes(capsys.readouterr().err)
+    assert told == "vbus: demo lm629: the host has not finished within 0.5 s\n"
 
 
 def test_ctrl_c_ends_a_demo_and_its_host(runtime: Path) -> None:

@@ -19,7 +19,7 @@ import pytest
 from tests.e2e.command import running, start, vbus
 from tests.left_out import require
 from tests.ports import free_endpoint
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from vbus import connect
 from vbus.client import aio
 from vbus.client.link import starting
@@ -288,7 +288,7 @@ def test_systemd_is_told_once_that_the_board_is_ready(board: Path, tmp_path: Pat
     place = tmp_path / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
         told.bind(str(place))
-        told.settimeout(30)
+        told.settimeout(PATIENCE)
         with subprocess.Popen(
             [sys.executable, "-m", "vbus", "run", str(board)],
             env={**os.environ, "NOTIFY_SOCKET": str(place)}, stdout=subprocess.DEVNULL,
@@ -306,7 +306,7 @@ def test_systemd_is_told_once_that_the_board_is_ready(board: Path, tmp_path: Pat
 def test_a_host_may_come_before_its_board(board: Path, runtime: Path) -> None:
     found = []
     host = threading.Thread(
-        target=lambda: found.append(connect(f"pty:{runtime}/x", wait="30 s").read(0))
+        target=lambda: found.append(connect(f"pty:{runtime}/x", wait="60 s").read(0))
     )
     host.start()
     vbus("run", str(board), "--detach")
@@ -403,7 +403,7 @@ def host_in_c(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_a_host_in_c_may_come_before_its_board(board: Path, runtime: Path, host_in_c: str) -> None:
     late = subprocess.run([host_in_c, f"pty:{runtime}/x", "20"], capture_output=True, text=True)
     with subprocess.Popen(
-        [host_in_c, f"pty:{runtime}/x", "30000"], stdout=subprocess.PIPE, text=True
+        [host_in_c, f"pty:{runtime}/x", "60000"], stdout=subprocess.PIPE, text=True
     ) as host:
         vbus("run", str(board), "--detach")
         assert host.communicate()[0].endswith("open\n")

@@ -16,6 +16,7 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, start, toy_board
+from tests.waiting import PATIENCE
 from vbus import client
 from vbus.core.errors import NameInUseError, TransportError
 from vbus.core.runtime import lock_of, lock_state
@@ -37,7 +38,7 @@ def test_a_socket_left_behind_is_replaced(runtime: Path, listener: socket.socket
     listener.bind(str(runtime / "x"))
     listener.close()
     with served(toy_board(), UNIX), socket.socket(socket.AF_UNIX) as link:
-        link.settimeout(20)
+        link.settimeout(PATIENCE)
         link.connect(str(runtime / "x"))
         link.sendall(b"\x02\x01")
         assert link.recv(2) == b"E\x01"

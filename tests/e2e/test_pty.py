@@ -247,7 +247,7 @@ def test_a_client_that_does_not_read_does_not_stall_another_one(runtime: Path) -
 
         with socket.socket(socket.AF_UNIX) as link:
             link.connect(str(runtime / "y"))
-            link.settimeout(20)
+            link.settimeout(PATIENCE)
             link.sendall(b"\x02\x09")
             assert link.recv(2) == b"E\x09"
 

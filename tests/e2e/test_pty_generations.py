@@ -101,7 +101,7 @@ int main(int argc, char **argv)
     for (int pair = 0; pair < 100; pair++) {
         unsigned char answer[3] = {0}, ask[2] = {2, 1};
         struct termios set, found;
-        int fd = open(argv[1], O_RDWR | O_NOCTTY), got = 0;
+        int fd = open(argv[1], O_RDWR | O_NOCTTY), got = 0, looks = 6;
         if (fd < 0 || write(fd, ask, 2) != 2 || read(fd, answer, 2) < 1)
             return 1;
         if (write(fd, argc > 2 ? "\\x31\\x01" : "\\x02\\x55", 2) != 2)
@@ -117,7 +117,7 @@ int main(int argc, char **argv)
             return 3;
         while (got < 2) {
             int more = read(fd, answer + got, 3 - got);
-            if (more <= 0)
+            if (more < 0 || (more == 0 && --looks == 0))
                 return 4;
             got += more;
         }

@@ -28,7 +28,7 @@ INTERPRETED = pytest.mark.core("interpreted")
 
 def connect(path: Path) -> socket.socket:
     link = socket.socket(socket.AF_UNIX)
-    link.settimeout(20)
+    link.settimeout(PATIENCE)
     link.connect(str(path))
     return link
 

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 import vbus.transports.serial
 from tests.e2e.serving import served
 from tests.e2e.test_pty import read_exactly, start, toy_board, wait_for_sessions
+from tests.waiting import PATIENCE
 from vbus.core.errors import TransportError
 from vbus.protocols.frames import frame
 from vbus.serve.registry import ask, running, socket_path
@@ -25,7 +26,7 @@ from vbus.transports.sockets import UnixTransport
 
 
 def ask_socket(link: socket.socket, request: bytes, count: int) -> bytes:
-    link.settimeout(20)
+    link.settimeout(PATIENCE)
     link.sendall(request)
     data = b""
     while len(data) < count:

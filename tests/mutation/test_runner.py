@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutation import finder
+from tests.mutation import finder, trial
 from tests.mutation.choose import choose
 from tests.mutation.cover import Map, Measured
 from tests.mutation.mutants import (
@@ -153,6 +153,18 @@ def test_killed_survived_hanging_crashed_and_not_importable_are_told_apart(toy: 
         "wait": {("timeout", "")},
         "stop": {("killed", "SIGABRT"), ("survived", "")},
     }
+
+
+@pytest.mark.parametrize(
+    ("program", "ends"), [("n = 0\nwhile n < 5_000_000: n += 1", True), ("input()", False)]
+)
+def test_a_child_that_waits_is_given_up_and_not_one_that_works(
+    monkeypatch: pytest.MonkeyPatch, program: str, ends: bool
+) -> None:
+    monkeypatch.setattr(trial, "LOOK", 0.01)
+    command = [sys.executable, "-c", program]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True) as child:
+        assert trial._ends(child.pid, 0.1) == ends
 
 
 def test_only_tests_that_execute_the_line_are_chosen(toy: Path) -> None:

@@ -7,6 +7,7 @@ module its changed source; no file is touched.
 
 import contextlib
 import gc
+import glob
 import importlib
 import json
 import math
@@ -30,8 +31,11 @@ from tests.mutation import finder
 
 MEMORY: Final = 4 << 30
 LONGEST_FILE: Final = 1 << 30
-WALL: Final = 12
-"""Wall seconds allowed for one of processor time: other work on the machine makes no time-out."""
+WAITS: Final = 12
+"""Seconds, for one of processor time, in which nothing of a child may want the processor or a disk:
+time that other work has taken makes no time-out."""
+LOOK: Final = 0.5
+"""Seconds between looks at what a child wants."""
 
 OPTIONS: Final = (
     "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:tests.repeat", "--assert=plain",
@@ -200,7 +204,7 @@ def attempt(root: Path, task: Task) -> Outcome:
         finally:
             os._exit(0)
     try:
-        late = not _ends(pid, WALL * task.limit)
+        late = not _ends(pid, WAITS * task.limit)
     finally:
         # It, and what its tests have left running.
         with contextlib.suppress(ProcessLookupError):
@@ -214,15 +218,29 @@ def attempt(root: Path, task: Task) -> Outcome:
     return Outcome(verdict, by, round(cpu, 2), round(time.monotonic() - started, 2), failed)
 
 
-def _ends(pid: int, seconds: float) -> bool:
-    """Wait for the end of a child."""
+def _ends(pid: int, waits: float) -> bool:
+    """Wait for the end of a child, and give up when it has waited for some seconds itself."""
     ended = os.pidfd_open(pid)
     poll = select.poll()
     poll.register(ended, select.POLLIN)
     try:
-        return bool(poll.poll(seconds * 1000))
+        while not poll.poll(LOOK * 1000):
+            waits -= 0.0 if _works(str(pid)) else LOOK
+            if waits <= 0:
+                return False
+        return True
     finally:
         os.close(ended)
+
+
+def _works(session: str) -> bool:
+    """Whether a thread of a session wants to run (R) or waits for a disk (D)."""
+    for thread in glob.iglob("/proc/[0-9]*/task/*/stat"):
+        with contextlib.suppress(OSError), open(thread) as file:
+            fields = file.read().rpartition(")")[2].split()
+            if fields[0] in ("R", "D") and fields[3] == session:
+                return True
+    return False
 
 
 def _verdict(task: Task, status: int, answer: bytes, late: bool) -> tuple[str, str, Sequence[str]]:

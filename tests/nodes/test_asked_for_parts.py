@@ -61,8 +61,8 @@ def test_a_long_answer_comes_in_pieces_and_whole_or_not_at_all(
 
     async def ask() -> None:
         links = [NodeLink("m", "abc", [rank]) for rank in (0, 1)]
-        await links[0].open(Told(), [endpoint], [], None, False, 3.0, print)
-        await links[1].open(Told(), [], [endpoint], None, False, 3.0, print)
+        await links[0].open(Told(), [endpoint], [], None, False, PATIENCE, print)
+        await links[1].open(Told(), [], [endpoint], None, False, PATIENCE, print)
         try:
             for there, here in ((0, 1), (1, 0)):
                 for size in (0, 1, PIECE, PIECE + 1, 5 * PIECE, 1_500_000):

@@ -18,6 +18,9 @@ from tests.waiting import PATIENCE
 from vbus.cli.sources import MachineFeed, boards_of
 from vbus.core.kernel import MS
 
+AHEAD = 5000 * MS
+"""How far ahead cycles are ordered: all nodes must have heard of them by then."""
+
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Bench]:
@@ -49,7 +52,7 @@ def test_packets_of_all_nodes_are_shown_together(machine: Bench) -> None:
     process = monitor(machine, "--json", "--count", "2")
     assert process.stdout is not None
     assert json.loads(process.stdout.readline()) == {"board": "four"}
-    order(machine, "0us x w 0 1\n1ms y w 0 1", 500 * MS)
+    order(machine, "0us x w 0 1\n1ms y w 0 1", AHEAD)
     code, lines, errors = told(process)
     assert (code, errors) == (0, "")
     packets = [line for line in lines if "rule" not in line]  # the axes have no trajectory
@@ -77,7 +80,7 @@ def test_a_condition_is_looked_for_on_the_node_whose_chips_it_is_about(machine: 
     process = monitor(machine, "--json", "--until", "falling(y./CS)")
     assert process.stdout is not None
     assert json.loads(process.stdout.readline()) == {"board": "four"}
-    order(machine, "0us y w 0 1", 500 * MS)
+    order(machine, "0us y w 0 1", AHEAD)
     code, lines, errors = told(process)
     assert (code, errors) == (0, "")
     assert lines[-1]["until"] == "falling(y./CS)"

@@ -1,10 +1,15 @@
 """The same inputs give the same bytes: in this process, in another, with any hash seed."""
 
+import importlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -141,3 +146,23 @@ def test_runs_with_different_hash_seeds_are_the_same() -> None:
             check=True,
         )
         assert other.stdout.strip() == expected
+
+
+def test_examples_are_the_same_whichever_tests_came_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Modules that other tests have imported are no reason to draw what stands in them."""
+    seen: list[int] = []
+
+    @settings(max_examples=300)
+    @given(st.integers())
+    def draw(number: int) -> None:
+        seen.append(number)
+
+    draw()
+    before, seen[:] = list(seen), ()
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "imported_before.py").write_text(f"NUMBERS = {[n * 99_991 for n in range(300)]}")
+    importlib.import_module("imported_before")
+    draw()
+    assert seen == before

@@ -26,6 +26,13 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 
 
 @pytest.fixture(autouse=True)
+def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have boards and hosts in this process take their time, as they may on a busy machine."""
+    for limit in ("network.session.OPEN", "network.session.ASK", "network.access.ASK"):
+        monkeypatch.setattr(f"vbus.{limit}_SECONDS", PATIENCE)
+
+
+@pytest.fixture(autouse=True)
 def lease(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have boards and hosts in this process not given up while it has no turn.
 

@@ -51,10 +51,20 @@ def session_at(endpoint: str, security: Security | None = None) -> zenoh.Session
     return open_session(connect=[endpoint], mode="client", security=security, lease_ms=lease)
 
 
+PATIENT = (
+    "-c",
+    "import sys; from vbus.network.session import open_session; from vbus.__main__ import main\n"
+    f"open_session.__defaults__ = (*open_session.__defaults__[:-1], {round(1000 * PATIENCE)})\n"
+    "sys.exit(main())",
+)
+"""``vbus`` with a lease as long as tests wait."""
+
+
 class Process:
     """One ``vbus`` command that runs until it is stopped.
 
-    ``inside`` stands before the command: what runs it on another computer.
+    ``inside`` stands before the command: what runs it on another computer. One that is ``patient``
+    is not given up by others while it has no turn.
     """
 
     def __init__(
@@ -63,12 +73,13 @@ class Process:
         folder: Path,
         runtime: str = "",
         inside: Sequence[str] = (),
+        patient: bool = True,
     ) -> None:
         environment = {**os.environ, "VBUS_RUNTIME": runtime or os.environ["VBUS_RUNTIME"]}
         self.errors = folder / f"errors-{time.monotonic_ns()}"
         with self.errors.open("w") as errors:
             self.popen = subprocess.Popen(
-                [*inside, sys.executable, "-m", "vbus", *arguments],
+                [*inside, sys.executable, *(PATIENT if patient else ("-m", "vbus")), *arguments],
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 text=True,

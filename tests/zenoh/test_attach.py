@@ -18,7 +18,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_leases import in_process, outcome, servo
 from tests.e2e.test_pty import open_raw, read_exactly
 from tests.unit.native.conftest import compile_c
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
@@ -93,6 +93,7 @@ def test_a_client_here_waits_as_long_as_somebody_has_paused_the_board(runtime: P
             host.start()
             host.join(2.5)
             assert (host.is_alive(), told) == (True, [])
+            bus.timeout = PATIENCE
             order("bench", "go")
             host.join(60)
             assert len(told) == 1

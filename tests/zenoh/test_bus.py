@@ -85,6 +85,7 @@ def test_a_client_waits_as_long_as_somebody_has_paused_the_board(link: str) -> N
             late = pool.submit(connect, link)
             host.join(2.5)
             assert (host.is_alive(), told, late.done()) == (True, [], False)
+            bus.timeout = PATIENCE
             order("bench", "go")
             host.join(60)
             late.result(60).close()
@@ -174,7 +175,7 @@ def test_a_claimed_packet_of_one_host_is_never_interleaved_with_another() -> Non
         for thread in threads:
             thread.start()
         for thread in threads:
-            thread.join(30)
+            thread.join(PATIENCE)
             assert not thread.is_alive()
 
     written = [data for _, _, write, _, data in cycles.seen if write]
@@ -184,7 +185,8 @@ def test_a_claimed_packet_of_one_host_is_never_interleaved_with_another() -> Non
 
 
 def test_a_delay_longer_than_the_hosts_patience_is_waited_for() -> None:
-    with served(board("realtime"), LinkSpec("zenoh:")), connect("zenoh:bench/x", 1.0) as bus:
+    link = "zenoh:bench/x?patience=0.5"
+    with served(board("realtime"), LinkSpec("zenoh:")), connect(link) as bus:
         before = bus.now()
         bus.delay("2500ms")
         assert bus.now() - before >= 2500 * 10**9

@@ -83,7 +83,7 @@ def test_hosts_that_are_cut_off_go_on_or_are_told_and_nothing_is_done_twice(
     board = tmp_path / "bench.toml"
     more = f'[zenoh]\nlisten = ["{PLACE}"]\nremote = true\ngrace = "30 s"\n'
     board.write_text(BOARD.format(name="bench", time="realtime", more=more))
-    served = Process(["run", str(board)], tmp_path, inside=place.hub.run)
+    served = Process(["run", str(board)], tmp_path, inside=place.hub.run, patient=False)
     [computer] = place.around
     hosts = {}
     try:

@@ -10,7 +10,7 @@ import zenoh
 
 from tests.e2e.serving import served
 from tests.ports import free_endpoint
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import session_at
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
@@ -23,8 +23,15 @@ from vbus.network.session import close_session, open_session
 from vbus.serve.server import LinkSpec
 
 __all__ = ["files"]
+REPEAT = "vbus.client.zenoh_link.REPEAT_SECONDS"
 ROOT = Path(__file__).parents[2]
 POSTED = keys.requests(keys.host(BUS, "*"))
+
+
+@pytest.fixture(autouse=True)
+def _no_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have messages repeated when a test says so, and not because a busy machine is late."""
+    monkeypatch.setattr(REPEAT, PATIENCE)
 
 
 class FakeBoard:
@@ -98,9 +105,15 @@ def fake(*how: Any, **more: Any) -> Iterator[tuple[FakeBoard, ZenohBoardLink]]:
         close_session(there.session)
 
 
-def trip(host: ZenohBoardLink, data: bytes) -> bytes:
-    """Send a message and return its reply, which is as long."""
+def trip(host: ZenohBoardLink, data: bytes, repeated: Callable[[], object] | None = None) -> bytes:
+    """Send a message and return its reply, which is as long; it is repeated once, when ``repeated``
+    says that it has come to nothing."""
     assert host.write(memoryview(data)) == len(data)
+    if repeated is not None:
+        until(repeated, "the message")
+        with pytest.MonkeyPatch.context() as late:
+            late.setattr(REPEAT, 0.0)
+            assert host.read() == b""
     got = bytearray()
 
     def whole() -> bool:
@@ -141,7 +154,9 @@ def test_a_board_that_does_not_say_so_is_sent_queries_only() -> None:
 
 def test_where_what_is_posted_does_not_arrive_queries_go_on() -> None:
     with fake(envelope.POSTS, deaf=True) as (there, host):
-        for text in (b"abc", b"def", b"ghi", b"jkl"):
+        assert trip(host, b"abc") == b"cba"
+        assert trip(host, b"def", lambda: there.posted) == b"fed"
+        for text in (b"ghi", b"jkl"):
             assert trip(host, text) == text[::-1]
 
     assert there.carried_out == [b"abc", b"def", b"ghi", b"jkl"]
@@ -153,13 +168,26 @@ def test_a_posted_message_whose_reply_is_lost_is_repeated_and_carried_out_once()
         assert trip(host, b"abc") == b"cba"
         assert trip(host, b"def") == b"fed"
         there.mute = True
-        assert trip(host, b"ghi") == b"ihg"
+        assert trip(host, b"ghi", lambda: len(there.carried_out) == 3) == b"ihg"
         there.mute = False
         # One that was lost is no reason to ask again each time.
         assert trip(host, b"jkl") == b"lkj"
 
     assert there.carried_out == [b"abc", b"def", b"ghi", b"jkl"]
     assert (there.asked, there.posted) == ([0, 2], [1, 2, 3])
+
+
+def test_a_host_that_looks_late_asks_again_before_it_gives_a_board_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with fake(None) as (there, host):
+        monkeypatch.setattr(there, "take", lambda *_: None)
+        host.write(memoryview(b"abc"))
+        until(lambda: host._under_way[0].silent_since, "the end of the first sending")
+        host._under_way[0].silent_since -= 3600
+        assert host.read() == b""
+        assert not host._searching
+        until(lambda: host.read() == b"" and len(there.asked) > 1, "the second")
 
 
 def test_only_the_end_of_the_last_sending_tells_that_nobody_answers() -> None:

@@ -8,7 +8,7 @@ import trustme
 
 from tests.e2e.serving import served
 from tests.ports import free_endpoint
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
@@ -36,7 +36,7 @@ class Files:
         return Security(str(certificate), str(key), trusted or self.pem)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def short_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vbus.network.session.OPEN_SECONDS", 1.0)
 
@@ -89,7 +89,7 @@ def test_a_host_may_use_the_bus_it_is_allowed_and_nothing_else(files: Files) -> 
         for who in (alice, bob):
             session = open_session(connect=[endpoint], mode="client", security=who)
             asked[who.certificate] = [
-                len(list(session.get(key, timeout=1.0)))
+                len(list(session.get(key, timeout=PATIENCE)))
                 for key in ("vbus/bench/x/telemetry", "vbus/bench/status", "vbus/bench/x/pins/~RST")
             ]
             close_session(session)
@@ -97,6 +97,7 @@ def test_a_host_may_use_the_bus_it_is_allowed_and_nothing_else(files: Files) -> 
         assert boards_on([endpoint], alice) == []
 
 
+@pytest.mark.usefixtures("short_patience")
 def test_a_certificate_of_another_authority_is_refused_and_named(files: Files) -> None:
     network, endpoint = secured(files, alice=("**",))
     stranger = trustme.CA()
@@ -111,6 +112,7 @@ def test_a_certificate_of_another_authority_is_refused_and_named(files: Files) -
     )
 
 
+@pytest.mark.usefixtures("short_patience")
 def test_a_board_whose_certificate_is_not_trusted_is_refused_by_the_host(files: Files) -> None:
     network, endpoint = secured(files, alice=("**",))
     other = files.folder / "other.pem"

@@ -10,7 +10,7 @@ from tests.e2e.serving import served
 from tests.waiting import until
 from tests.zenoh.processes import session_at
 from tests.zenoh.test_bus import board
-from tests.zenoh.test_security import Files, files, link, secured, short_patience
+from tests.zenoh.test_security import Files, files, link, secured
 from vbus.client import connect
 from vbus.client.zenoh_link import open_zenoh
 from vbus.core.errors import TransportError
@@ -18,7 +18,7 @@ from vbus.network import envelope, keys
 from vbus.network.session import FORKED, close_session
 from vbus.serve.server import LinkSpec
 
-__all__ = ["files", "short_patience"]
+__all__ = ["files"]
 BUS = keys.bus("bench", "x")
 
 

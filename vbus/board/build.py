@@ -27,8 +27,8 @@ from vbus.boardfile.sections import (
 from vbus.boardfile.source import Source
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
-from vbus.core.collection import collection_held
 from vbus.core.errors import ConfigError
+from vbus.core.interpreter import collection_held
 from vbus.core.options import Option, Value
 from vbus.core.signals import HIGH, LOW, OFF, STRICT, WARN, Net, Plant, Policy, Switch, Z
 from vbus.glue.part import GluePart

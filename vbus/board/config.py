@@ -9,7 +9,7 @@ from vbus.board.check.network_checks import check_zenoh
 from vbus.boardfile import sections
 from vbus.boardfile.source import Source
 from vbus.boardfile.walker import Walker
-from vbus.core.collection import collection_held
+from vbus.core.interpreter import collection_held
 
 
 def read_board_file(path: str | Path) -> tuple[sections.BoardFile, Source]:

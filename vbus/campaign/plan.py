@@ -56,6 +56,8 @@ drivers set it, is passed from 4 counts/ms on."""
 _JAM: Final = "jam"
 _MOVES: Final = 16
 """In how many moves an axis is jammed, a world for each."""
+_LOOP: Final = 64
+"""Among how many cycles before an interrupt the loop is looked for that a host waits in."""
 _ORDERS: Final = 8
 """How many orders of a program's threads are tried; how many threads it has is not known.
 It bounds the length of a campaign."""
@@ -218,6 +220,9 @@ def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
     # A host cannot look between two of its cycles: the shortest step is one cycle of it.
     one = min(steps, default=US)
     count: dict[tuple[str, int], int] = defaultdict(int)
+    # The first edge of an output is the one that interrupts.
+    begins = {output: level for output, _, level in reversed(reference.edges)}
+    inside: dict[str, World] = {}
     for output, when, level in reference.edges:
         count[output, level] += 1
         if count[output, level] > _EACH:
@@ -231,6 +236,20 @@ def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
             yield PlannedWorld(world, group)
         world = World(INTERRUPT, f"{output}@{when}", f"late{one}-{1 - level}")
         yield PlannedWorld(world, group)
+        for place, span in _loop(reference, when) if level == begins[output] else ():
+            world = World(INTERRUPT, f"{output}@{when}", f"late{span}-{1 - level}")
+            inside.setdefault(f"{group} in {place}", world)
+    yield from (PlannedWorld(world, group) for group, world in inside.items())
+
+
+def _loop(reference: Account, when: int) -> Iterator[tuple[str, int]]:
+    """Give each place of the loop that a host is in at an instant: how far ahead it is (ps)."""
+    places = defaultdict(list)
+    for row in [row for row in reference.seen if row.when <= when][-_LOOP:]:
+        places[f"{row.chip} {row.group}"].append(row.when)
+    for place, (*_, before, last) in ((p, at) for p, at in places.items() if len(at) > 1):
+        if period := last - before:
+            yield place, period - (when - last) % period
 
 
 def _phases(made: WorldPlan, board: Board, phases: int) -> Iterator[PlannedWorld]:

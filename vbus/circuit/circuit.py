@@ -9,9 +9,9 @@ from mypy_extensions import i64
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.circuit.glue_cycles import GlueCycles
-from vbus.circuit.interrupt_check import check_interrupts
 from vbus.circuit.stream import PacketReader, PacketStream
 from vbus.circuit.strobe_player import StrobePlayer
+from vbus.core.interpreter import check_interrupts
 from vbus.core.kernel import END, NEVER, Clock, Kernel
 from vbus.core.kernel.kernel import Task
 from vbus.core.options import Settings

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from vbus.cli.output import complain
-from vbus.cli.proc import children, name_of, offspring, seconds_computed, state, tasks, what_hangs
-from vbus.serve.time.watchdog_process import starved
+from vbus.cli.proc import children, name_of, offspring, what_hangs
+from vbus.serve.time.watchdog_process import Turns
 
 # Longer than a program's clean-up takes, shorter than a person waits after Ctrl-C.
 PATIENCE: Final = 0.7
@@ -77,11 +77,9 @@ class ChildProcesses:
             number: the signal.
             program: its end is awaited elsewhere; 0: it has ended.
         """
-        before = sum(map(seconds_computed, self.there()))
+        turns = Turns(self.there)
         while there := self.there():
-            used = sum(map(seconds_computed, there)) - before
-            states = {state(pid, task) for pid in there for task in tasks(pid)}
-            if self._waited >= PATIENCE and not starved(states, used, self._waited, PATIENCE):
+            if self._waited >= PATIENCE and not turns.lacking(self._waited, PATIENCE):
                 break
             await asyncio.sleep(_LOOK)
             self._waited += _LOOK

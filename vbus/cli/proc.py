@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from vbus.cli.hosted.symbols import places
+from vbus.serve.time.watchdog_process import fields, tasks
 
 RUNS: Final = "is running"
 _STATES: Final = {
@@ -15,8 +16,6 @@ _STATES: Final = {
     "t": "is stopped by a debugger",
 }  # fmt: skip
 _GONE: Final = ("", "Z", "X")
-_TICKS: Final = os.sysconf("SC_CLK_TCK")
-
 _CALLS: Final = {
     "x86_64": {
         0: "read", 1: "write", 7: "poll", 19: "readv", 20: "writev", 23: "select", 34: "pause",
@@ -82,14 +81,6 @@ def offspring(roots: Iterable[int]) -> list[int]:
     return [pid for pid in found if state(pid) not in _GONE]
 
 
-def tasks(pid: int) -> list[int]:
-    """Return the threads of a process, the oldest first."""
-    try:
-        return sorted(map(int, os.listdir(f"/proc/{pid}/task")))
-    except OSError:
-        return []
-
-
 @contextmanager
 def handle_of(pid: int) -> Iterator[int]:
     """Open a descriptor of a process, which can be read once that has ended.
@@ -111,14 +102,7 @@ def name_of(pid: int) -> str:
 
 def state(pid: int, task: int = 0) -> str:
     """Return the letter that the kernel has for what a process, or a thread, does; "" for none."""
-    where = f"/proc/{pid}/task/{task}/stat" if task else f"/proc/{pid}/stat"
-    return next(iter(read(where).rpartition(")")[2].split()), "")
-
-
-def seconds_computed(pid: int) -> float:
-    """Return the processor's seconds of a process, and of its children that have ended."""
-    fields = read(f"/proc/{pid}/stat").rpartition(")")[2].split()
-    return sum(map(int, fields[11:15])) / _TICKS
+    return next(iter(fields(pid, task)), "")
 
 
 def status(pid: int, task: int) -> dict[str, str]:

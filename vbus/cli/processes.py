@@ -16,6 +16,8 @@ from typing import Final
 from vbus.cli.child_processes import end_with_parent
 from vbus.cli.proc import what_hangs
 from vbus.core.errors import VbusError
+from vbus.serve.registry import TURN_SECONDS
+from vbus.serve.time.watchdog_process import Turns
 
 # A traceback's last frames and its message, on one screen with the rest.
 LAST_LINES: Final = 10
@@ -203,13 +205,17 @@ class Processes:
                 for number in (signal.SIGTERM, signal.SIGCONT):
                     # One that was stopped (Ctrl-Z) would not hear of it.
                     os.kill(child.pid, number)
-        end = time.monotonic() + self._patience
+        began = time.monotonic()
+        turns = [(child, Turns(partial(list, (child.pid,)))) for child in self.children]
         while any(not child.ended for child in self.children):
-            left = end - time.monotonic()
-            if left <= 0 or self.asked > 1:
+            waited = time.monotonic() - began
+            # One that has no turn, because others have the processors, has longer.
+            if self.asked > 1 or (waited >= self._patience and not any(
+                not child.ended and one.lacking(waited, self._patience) for child, one in turns
+            )):  # fmt: skip
                 self._kill()
                 return
-            self._step(left)
+            self._step(max(self._patience - waited, TURN_SECONDS))
 
     def _kill(self) -> None:
         """Kill what runs, and say so."""

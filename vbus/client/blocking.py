@@ -5,7 +5,6 @@ gets is a class of the same name that stands before the asyncio object. A call t
 puts in place of one of these is made by the other calls, too.
 """
 
-import select
 import threading
 import time
 from collections.abc import Callable, Coroutine
@@ -13,7 +12,7 @@ from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 from weakref import ref
 
-from vbus.client.aio.waits import Core, Waits
+from vbus.client.aio.waits import Core, Waits, ready_within
 from vbus.core.wall_clock import monotonic
 
 T = TypeVar("T")
@@ -36,9 +35,7 @@ class BlockingWaits(Waits):
 
     async def until_ready(self, fd: int, write: bool, deadline: float) -> bool:
         """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
-        poll = select.poll()
-        poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
-        return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
+        return ready_within(fd, write, max(0.0, deadline - monotonic()))
 
     async def pause(self, seconds: float) -> None:
         """Wait for a while."""

@@ -304,7 +304,9 @@ class ZenohBoardLink(BoardLink):
         if query is None or self._searching:
             return
         patience = self._recovery if self._given else FIRST_SECONDS
-        if query.silent_since and not query.held and now - query.silent_since > patience:
+        silent = query.silent_since and not query.held and now - query.silent_since > patience
+        # Who had no turn looks late, and has not asked again yet.
+        if silent and query.sendings > 1:
             self._searching = True
             # Asking around takes up to two seconds: calls wait with their own time limit meanwhile.
             threading.Thread(target=self._search, daemon=True).start()

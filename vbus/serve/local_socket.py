@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from vbus.core.errors import VbusError
-from vbus.core.wall_clock import monotonic
-from vbus.serve.time.turns import Turns, process_behind
+from vbus.serve.time.watchdog_process import Turns
 from vbus.transports.base import Link
-from vbus.transports.sockets import UnixTransport
+from vbus.transports.sockets import UnixTransport, process_behind
 
 READ_SIZE: Final = 1 << 16
 LONGEST_LINE: Final = 1 << 24
@@ -252,12 +251,16 @@ class Connection:
         room.register(self._link.fd, select.POLLOUT)
         with suppress(OSError):  # the other end has gone
             with socket.socket(fileno=os.dup(self._link.fd)) as link:
-                turns, last = Turns(process_behind(link)[0]), monotonic() + LAST_TURNS
+                watcher, _ = process_behind(link)
+            turns, waited = Turns(lambda: [watcher]), 0.0
             while self.pending:
                 if room.poll(LAST_SECONDS * 1000):
                     del self.pending[: os.write(self._link.fd, self.pending)]
-                elif monotonic() > last or not turns.lacking():
-                    break
+                    continue
+                waited += LAST_SECONDS
+                given_up = waited >= LAST_TURNS or not turns.lacking(waited, LAST_SECONDS)
+                if given_up and not room.poll(0):
+                    break  # between the two looks it may have had its turn, and have read
 
     def end_with_board(self) -> None:
         """Send what is left, for a run that was short may end with most of it; then end."""

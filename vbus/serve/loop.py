@@ -7,7 +7,7 @@ import select
 import selectors
 import signal
 import socket
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Collection, Coroutine, Iterable
 from contextlib import suppress
 from contextvars import Context
 from typing import Any, TypeVarTuple
@@ -101,8 +101,14 @@ async def first_of(events: Iterable[asyncio.Event]) -> None:
     try:
         await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        for wait in waits:
-            wait.cancel()
+        await _cancelled(waits)
+
+
+async def _cancelled(tasks: Collection[asyncio.Future[Any]]) -> None:
+    """Cancel tasks and wait for their ends, which no loop that is closed next would bring."""
+    for task in tasks:
+        task.cancel()
+    await asyncio.wait(tasks)
 
 
 async def done_before(ends: Iterable[asyncio.Event], work: Coroutine[Any, Any, None]) -> bool:
@@ -110,10 +116,9 @@ async def done_before(ends: Iterable[asyncio.Event], work: Coroutine[Any, Any, N
     doing, over = asyncio.ensure_future(work), asyncio.ensure_future(first_of(ends))
     await asyncio.wait((doing, over), return_when=asyncio.FIRST_COMPLETED)
     done = doing.done()
-    for one in (doing, over):
-        one.cancel()
+    await _cancelled((doing, over))
     with suppress(asyncio.CancelledError):
-        await doing
+        doing.result()
     return done
 
 

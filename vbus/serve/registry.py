@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import select
 import socket
 import stat
 from collections import Counter
@@ -13,9 +14,9 @@ from vbus.core.errors import NameInUseError, TransportError, VbusError
 from vbus.core.runtime import is_trusted, lock_of, lock_state, subdirectory
 from vbus.core.values.settings import suggestion
 from vbus.core.wall_clock import monotonic
-from vbus.serve.time.turns import Turns, process_behind
-from vbus.serve.time.watchdog_process import STARVED
+from vbus.serve.time.watchdog_process import Turns
 from vbus.transports.runtime import NameLock, socket_address, sweep
+from vbus.transports.sockets import process_behind
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself: far above the worst wake-up of a server
@@ -107,21 +108,23 @@ def _exchange(path: Path, do: str, seconds: float, **values: Any) -> Any:
     found = path.lstat()
     if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
         raise ValueError("it is no socket, or one that others have made or may write to")
-    deadline = monotonic() + seconds
-    latest = deadline + STARVED
+    deadline, waited = monotonic() + seconds, seconds
     data, size = bytearray(), HEAD_SIZE
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(seconds)
         with socket_address(path) as address:
             link.connect(address)
-        turns = Turns(process_behind(link)[0])
+        board, _ = process_behind(link)
+        turns = Turns(lambda: [board])
         link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
         while len(data) < size:
             try:
                 chunk = link.recv(1 << 20)
             except TimeoutError:
-                if monotonic() > latest or not turns.lacking():
+                # Between the two looks it may have had its turn, and have answered.
+                if not turns.lacking(waited, seconds) and not select.select([link], (), (), 0)[0]:
                     raise
+                waited += TURN_SECONDS
                 link.settimeout(TURN_SECONDS)
                 continue
             if not chunk:

@@ -14,8 +14,8 @@ from vbus.board.check.network_checks import metrics_address
 from vbus.board.config import read_board_file
 from vbus.boardfile.sections import BoardFile, HostSection, WaveSection, ZenohSection
 from vbus.boardfile.source import Source
-from vbus.core.collection import keep_what_is_made
 from vbus.core.errors import ConfigError, OptionError, content, value_errors
+from vbus.core.interpreter import keep_what_is_made
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.serve.loop import tell_ready

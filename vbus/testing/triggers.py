@@ -11,7 +11,6 @@ from vbus.circuit.stream import PacketTaker
 from vbus.core.errors import VbusError, value_errors
 from vbus.core.kernel import MS
 from vbus.core.signals import EdgeTaker
-from vbus.core.wall_clock import monotonic
 from vbus.events.names import Names, unknown_packet
 from vbus.events.watch import Watch, not_met, passing
 from vbus.protocols.quantities import format_instant
@@ -23,7 +22,8 @@ STRIDE: Final = 10 * MS
 TURNS: Final = 8
 """Turns of the event loop in which what has come reaches whom it concerns, by way of others."""
 LOOK: Final = 0.02
-"""Seconds between looks at a board that others move; not measured."""
+"""Seconds between looks at a board that others move; not measured. Patience is counted in looks, so
+that time in which the machine itself stood still is not held against a host."""
 
 
 class Triggers:
@@ -219,7 +219,7 @@ class Triggers:
         """Let time pass while a task waits for it; notice when nothing happens at all."""
         watch, board = self._tested.watch, self._board
         patience = self._tested.budget.polling
-        seen, since = (-1, -1), monotonic()
+        seen, idle = (-1, -1), 0.0
         while self._waiting:
             if any(self._waiting.values()):
                 self._tested.call(self._step)
@@ -229,9 +229,8 @@ class Triggers:
                 continue
             await asyncio.to_thread(sleep, LOOK)  # the loop's own clock may be stopped
             now = (board.now, watch.cycles)
-            if now != seen:
-                seen, since = now, monotonic()
-            elif monotonic() - since > patience:
+            idle, seen = idle + LOOK if now == seen else 0.0, now
+            if idle > patience:
                 virtual = board.policy != "realtime"
                 slow = "the machine was too slow, or no host acts: " if virtual else ""
                 for future in tuple(self._waiting):
@@ -240,7 +239,7 @@ class Triggers:
                         f"{slow}nothing has happened on the board for {patience:g} s of wall time:"
                         f" it is {format_instant(board.now)}, after {watch.cycles} bus cycles",
                     )
-                since = monotonic()
+                idle = 0.0
 
     def _step(self) -> None:
         """Let time pass to where something may happen next."""

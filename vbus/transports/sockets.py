@@ -4,6 +4,7 @@ import errno
 import os
 import select
 import socket
+import struct
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,14 @@ from vbus.transports.runtime import NameLock, socket_address, sweep
 
 FIRST: Final = 3
 """The first descriptor that is handed over."""
+_CREDENTIALS: Final = struct.Struct("3i")
+
+
+def process_behind(link: socket.socket) -> tuple[int, int]:
+    """Return the other process of a Unix socket, and its user, as the system knows them."""
+    found = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    process, user, _ = _CREDENTIALS.unpack(found)
+    return process, user
 
 
 def handed_over(family: int, address: object) -> socket.socket | None:

@@ -91,11 +91,14 @@ class ZenohTransport(Transport):
             places.register(place, endpoints)
             opened.callback(places.unregister, place)
             self.url = f"zenoh:{self._board}?connect={','.join(endpoints)}"
-            self._own()
+            mine = self._own()
             publications = Publications(self._session, self._inbox, self._served, self.loop)
             opened.callback(publications.close)
             self._declare()
             publications.open()
+            # Of two that start at the same moment one stays. And who answers has all that was
+            # declared before: no host that comes from now on finds nobody.
+            self._refuse({other for other in self._rivals() if other < mine})
             opened.callback(self._end_hosts)
             opened.callback(self._traffic.close)
 
@@ -117,8 +120,8 @@ class ZenohTransport(Transport):
                     raise
         return endpoints
 
-    def _own(self) -> None:
-        """Take the keys of the board.
+    def _own(self) -> str:
+        """Take the keys of the board; return its token.
 
         Raises:
             NameInUseError: another process has them.
@@ -128,8 +131,7 @@ class ZenohTransport(Transport):
             time.sleep(SETTLE_SECONDS)
         self._refuse(self._rivals())
         self._declared.append(self._session.liveliness().declare_token(mine))
-        # Of two that start at the same moment one stays.
-        self._refuse({other for other in self._rivals() if other < mine})
+        return mine
 
     def _rivals(self) -> set[str]:
         """Return the tokens of other processes that serve a board of this name."""

@@ -152,9 +152,22 @@ def test_what_does_not_apply_is_told() -> None:
     assert "without messages" in made.refused["link_cut"]
 
 
+def test_an_interrupt_comes_in_each_place_of_the_loop_that_the_host_waits_in() -> None:
+    """The host has polled by two cycles since 1 us, and would go on so."""
+    file, source = read_board_text(LM629)
+    polls = [row(n, "ab"[n % 2], write=False) for n in range(1, 8)]
+    seen = Account(seen=polls, edges=[("x.HI", 7_500_000, 1), ("x.HI", 9_000_000, 0)])
+    made = plan(seen, file, build(file, source), only=["interrupt"])
+    inside = {one.group: str(one.world) for one in made.worlds if " in " in one.group}
+    assert inside == {
+        "x.HI rises in x a": "interrupt:x.HI@7500000:late500000-0",
+        "x.HI rises in x b": "interrupt:x.HI@7500000:late1500000-0",
+    }
+
+
 def test_an_interrupt_comes_a_cycle_early_or_late() -> None:
     file, source = read_board_text(LM629)
-    seen = Account(seen=[row(1, "a"), row(2, "a")], edges=[("x.HI", 5_000_000, 1)])
+    seen = Account(seen=[row(1, "a"), row(2, "b")], edges=[("x.HI", 5_000_000, 1)])
     made = plan(seen, file, build(file, source), only=["interrupt"])
     assert sorted(str(one.world) for one in made.worlds) == [
         "interrupt:x.HI@4000000:early1000000-1",

@@ -7,7 +7,6 @@ from contextlib import closing
 
 import pytest
 
-from vbus.cli import child_processes
 from vbus.cli.child_processes import ChildProcesses
 from vbus.serve.time import watchdog_process
 
@@ -21,11 +20,11 @@ def test_a_program_that_has_no_turn_is_given_longer_to_end(
     monkeypatch: pytest.MonkeyPatch, state: str, share: float, waited: float
 ) -> None:
     monkeypatch.setattr(watchdog_process, "STARVED", 1.3)
-    monkeypatch.setattr(child_processes, "state", lambda pid, task: state)
+    monkeypatch.setattr(watchdog_process, "states", lambda pid: {state})
     said: list[str] = []
     with closing(ChildProcesses(said.append)) as offspring:
         computed = lambda pid: share * offspring._waited  # noqa: E731
-        monkeypatch.setattr(child_processes, "seconds_computed", computed)
+        monkeypatch.setattr(watchdog_process, "seconds_computed", computed)
         with subprocess.Popen(["sleep", "600"]) as process:
             asyncio.run(offspring.see_end(signal.SIGTERM, process.pid))
     assert process.returncode == -signal.SIGKILL

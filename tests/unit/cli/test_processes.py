@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.waiting import PATIENCE, until
+from vbus.cli import processes
 from vbus.cli.processes import Child, ProcessDiedError, Processes
 
 FOREVER = "exec sleep 1000"
@@ -113,6 +114,27 @@ def test_one_that_hangs_is_killed_and_named() -> None:
     first, *hangs = said.splitlines()
     assert first == f"node a (process {child.pid}) did not end within 0.1 s; it is killed"
     assert "sleep (process" in hangs[0]
+
+
+def test_one_that_has_no_turn_has_longer_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[int] = []
+
+    class NoTurn:
+        def __init__(self, pids: Callable[[], list[int]]) -> None:
+            [self._pid] = pids()
+
+        def lacking(self, waited: float, longest: float) -> bool:
+            looks.append(self._pid)
+            if len(looks) == 3:
+                os.kill(self._pid, signal.SIGKILL)  # it ends now
+            return True
+
+    monkeypatch.setattr(processes, "Turns", NoTurn)
+    with Processes(lambda line: None, 0.0) as made:
+        child = made.start("a", "node a", shell(DEAF), takes_ready)
+        made.until(all_ready(made))
+    assert made.killed == []
+    assert looks[:3] == [child.pid] * 3
 
 
 def test_who_asks_twice_does_not_wait() -> None:

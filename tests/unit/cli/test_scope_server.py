@@ -16,6 +16,7 @@ import pytest
 import trustme
 from aiohttp import ClientSession, CookieJar, WSServerHandshakeError
 
+from tests.waiting import PATIENCE
 from vbus.cli.look.scope_bookmarks import Bookmarks
 from vbus.cli.look.scope_page import PagePlace
 from vbus.cli.look.scope_server import ScopeServer
@@ -155,7 +156,10 @@ async def test_every_answer_lets_nothing_from_elsewhere_in() -> None:
 
 
 @pytest.mark.asyncio
-async def test_a_page_that_reads_nothing_keeps_nobody_waiting() -> None:
+async def test_a_page_that_reads_nothing_keeps_nobody_waiting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vbus.cli.look.scope_server.HEARTBEAT_SECONDS", None)
     async with served() as (made, browser):
         await made.enter(browser)
         stuck = _stuck(made, browser)
@@ -176,17 +180,20 @@ async def test_bookmarks_of_one_page_wait_for_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A page that reads nothing is dropped after a while; others have every answer before."""
-    monkeypatch.setattr("vbus.cli.look.scope_server.HEARTBEAT_SECONDS", 2.0)
+    heartbeat = "vbus.cli.look.scope_server.HEARTBEAT_SECONDS"
+    monkeypatch.setattr(heartbeat, None)  # the others are not asked whether they are there
     async with served() as (made, browser):
         made.server.bookmarks = Bookmarks(tmp_path / "b.json", "run")
         await made.enter(browser)
-        stuck = _stuck(made, browser)
         async with (
-            asyncio.timeout(50),
+            asyncio.timeout(PATIENCE),
             browser.ws_connect(f"{made.url}live", headers=made.own, max_msg_size=1 << 24) as page,
         ):
-            while made.server.pages < 2:
-                await asyncio.sleep(0.01)
+            await until_pages(made.server, 1)
+            monkeypatch.setattr(heartbeat, 2.0)
+            stuck = _stuck(made, browser)
+            stuck.setblocking(False)
+            assert await asyncio.get_running_loop().sock_recv(stuck, 4) == b"HTTP"  # it is let in
             made.server.add(now(1) * 500_000)  # more than the system keeps for who does not read
             text = "t" * 200
             for number in range(200):
@@ -235,7 +242,7 @@ def _stuck(made: Served, browser: ClientSession) -> socket.socket:
 
 
 async def until_pages(server: ScopeServer, count: int) -> None:
-    async with asyncio.timeout(50):
+    async with asyncio.timeout(PATIENCE):
         while server.pages != count:
             await asyncio.sleep(0.01)
 

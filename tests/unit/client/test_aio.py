@@ -1,11 +1,13 @@
 """The asyncio client: the same calls, awaited."""
 
 import asyncio
+import socket
 
 import pytest
 
 from tests.unit.client.served import Served
 from vbus.client.aio import Event, connect
+from vbus.client.aio.waits import Waits
 from vbus.core.errors import TransportError
 from vbus.core.kernel import US
 
@@ -64,3 +66,14 @@ async def test_events_are_waited_for(pty_served: Served) -> None:
         await bus.write(0, 1)
         assert await bus.next_event() == Event(1, US)
         assert await bus.next_event(timeout=0.0) is None
+
+
+@pytest.mark.asyncio
+async def test_what_has_come_is_taken_although_the_time_is_over() -> None:
+    """A program that had no turn looks late."""
+    near, far = socket.socketpair()
+    with near, far:
+        waits = Waits()
+        assert not await waits.until_ready(near.fileno(), False, 0.0)
+        far.send(b"x")
+        assert await waits.until_ready(near.fileno(), False, 0.0)

@@ -285,12 +285,12 @@ def test_a_board_that_never_answers_is_not_connected_to(pty_served: Served) -> N
 )
 def test_a_link_that_cannot_be_opened_says_why(tmp_path: Path, where: str, reason: str) -> None:
     (tmp_path / "plain").touch()
-    with Served("tcp", tmp_path) as gone:
-        free = gone.where.rpartition(":")[2]
-    asked = where.replace("{port}", free).format(tmp_path)
+    with socket.socket() as kept:  # nobody else is given its port, and listens there
+        kept.bind(("127.0.0.1", 0))
+        asked = where.format(tmp_path, port=kept.getsockname()[1])
+        with pytest.raises(TransportError) as caught:
+            connect(asked)
     full = asked if ":" in asked else f"pty:{asked}"
-    with pytest.raises(TransportError) as caught:
-        connect(asked)
     assert str(caught.value).startswith(f"{full} cannot be opened: {reason}")
     assert isinstance(caught.value, OSError)
 

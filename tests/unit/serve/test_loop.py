@@ -4,11 +4,12 @@ import asyncio
 import os
 import socket
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import pytest
 
 from tests.waiting import PATIENCE
-from vbus.serve.loop import HostLoop
+from vbus.serve.loop import HostLoop, done_before
 
 
 class Echo:
@@ -17,7 +18,7 @@ class Echo:
     def __init__(self, loop: HostLoop) -> None:
         self.near, self.far = socket.socketpair()
         self.near.setblocking(False)
-        self.far.settimeout(20)
+        self.far.settimeout(PATIENCE)
         self.seen: list[bytes] = []
         self._loop = loop
         loop.add_direct_reader(self.near.fileno(), self.read)
@@ -52,6 +53,22 @@ def echo(loop: HostLoop) -> Iterator[Echo]:
     echo = Echo(loop)
     yield echo
     echo.close()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_nothing_is_left_to_a_loop_of_what_was_waited_for_beside_work(
+    loop: HostLoop, fails: bool
+) -> None:
+    """A task that is left is reported when it is no more, in whatever runs then."""
+
+    async def work() -> None:
+        if fails:
+            raise RuntimeError("broken")
+
+    ends = (asyncio.Event(), asyncio.Event())
+    with pytest.raises(RuntimeError) if fails else nullcontext():
+        assert loop.run_until_complete(done_before(ends, work()))
+    assert asyncio.all_tasks(loop) == set()
 
 
 async def until(seen: list[bytes], wanted: list[bytes]) -> None:
@@ -148,7 +165,7 @@ def test_a_host_that_never_stops_asking_does_not_keep_timers_and_signals_waiting
     async def main() -> None:
         await asyncio.sleep(0.01)
 
-    loop.run_until_complete(asyncio.wait_for(main(), 20))
+    loop.run_until_complete(asyncio.wait_for(main(), PATIENCE))
     loop.remove_reader(near)
     os.close(near)
     os.close(far)
@@ -170,7 +187,7 @@ def test_sockets_streams_and_tasks_work_as_in_any_event_loop(loop: HostLoop, ech
         await server.wait_closed()
         return answer
 
-    assert loop.run_until_complete(asyncio.wait_for(main(), 20)) == b"abc"
+    assert loop.run_until_complete(asyncio.wait_for(main(), PATIENCE)) == b"abc"
 
 
 def test_a_descriptor_that_is_used_again_at_once_keeps_its_new_reader(

@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -102,10 +103,10 @@ def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.Monke
     turn = threading.Event()
 
     class NoTurn:
-        def __init__(self, pid: int) -> None:
-            looks.append(pid)
+        def __init__(self, pids: Callable[[], list[int]]) -> None:
+            looks.extend(pids())
 
-        def lacking(self) -> bool:
+        def lacking(self, waited: float, longest: float) -> bool:
             looks.append(0)
             if len(looks) == 4:
                 turn.set()
@@ -113,7 +114,6 @@ def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.05)
     monkeypatch.setattr(registry, "TURN_SECONDS", 0.01)
-    monkeypatch.setattr(registry, "STARVED", 60.0)
     monkeypatch.setattr(registry, "Turns", NoTurn)
     status = json.dumps({"done": {"board": "bench"}}).encode()
     with socket.socket(socket.AF_UNIX) as listener:
@@ -132,3 +132,37 @@ def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.Monke
         assert ask(socket_path("bench")) == {"board": "bench"}
         board.join()
     assert looks[0] == os.getpid()
+
+
+def test_an_answer_that_comes_while_it_is_looked_for_a_turn_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    turn, answered = threading.Event(), threading.Event()
+
+    class Turn:
+        def __init__(self, pids: Callable[[], list[int]]) -> None:
+            pass
+
+        def lacking(self, waited: float, longest: float) -> bool:
+            turn.set()
+            return not answered.wait(60)
+
+    monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.01)
+    monkeypatch.setattr(registry, "Turns", Turn)
+    status = json.dumps({"done": {"board": "bench"}}).encode()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(socket_path("bench")))
+        socket_path("bench").chmod(0o600)
+        listener.listen()
+
+        def serve() -> None:
+            link, _ = listener.accept()
+            with link:
+                assert turn.wait(60)
+                link.sendall(len(status).to_bytes(4, "little") + status)
+                answered.set()
+
+        board = threading.Thread(target=serve)
+        board.start()
+        assert ask(socket_path("bench")) == {"board": "bench"}
+        board.join()

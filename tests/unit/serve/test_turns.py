@@ -6,7 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ import pytest
 from tests.waiting import until
 from vbus.serve import local_socket
 from vbus.serve.local_socket import Connection, Control
-from vbus.serve.time.turns import Turns
+from vbus.serve.time.watchdog_process import STARVED, Turns
 
 COMPUTES = "print(flush=True)\nwhile True: pass"
 WAITS = "print(flush=True); input()"
@@ -41,39 +41,46 @@ def test_a_process_lacks_turns_that_wants_to_run_where_others_do() -> None:
         for process in (one, other):
             os.sched_setaffinity(process.pid, {cpu})
         os.setpriority(os.PRIO_PROCESS, one.pid, 19)
-        turns = Turns(one.pid)
-        until(turns.lacking, "the other one has the processor")
+        turns = Turns(lambda: [one.pid])
+        until(lambda: turns.lacking(60.0, 60.0), "the other one has the processor")
+        assert not turns.lacking(60.0 + STARVED, 60.0)
+
+
+def test_a_process_that_has_had_its_turns_lacks_none() -> None:
+    with begun(COMPUTES) as one:
+        turns = Turns(lambda: [one.pid])
+        until(lambda: not turns.lacking(0.1, 0.1), "it has had the processor for 0.1 s")
 
 
 def test_a_process_that_waits_is_stopped_or_asks_lacks_none() -> None:
     with begun(WAITS) as one:
-        turns = Turns(one.pid)
-        until(lambda: not turns.lacking(), "it waits")
+        turns = Turns(lambda: [one.pid])
+        until(lambda: not turns.lacking(60.0, 60.0), "it waits")
         one.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, one.pid, os.WSTOPPED | os.WNOWAIT)
-        assert not turns.lacking()
-    assert not turns.lacking()
-    assert not Turns(os.getpid()).lacking()
+        assert not turns.lacking(60.0, 60.0)
+    assert not turns.lacking(60.0, 60.0)
+    assert not Turns(lambda: [os.getpid()]).lacking(60.0, 60.0)
 
 
-@pytest.mark.parametrize("looks", [0, 3])
+@pytest.mark.parametrize("turns", [[], [True] * 3, [False]], ids=["none", "late", "just now"])
 def test_a_watcher_without_a_turn_has_longer_to_take_the_last_words(
-    monkeypatch: pytest.MonkeyPatch, looks: int
+    monkeypatch: pytest.MonkeyPatch, turns: list[bool]
 ) -> None:
     near, far = socket.socketpair()
-    left = [None] * looks
+    left = [*turns]
 
     class NoTurn:
-        def __init__(self, pid: int) -> None:
-            assert pid == os.getpid()
+        def __init__(self, pids: Callable[[], list[int]]) -> None:
+            assert pids() == [os.getpid()]
 
-        def lacking(self) -> bool:
+        def lacking(self, waited: float, longest: float) -> bool:
             if not left:
                 return False
-            left.pop()
+            lacks = left.pop()
             if not left:
                 taken.append(far.recv(1 << 24))
-            return True
+            return lacks
 
     monkeypatch.setattr(local_socket, "LAST_SECONDS", 0.01)
     monkeypatch.setattr(local_socket, "LAST_TURNS", 60.0)
@@ -88,4 +95,4 @@ def test_a_watcher_without_a_turn_has_longer_to_take_the_last_words(
         connection.pending += b"last words"
         connection.send_last()
         loop.close()
-        assert connection.pending == (b"" if looks else b"last words")
+        assert connection.pending == (b"" if turns else b"last words")

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from vbus.serve.time import watchdog_process
-from vbus.serve.time.watchdog_process import BUSY, STARVED
+from vbus.serve.time.watchdog_process import BUSY, STARVED, Turns
 
 
 class Poll:
@@ -49,7 +49,7 @@ def test_a_server_that_ends_in_time_is_not_killed(
 
 
 @pytest.mark.parametrize(
-    ("state", "used", "seconds"),
+    ("state", "used", "waited"),
     [
         ("R", BUSY, 1),
         ("R", BUSY - 0.01, 1 + STARVED),
@@ -63,32 +63,34 @@ def test_a_server_that_has_had_its_turns_is_stuck_and_another_is_starved_for_a_w
     capsys: pytest.CaptureFixture[str],
     state: str,
     used: float,
-    seconds: int,
+    waited: int,
 ) -> None:
-    states: Iterator[tuple[str, float]] = iter([("R", 0.0), *[(state, used)] * 100])
-    monkeypatch.setattr(watchdog_process, "_state", lambda pid: next(states))
+    seconds: Iterator[float] = iter([0.0, *[used] * 100])
+    monkeypatch.setattr(watchdog_process, "states", lambda pid: {state})
+    monkeypatch.setattr(watchdog_process, "seconds_computed", lambda pid: next(seconds))
     monkeypatch.setattr(watchdog_process, "LOOK", 1.0)
     monkeypatch.setattr(watchdog_process, "PATIENCE", 1.0)
     monkeypatch.setattr(watchdog_process, "select", SimpleNamespace(poll=Poll, POLLIN=1))
     assert see_it_end("input()") < 0
-    assert f" within {seconds:.1f} s; it is killed" in capsys.readouterr().err
+    assert f" within {waited:.1f} s; it is killed" in capsys.readouterr().err
 
 
 def test_a_server_without_a_turn_is_given_longer_to_write_down_where_it_hangs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     done: list[object] = []
-    states = iter([("S", 0.0)] * 2 + [("R", 0.0)] * 5 + [("S", 0.0)])
+    letters = iter(["S", *["R"] * 4, "S"])
 
-    def look(pid: int) -> tuple[str, float]:
+    def lacking(turns: Turns, waited: float, longest: float) -> bool:
         done.append("look")
-        return next(states)
+        return next(letters) == "R"
 
-    monkeypatch.setattr(watchdog_process, "_state", look)
+    monkeypatch.setattr(watchdog_process, "states", lambda pid: set())
+    monkeypatch.setattr(Turns, "lacking", lacking)
     monkeypatch.setattr(watchdog_process, "LOOK", 1.0)
     monkeypatch.setattr(watchdog_process, "select", SimpleNamespace(poll=Poll, POLLIN=1))
     monkeypatch.setattr(
         watchdog_process.signal, "pidfd_send_signal", lambda fd, number: done.append(number)
     )
     watchdog_process._see_it_end(os.getpid(), "SIGTERM", 0, 1)
-    assert done == [*["look"] * 2, signal.SIGABRT, *["look"] * 6, signal.SIGKILL]
+    assert done == ["look", signal.SIGABRT, *["look"] * 5, signal.SIGKILL]

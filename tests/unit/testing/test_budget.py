@@ -79,6 +79,17 @@ def test_a_host_may_poll_where_something_can_change(why: str) -> None:
     assert watch.stuck == ""
 
 
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clocks that count what they are asked.
+
+    Where processor time is limited, the kernel's own moves by ticks.
+    """
+    monkeypatch.setattr(host_limits, "monotonic", count(100.0, 1.0).__next__)
+    monkeypatch.setattr(host_limits, "process_time", count(50.0, 0.25).__next__)
+
+
+@pytest.mark.usefixtures("counted")
 def test_polls_that_could_be_told_something_have_wall_time() -> None:
     board = in_lockstep("LM629N-8")
     watch = HostWatch(board, Limits(polling=0.0))
@@ -151,6 +162,7 @@ def moving(policy: str, limits: Limits) -> tuple[HostWatch, Bus]:
     return watch, connect_in_process(board)
 
 
+@pytest.mark.usefixtures("counted")
 @pytest.mark.parametrize("policy", ["lockstep", "realtime"])
 def test_wall_time_says_nothing_of_a_host_where_time_is_virtual(policy: str) -> None:
     watch, bus = moving(policy, Limits(polling=0.0))
@@ -223,13 +235,10 @@ def test_long_stretches_of_polls_that_tell_nothing_new_are_no_cycles() -> None:
     )
 
 
+@pytest.mark.usefixtures("counted")
 def test_news_do_not_make_the_wall_time_of_polls_begin_anew_and_a_write_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # Clocks that count what they are asked: where processor time is limited, the kernel's own moves
-    # by ticks.
-    monkeypatch.setattr(host_limits, "monotonic", count(100.0, 1.0).__next__)
-    monkeypatch.setattr(host_limits, "process_time", count(50.0, 0.25).__next__)
     polls = Polls(2)
     old, new, wrote = (
         Packet(STATUS, "RDSTAT", text, "", (Cycle(0, text == "w", 0, 0),))
@@ -448,6 +457,15 @@ def test_budgets_end_tests_of_every_kind(suite: pytest.Pytester) -> None:
 
 
 def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytester) -> None:
+    suite.makeconftest(
+        """
+        import pytest
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_runtest_teardown(item):
+            item.module.over.set()
+        """
+    )
     suite.makepyfile(
         """
         import asyncio, threading, time
@@ -457,11 +475,14 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
         pytestmark = pytest.mark.vbus("LM629N-8", budget={"polls": 1000})
         read = threading.Event()
         hung = threading.Event()
+        over = threading.Event()
 
-        def poll(terminal):
+        def poll(terminal, until=None):
             with vbus.connect(f"pty:{terminal}") as bus:
                 while not bus.read(0) & 0x40:
                     read.set()
+                    if until is not None:  # else it may have hung before the test is over
+                        until.wait()
 
         def never_ends(terminal):
             try:
@@ -484,7 +505,8 @@ def test_a_driver_that_hangs_in_a_thread_ends_with_its_test(suite: pytest.Pytest
         @pytest.mark.asyncio
         async def test_does_not_wait_for_it(vbus_pty):
             read.clear()
-            task = asyncio.ensure_future(asyncio.to_thread(poll, vbus_pty))
+            over.clear()
+            task = asyncio.ensure_future(asyncio.to_thread(poll, vbus_pty, over))
             while not read.is_set():
                 await asyncio.sleep(0)
 

@@ -15,7 +15,7 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.text import TextProtocol
 from vbus.testing import check_chip, check_plant, check_protocol, check_transport
 from vbus.testing.boards import for_test, of_part
-from vbus.transports.base import Transport
+from vbus.transports.base import Link, Transport
 from vbus.transports.pty import PtyTransport
 from vbus.transports.sockets import TcpTransport, UnixTransport
 
@@ -71,9 +71,25 @@ def terminal(url: str) -> int:
     return os.open(url.partition(":")[2], os.O_RDWR | os.O_NOCTTY)
 
 
+class ReadsItself(UnixTransport):
+    """Hands over what it has read when its loop has time, as on a busy machine."""
+
+    def open(self, loop, on_link) -> None:  # type: ignore[no-untyped-def]
+        def begin(link: Link) -> None:
+            def read(fd: int, size: int) -> bytes:
+                loop.call_later(0.3, link.on_data, os.read(fd, size))
+                raise BlockingIOError
+
+            link.read = read
+            on_link(link)
+
+        super().open(loop, begin)
+
+
 def test_our_transports_keep_the_contract(tmp_path: Path) -> None:
     cases: list[tuple[Callable[[], Transport], Callable[[str], int]]] = [
         (lambda: UnixTransport(str(tmp_path / "u"), {}), unix),
+        (lambda: ReadsItself(str(tmp_path / "r"), {}), unix),
         (lambda: TcpTransport("127.0.0.1:0", {}), tcp),
         (lambda: PtyTransport(str(tmp_path / "p"), {}), terminal),
     ]

@@ -1,6 +1,7 @@
 """Coroutines of a test wait for edges, packets and instants of their board."""
 
 import asyncio
+import time
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from vbus.client.lm628 import Lm628
 from vbus.core.errors import VbusError
 from vbus.core.kernel import MS, US
+from vbus.testing import triggers
 from vbus.testing.bench import Bench
 from vbus.testing.checks.around_chip import ChipBench
 from vbus.testing.judge import Judge
@@ -19,7 +21,12 @@ pytestmark = pytest.mark.asyncio
 
 @pytest.fixture
 def bench() -> Bench:
-    return Bench("test", {}, [Path.cwd()], Path.cwd, judge=Judge(budget=Limits(polling=0.3)))
+    return Bench("test", {}, [Path.cwd()], Path.cwd)
+
+
+@pytest.fixture
+def impatient(bench: Bench) -> None:
+    bench.judge = Judge(budget=Limits(polling=0.3))
 
 
 @pytest.fixture
@@ -74,6 +81,7 @@ async def test_an_edge_is_met_at_its_very_instant(board: Triggers, x: ChipBench)
     assert net.value == 1
 
 
+@pytest.mark.usefixtures("impatient")
 async def test_packets_come_from_hosts_and_do_not_move_time(board: Triggers, x: ChipBench) -> None:
     started = board.packet("STT", "x")
     before = x.board.now
@@ -88,6 +96,18 @@ async def test_packets_come_from_hosts_and_do_not_move_time(board: Triggers, x: 
         await board.packet("STT")
     with pytest.raises(VbusError, match="no chip called 'y'"):
         board.edge("y.HI")
+
+
+@pytest.mark.usefixtures("impatient")
+async def test_a_machine_that_stood_still_is_no_host_that_does_nothing(
+    board: Triggers, x: ChipBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(triggers, "sleep", lambda _: time.sleep(0.4))
+    started = board.packet("STT", "x")
+    await asyncio.to_thread(time.sleep, 1.0)  # two looks, and more than its patience
+    x.bus.wait("9 ms")
+    x.bus.write(0, 0x01)
+    assert (await started).name == "STT"
 
 
 async def test_a_packet_that_cannot_come_is_refused(board: Triggers, bench: Bench) -> None:

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+from tests.waiting import PATIENCE
 from vbus.core.errors import TransportError
 from vbus.serve.host_entry import HostEntry, LinkSpec
 from vbus.transports.base import Link
@@ -47,7 +48,7 @@ def test_all_hosts_that_wait_are_taken_in_one_turn(tmp_path: Path, scheme: str) 
                 host.connect(path)
             else:
                 host = opened.enter_context(socket.socket())
-                host.settimeout(20)
+                host.settimeout(PATIENCE)
                 host.connect(("127.0.0.1", int(transport.url.rpartition(":")[2])))
         loop.turn()
         assert len(links) == HOSTS

@@ -18,15 +18,14 @@ from vbus.cli.proc import (
     call_of,
     memory,
     read,
-    seconds_computed,
     state,
     status,
-    tasks,
     what_hangs,
 )
 from vbus.core.kernel import SECOND
 from vbus.core.wall_clock import monotonic
 from vbus.serve.host_limits import POLLING, HostWatch
+from vbus.serve.time.watchdog_process import seconds_computed, tasks
 
 # A look reads files of /proc for each thread: ten a second cost little of a processor.
 LOOK: Final = 0.1

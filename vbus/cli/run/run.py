@@ -16,8 +16,8 @@ from vbus.cli.output import (
 )
 from vbus.cli.status_lines import READY, ready_lines, skew_line
 from vbus.core import exit_codes
-from vbus.core.collection import collection_held
 from vbus.core.errors import value_errors
+from vbus.core.interpreter import collection_held
 
 if TYPE_CHECKING:
     from vbus.boardfile.sections import BoardFile

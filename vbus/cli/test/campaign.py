@@ -89,11 +89,11 @@ def command(
     vbus campaign --board board.toml --world cycle:x.17:flip3 -- ./host    one run, in full
 
     Dimensions: cycle (a bit of a bus cycle inverted, its strobe lost or doubled, its answer late,
-    busy as long as it may be), interrupt (an output one cycle early or late), phase (of the chips'
-    sample), specimen (extremes of the manual), floating (data lines keep nothing), fault (each
-    that "vbus fault list" has, once), threads (of a program with a card, in another order). The
-    exit code is 1 if nothing was tried, or a silent outcome is not in the baseline; without a
-    baseline pytest ends with that of the tests.
+    busy as long as it may be), interrupt (an output one cycle early or late, or in another place
+    of a loop that waits), phase (of the chips' sample), specimen (extremes of the manual), floating
+    (data lines keep nothing), fault (each that "vbus fault list" has, once), threads (of a program
+    with a card, in another order). The exit code is 1 if nothing was tried, or a silent outcome is
+    not in the baseline; without a baseline pytest ends with that of the tests.
     """
     from vbus.campaign.report import check_files
     from vbus.campaign.world import PHASE, read_dimensions

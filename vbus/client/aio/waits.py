@@ -3,6 +3,7 @@
 A value may be read until two reads say the same: one broken bus cycle is not believed.
 """
 
+import select
 from collections.abc import Awaitable, Callable
 from typing import Any, Final, TypeVar
 
@@ -68,6 +69,13 @@ async def twice(read: Callable[[], Awaitable[int]], near: int = NEAR) -> int:
     raise ReadBackError(f"{READS + 1} reads of one value all differ; the last is {before}")
 
 
+def ready_within(fd: int, write: bool, seconds: float) -> bool:
+    """Whether ``fd`` can be read (or written, if asked) in so many seconds; the thread waits."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
+    return bool(poll.poll(seconds * 1000))
+
+
 class Waits:
     """All that differs between a session of an event loop and one that blocks its thread.
 
@@ -103,7 +111,8 @@ class Waits:
         try:
             await asyncio.wait_for(ready, max(0.0, deadline - monotonic()))
         except TimeoutError:
-            return False
+            # What came while this process had no turn is there, and came in time.
+            return ready_within(fd, write, 0.0)
         finally:
             loop.remove_reader(fd)
             if write:

@@ -136,6 +136,7 @@ class Upstream:
         self._link: BoardLink | None = None
         self._pending: bytearray = bytearray()
         self._finishing: bool = False
+        self._leaving: bool = False
         self._half_closed: bool = False
         self._ended: bool = False
         self._reading: bool = False
@@ -175,6 +176,7 @@ class Upstream:
         self._link = link
         self.read_on()
         self._flush()
+        self._end_in_time()
         if not link.by_descriptor and not self._ended:
             self._beat = self._loop.call_later(BEAT_SECONDS, self._look_for_board, link)
 
@@ -300,7 +302,12 @@ class Upstream:
 
     def leave(self) -> None:
         """The host has gone: the session ends soon, also if not all is done."""
-        if self._late is None and not self._ended:
+        self._leaving = True
+        self._end_in_time()
+
+    def _end_in_time(self) -> None:
+        # What the host has sent waits for the link, and has its time from then on.
+        if self._leaving and self._link is not None and self._late is None and not self._ended:
             self._late = self._loop.call_later(LEAVING_SECONDS, self._end, None)
 
     def _last_sent(self, link: BoardLink) -> None:

@@ -13,9 +13,9 @@ import msgspec
 from vbus.board.snapshot import MAGIC
 from vbus.boardfile.sections import BoardFile
 from vbus.boardfile.source import Source
-from vbus.core.collection import keep_what_is_made
 from vbus.core.errors import ConfigError, OptionError, VbusError, read_errors, write_errors
 from vbus.core.file_kinds import HEAD, is_none
+from vbus.core.interpreter import keep_what_is_made
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of, trace_lines
 from vbus.nodes.machine_snapshot import NO_ROUNDS, read_nodes, restore

@@ -1,6 +1,8 @@
 """The process beside a server that sees it end; started by :mod:`vbus.serve.time.watchdog`.
 
-It imports what it needs and no more: it starts while the server does.
+It imports what it needs and no more, and nothing but the standard library: it starts while the
+server does, without the paths on which others find their packages. What it knows of turns of the
+processors is for all who wait for another process.
 
 Seconds are counted in steps of :data:`LOOK`, so that those in which the machine itself stood still
 are not held against the server.
@@ -10,7 +12,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Set
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 ENDINGS = frozenset({signal.SIGINT, signal.SIGTERM})
@@ -20,14 +22,71 @@ CLOSING = 10.0
 """Seconds in which one that has heard closes its links and recordings: before systemd, which waits
 90 s, kills it, and long enough for a journal on a slow disk."""
 BUSY = 0.57
-"""The share of its time in which a server that wants to run must have had the processor to be
+"""The share of its time in which a process that wants to run must have had the processor to be
 stuck, and not starved: more than half."""
 STARVED = 10.0
-"""Seconds more after which it is killed all the same."""
+"""Seconds more that one has which is starved."""
 LOOK = 0.05
 """Seconds between two looks at it: 14 in :data:`PATIENCE`."""
 _DUMP = 0.1
 """Seconds a server has to write down where it hangs, if it has the processor."""
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def fields(pid: int, task: int = 0) -> list[str]:
+    """Return what the kernel tells of a process, or of one of its threads; nothing if it is gone.
+
+    They are those of proc_pid_stat(5) from the state on, behind the name, which may have blanks.
+    """
+    where = f"/proc/{pid}/task/{task}/stat" if task else f"/proc/{pid}/stat"
+    try:
+        with open(where, errors="replace") as file:
+            return file.read().rpartition(")")[2].split()
+    except OSError:
+        return []
+
+
+def tasks(pid: int) -> list[int]:
+    """Return the threads of a process, the oldest first."""
+    try:
+        return sorted(map(int, os.listdir(f"/proc/{pid}/task")))
+    except OSError:
+        return []
+
+
+def states(pid: int) -> set[str]:
+    """Return what the threads of a process do, by the kernel's letters."""
+    return {found[0] for task in tasks(pid) if (found := fields(pid, task))}
+
+
+def seconds_computed(pid: int) -> float:
+    """Return the processor's seconds of a process, and of its children that have ended."""
+    return sum(map(int, fields(pid)[11:15])) / _TICKS
+
+
+class Turns:
+    """What processes have of the processors from now on.
+
+    Args:
+        pids: gives their numbers.
+    """
+
+    def __init__(self, pids: Callable[[], Iterable[int]]) -> None:
+        self._pids = pids
+        self._before = sum(map(seconds_computed, pids()))
+
+    def lacking(self, waited: float, longest: float) -> bool:
+        """Tell whether they may yet do what they should have done: others have what they need.
+
+        Args:
+            waited: seconds since they should.
+            longest: seconds that they have anyway.
+        """
+        pids = [pid for pid in self._pids() if pid != os.getpid()]  # who asks has a turn
+        doing = set().union(*map(states, pids))  # R wants the processor, D the disk
+        used = sum(map(seconds_computed, pids)) - self._before
+        needs = "D" in doing or ("R" in doing and used < BUSY * longest)
+        return needs and waited < longest + STARVED
 
 
 def _watch(pid: int, signals: int, heard: int, wake: int, server: int) -> None:
@@ -79,38 +138,13 @@ def _wait(poll: select.poll, pid: int, longest: float) -> tuple[dict[int, int], 
 
     It has longer than ``longest`` while it is starved. One that is stopped (T) has for ever.
     """
-    waited, before = 0.0, _state(pid)[1]
+    waited, turns = 0.0, Turns(lambda: [pid])
     while not (ready := dict(poll.poll(LOOK * 1000))):
         waited += LOOK
-        if waited < longest:
+        if waited < longest or states(pid) & {"T", "t"} or turns.lacking(waited, longest):
             continue
-        state, used = _state(pid)
-        if state not in ("T", "t") and not starved({state}, used - before, waited, longest):
-            break
+        break
     return ready, waited
-
-
-def starved(states: Set[str], used: float, waited: float, longest: float) -> bool:
-    """Tell whether a process may yet do what it should have done: others have what it needs.
-
-    Args:
-        states: those of its threads, as the system calls them: R wants the processor, D the disk.
-        used: seconds of processor time that it has had since it should.
-        waited: seconds since then.
-        longest: seconds that it has anyway.
-    """
-    needs = "D" in states or ("R" in states and used < BUSY * longest)
-    return needs and waited < longest + STARVED
-
-
-def _state(pid: int) -> tuple[str, float]:
-    """Return the state of a process' main thread, and the seconds it has run."""
-    try:
-        with open(f"/proc/{pid}/task/{pid}/stat") as file:
-            fields = file.read().rpartition(")")[2].split()
-    except OSError:
-        return "X", 0.0
-    return fields[0], (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":

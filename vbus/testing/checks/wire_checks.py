@@ -4,9 +4,9 @@ import asyncio
 import os
 import select
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
+from queue import Empty, SimpleQueue
 from random import Random
 from typing import Final
 
@@ -112,12 +112,13 @@ def check_protocol(
 
 
 class _TransportLoop:
-    """A transport in an event loop of its own thread."""
+    """A transport in an event loop of its own thread, where links are read as by a session."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
         self.links: list[Link] = []
-        self._came = threading.Event()
+        self._new: SimpleQueue[Link] = SimpleQueue()
+        self._came: SimpleQueue[bytes] = SimpleQueue()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
@@ -133,26 +134,57 @@ class _TransportLoop:
 
     def _link(self, link: Link) -> None:
         self.links.append(link)
-        self._came.set()
+        link.on_data = self._came.put  # a transport may read the first bytes itself
+        self._new.put(link)
 
     def link(self) -> Link:
+        with suppress(Empty):
+            return self._new.get(timeout=_PATIENCE)
         name = type(self.transport).__name__
-        demand(self._came.wait(_PATIENCE), f"{name}: a host has come, and on_link was not called")
-        self._came.clear()
-        return self.links[-1]
+        raise Nonconformance(f"{name}: a host has come, and on_link was not called")
+
+    def read(self, link: Link) -> None:
+        """Take what comes from now on."""
+        self._do(lambda: self._loop.add_reader(link.fd, self._readable, link))
+
+    def _readable(self, link: Link) -> None:
+        try:
+            data = link.read(link.fd, len(ALL_BYTES))
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            self._came.put(data)
+        else:
+            self._loop.remove_reader(link.fd)
+
+    def taken(self, count: int) -> bytes:
+        """Return so many bytes of the host, or what has come until they were given up."""
+        data = b""
+        with suppress(Empty):
+            while len(data) < count:
+                data += self._came.get(timeout=_PATIENCE)
+        return data
 
     def end(self, link: Link) -> None:
         self.links.remove(link)
-        self._do(link.close)
+        self._do(lambda: self._close(link))
+
+    def _close(self, link: Link) -> None:
+        self._loop.remove_reader(link.fd)
+        link.close()
 
     def close(self) -> None:
         self._do(self.transport.close)
 
     def stop(self) -> None:
         """Leave nothing open, as far as the transport can."""
-        for close in [link.close for link in self.links] + [self.transport.close]:
+        while self.links:
             with suppress(Exception):  # what it does wrong has been said
-                self._do(close)
+                self.end(self.links[-1])
+        with suppress(Exception):
+            self.close()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
@@ -201,30 +233,21 @@ def check_transport(factory: Callable[[], Transport], dial: Callable[[str], int]
         raise Nonconformance(f"{name}: a host can still attach to {url} after close()")
 
 
-SOON = 0.2
-"""How long a transport has to notice the first bytes of a host itself (s)."""
-
-
 def _exchange(running: _TransportLoop, dial: Callable[[str], int], name: str, guest: str) -> None:
     """Let a host come, exchange every byte there is, and go."""
     host = dial(running.transport.url)
     try:
         link = running.link()
-        came = bytearray()
-        link.on_data = came.extend  # a transport may read the first bytes itself
         demand(not os.get_blocking(link.fd), f"{name}: the link's descriptor blocks")
         try:
             early = os.read(link.fd, 1)
         except BlockingIOError:
             early = b""
         demand(not early, f"{name}: bytes come that {guest} has not sent: {early.hex(' ')}")
+        running.read(link)
         for data in (ALL_BYTES, b"\x03\x04\r\n\x11\x13\x7f"):
             os.write(host, data)
-            last = time.monotonic() + SOON
-            while len(came) < len(data) and time.monotonic() < last:
-                time.sleep(0.01)
-            found = bytes(came) or _read(link.fd, len(data))
-            came.clear()
+            found = running.taken(len(data))
             demand(found == data, f"{name}: {guest} sent {data.hex()}, here is {found.hex()}")
             os.write(link.fd, data)
             found = _read(host, len(data))

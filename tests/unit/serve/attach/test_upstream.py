@@ -89,6 +89,26 @@ def test_the_session_of_a_terminals_next_host_begins_when_the_last_is_over() -> 
     run(test)
 
 
+def test_what_a_host_has_sent_before_it_went_waits_for_the_link(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(upstream_module, "LEAVING_SECONDS", 0)
+
+    async def test(board: Board) -> None:
+        before: Any = SimpleNamespace(over=asyncio.Event())
+        one = upstream(board, before)
+        one.send(b"last")
+        one.finish(False)
+        for _ in range(20):  # turns of the loop, in which its time would be over
+            await asyncio.sleep(0)
+        before.over.set()
+        with await board.accept() as link:
+            assert await board.heard(link, 100) == b"last"
+        await one.over.wait()
+
+    run(test)
+
+
 def test_what_the_board_does_not_take_is_kept_and_the_host_waits() -> None:
     async def test(board: Board) -> None:
         one = upstream(board)

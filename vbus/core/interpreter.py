@@ -1,4 +1,4 @@
-"""Python's search for garbage, held while what stays is made."""
+"""What is asked of Python's interpreter: to search no garbage, to hear signals; never compiled."""
 
 import gc
 from collections.abc import Iterator
@@ -22,3 +22,14 @@ def keep_what_is_made() -> None:
     # What lasts as long as the board is never garbage: no search goes through it again.
     gc.freeze()
     gc.enable()
+
+
+def check_interrupts() -> None:
+    """Let Ctrl-C interrupt a long computation.
+
+    Python runs the handlers of signals when it begins an interpreted function; a compiled one never
+    asks for them.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed.
+    """

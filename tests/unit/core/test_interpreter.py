@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from vbus.core.collection import collection_held
+from vbus.core.interpreter import collection_held
 
 
 @pytest.mark.parametrize("collects", [True, False])
