@@ -310,12 +310,15 @@ static int take_lock(pid_t self)
     return __atomic_compare_exchange_n(&lock, &nobody, self, 0, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED);
 }
 
-void card_enter(void)
+static void await_lock(pid_t self)
 {
-    pid_t self = turns_enter()->tid;
-
     while (ending || !take_lock(self))
         syscall(SYS_sched_yield);
+}
+
+void card_enter(void)
+{
+    await_lock(turns_enter()->tid);
 }
 
 void card_leave(void)
@@ -730,7 +733,7 @@ int card_leap(int64_t longest, int heeds)
         return 0;
     if (longest < (int64_t)(END_OF_TIME / PS_PER_NS))
         step = (uint64_t)longest * PS_PER_NS;
-    __atomic_store_n(&lock, turns_self()->tid, __ATOMIC_RELAXED);
+    await_lock(turns_self()->tid);
     if (!heeds) {
         card_pass((uint64_t)longest);
     } else if (noticed == interrupts) {
