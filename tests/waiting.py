@@ -11,6 +11,9 @@ from typing import Final
 
 PATIENCE: Final = 60.0
 """Seconds after which a wait is in vain, unless it says otherwise."""
+LOOK: Final = 1.0
+"""Seconds that a look at a condition counts for at most: those in which the machine itself stood
+still, or had no time for the test, are not held against what is waited for."""
 
 
 class Starved(Exception):
@@ -34,9 +37,11 @@ def until(
     Raises:
         Starved: it did not hold in time.
     """
-    end = time.monotonic() + patience
+    waited, before = 0.0, time.monotonic()
     while not condition():
-        if time.monotonic() > end:
+        now = time.monotonic()
+        waited, before = waited + min(now - before, LOOK), now
+        if waited >= patience:
             said = what() if callable(what) else what
             raise Starved(f"in vain for {patience:g} s: {said}")
         time.sleep(every)

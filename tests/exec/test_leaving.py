@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, running, said
 from tests.waiting import PATIENCE, until
 
@@ -77,6 +78,18 @@ def test_a_signal_that_ends_the_program_lets_its_last_writes_out(
     assert done.returncode == 128 + number
     assert done.stdout.splitlines() == ["default 1 1handler 1", "own 1", "default 1"]
     assert transcript.read_text().splitlines()[-1] == "x w 20 0E"
+
+
+def test_last_writes_come_out_though_their_thread_has_no_processor(
+    programs: Programs, tmp_path: Path
+) -> None:
+    """It is about to send them when another thread gets the signal."""
+    slow = compile_c(tmp_path / "slow.so", "-shared", "-fPIC", PROGRAMS / "slow.c")
+    script = f"LD_PRELOAD=$LD_PRELOAD:{slow} exec {programs('takes_turns', 64)} writes"
+    transcript = tmp_path / "bus.txt"
+    done = execute(tmp_path, LOCKSTEP, "sh", "-c", script, options=("--transcript", transcript))
+    assert (done.returncode, done.stderr) == (128 + signal.SIGTERM, "")
+    assert " w 20 0D x" in transcript.read_text()
 
 
 @pytest.mark.parametrize("time", ["lockstep", "realtime"])

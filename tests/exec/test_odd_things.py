@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from tests.exec.test_programs import PORTS, REGISTERS, execute
-from vbus.cli.hosted.preload import library
 
 # The lines, and the exit code if it is not 0. The register holds 41h before.
 ODD: dict[str, tuple[list[str], int]] = {
@@ -38,12 +37,6 @@ ODD: dict[str, tuple[list[str], int]] = {
     "trap blocked by system call": (["blocked 1"], 139),
     "coroutine": (["42, 43"], 0),
 }
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _built() -> None:
-    """Compiling the library is no part of what is waited for."""
-    library()
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.forms import processor
 from tests.left_out import require
 from tests.unit.board.test_leases import Leasing, reset_and_move
+from tests.waiting import PATIENCE
 from vbus.board.build import load_board
 from vbus.cli.hosted.reach import warnings_for
 
@@ -505,6 +506,21 @@ def test_without_a_compiler_it_says_what_is_missing(
     done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "/bin/true")
     assert done.returncode == 1
     assert "there is no gcc; install gcc" in done.stderr
+
+
+def test_what_several_need_at_once_is_compiled_once(tmp_path: Path) -> None:
+    """The compiler is one that notes each call, and takes a while."""
+    gcc = tmp_path / "gcc"
+    gcc.write_text(
+        f'#!/bin/sh\nfor made; do :; done\necho >> {tmp_path}/calls\nsleep 0.3\n: > "$made"\n'
+    )
+    gcc.chmod(0o755)
+    known = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    known["PATH"] = f"{tmp_path}:{known['PATH']}"
+    command = [sys.executable, "-c", "from vbus.cli.hosted import preload; preload.library()"]
+    needs = [subprocess.Popen(command, env=known) for _ in range(3)]
+    assert [process.wait(PATIENCE) for process in needs] == [0, 0, 0]
+    assert (tmp_path / "calls").read_text() == "\n" * 2  # for 64 and for 32 bits
 
 
 # -- tools -----------------------------------------------------------------------------------------

@@ -99,6 +99,17 @@ def test_turns_are_the_same_where_the_processor_is_elsewhere(
         assert said(done) == [order]
 
 
+def test_who_reads_what_a_thread_prints_may_be_slow(programs: Programs, tmp_path: Path) -> None:
+    """It prints more than a pipe holds, and keeps its turn until that is read."""
+    program = programs("takes_turns", 64)
+    for seconds in ("0", "0.2"):
+        done = execute(
+            tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "sh", "-c",
+            f"{program} prints | {{ sleep {seconds}; tail -n 1; }}",
+        )  # fmt: skip
+        assert said(done) == ["mamammmm"]
+
+
 def test_a_thread_that_spins_on_memory_is_named_and_sees_what_it_waits_for(
     programs: Programs, bits: int, tmp_path: Path
 ) -> None:

@@ -10,14 +10,6 @@ import pytest
 from tests.exec.conftest import PROGRAMS, compile_c
 from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, running, said
 from tests.waiting import PATIENCE
-from vbus.cli.hosted.preload import library
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _built() -> None:
-    """Compiling the library is no part of what is waited for."""
-    library()
-
 
 EXPECTED = [
     "nanosleep 0 600000", "absolute 0 1200000", "gettimeofday 5, time 5",

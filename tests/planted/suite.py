@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -85,7 +86,8 @@ def driver_tests(driver: str, number: int) -> list[DriverTest]:
         part, rest = BOARDS[chip]
 
         def test_the_program_moves_its_axis(board: Any) -> None:
-            done = board.execute(DRIVERS / program, chip, str(number), flags="-O0")
+            words = DRIVERS / program, chip, str(number)
+            done = board.execute(*words, flags="-O0", timeout=inf)
             assert done.code == 0, done.errors
             plant = next(iter(board.board.axes.values()))
             assert abs(plant.count - rest) <= 6

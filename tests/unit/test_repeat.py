@@ -1,9 +1,13 @@
 """Which tests get a second run, how it is told, and how many may need one."""
 
 import shutil
+import subprocess
+from itertools import count
 from pathlib import Path
 
 import pytest
+
+from tests import namespaces, waiting
 
 pytest_plugins = ["pytester"]
 
@@ -119,6 +123,29 @@ def test_only_a_named_lack_of_time_is_repeated(pytester: pytest.Pytester) -> Non
         result.stdout.fnmatch_lines([f"*test_{name} FAILED*"])
     result.stdout.fnmatch_lines(["* - first: in vain for 0 s: a second run"])
     result.stdout.no_fnmatch_line("*may be: the machine*")
+
+
+@pytest.mark.parametrize(("seconds", "looks"), [(30.0, 60), (0.5, 120)])
+def test_a_machine_that_stood_still_is_no_wait_in_vain(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, looks: int
+) -> None:
+    monkeypatch.setattr(waiting.time, "monotonic", count(0.0, seconds).__next__)
+    seen = count()
+    with pytest.raises(waiting.Starved):
+        waiting.until(lambda: next(seen) < 0, "nothing", 60.0, every=0.0)
+    assert next(seen) == looks
+
+
+def test_computers_that_are_late_are_not_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(self: namespaces.Computers) -> None:
+        raise subprocess.TimeoutExpired("ip", 60)
+
+    monkeypatch.setattr(namespaces, "require", lambda program: program)
+    monkeypatch.setattr(namespaces.Computers, "make", late)
+    raised = (subprocess.TimeoutExpired, pytest.skip.Exception)
+    with pytest.raises(raised) as found, namespaces.computers(1):
+        pass
+    assert found.type is subprocess.TimeoutExpired
 
 
 def test_the_core_has_no_second_run(pytester: pytest.Pytester) -> None:

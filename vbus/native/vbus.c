@@ -23,7 +23,9 @@
 #define MSG_NOSIGNAL 0
 #endif
 
+#ifndef DEFAULT_TIMEOUT_MS
 #define DEFAULT_TIMEOUT_MS 5000
+#endif
 #define LONGEST_MS 86400000
 #define START_MS 5000 /* how long a board that has begun to start may take */
 #define PAUSE_MS 10

@@ -104,7 +104,7 @@ class EncodedPlant(Plant):
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
-        self.encoder: Encoder = Encoder(
+        self.encoder: Final[Encoder] = Encoder(
             int(self.settings["encoder_lines"]),
             bool(self.settings["index"]),
             int(self.settings["index_offset"]),

@@ -349,7 +349,9 @@ class Bench:
             return None
         # Motors come to rest in time that is not the host's.
         with tested.watch.excused():
-            return tested.witness.account(stuck=tested.watch.stuck, slow=tested.watch.slow)
+            return tested.witness.account(
+                stuck=tested.slow or tested.watch.stuck, slow=tested.watch.slow or bool(tested.slow)
+            )
 
     def coverages(self) -> "list[CoverageObserver]":
         """Return what has counted what the hosts of this test exercise."""

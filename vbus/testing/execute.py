@@ -104,6 +104,7 @@ class Execute:
             watch=tested.watch,
         )
         tested.missed += outcome.missed
+        tested.slow = tested.slow or (outcome.stuck if outcome.slow else "")
         if tested.watch.ended:  # what it has said until then belongs to the report
             sys.stdout.write(outcome.output)
             sys.stderr.write(outcome.errors)

@@ -24,6 +24,7 @@ class ProgramOutcome:
 
     Attributes:
         stuck: which bound it passed, as a sentence; "" if it came to an end by itself.
+        slow: whether that says nothing of it, because the machine was too slow.
         details: what chips and threads were doing then, and what was commanded before.
         code: its exit code; 128 + N if it died of signal N.
         output: what it wrote to standard output.
@@ -45,6 +46,7 @@ class ProgramOutcome:
     transcript: list[str] = field(default_factory=list)
     details: list[str] = field(default_factory=list)
     missed: list[str] = field(default_factory=list)
+    slow: bool = False
 
     @property
     def ok(self) -> bool:
@@ -119,6 +121,6 @@ def run_program(
     if at_work.error is not None:
         raise at_work.error
     return ProgramOutcome(
-        **ended._asdict(), missed=missed, stuck=mine.stuck, details=mine.details,
+        **ended._asdict(), missed=missed, stuck=mine.stuck, slow=mine.slow, details=mine.details,
         cycles=mine.cycles, violations=mine.violations, transcript=mine.lines, now=board.now,
     )  # fmt: skip

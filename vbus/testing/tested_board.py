@@ -69,6 +69,8 @@ class TestedBoard:
         """What sees the run for a campaign."""
         self.missed: list[str] = []
         """Bytes that programs read outside the strobes that gave them."""
+        self.slow: str = ""
+        """What says that the machine was too slow for a program; "" if it was not."""
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None

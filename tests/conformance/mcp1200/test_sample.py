@@ -342,3 +342,34 @@ def test_an_idle_chip_skips_an_hour_and_keeps_its_phase() -> None:
     bench = Bench(plant=Rail())
     bench.until_ps(3600 * 1_000_000 * US + 77 * US)
     assert bench.sample_start() == (bench.cycle // 4160 + 1) * 4160
+
+
+class Lengths(Rail):
+    """Notes how long its periods are (clocks at 8 MHz)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clocks: list[int] = []
+
+    def drive(self, command: float, error: int) -> int:
+        self.clocks.append(round(self._period * 8_000_000))
+        return super().drive(command, error)
+
+
+@pytest.mark.spec("MCP-SMP-3", "MCP-SMP-5")
+def test_the_drive_changes_with_results_though_those_before_came_at_the_samples_start() -> None:
+    plant = Lengths()
+    bench = Bench(plant=plant)
+    bench.extended()
+    bench.put("DEADBAND", 1)
+    bench.put("PRESCALER", 9)
+    bench.put("SAMPLE_TIMER", 109)
+    bench.control()
+    # With a deadband the work takes 1100 clocks: results appear as the next sample starts.
+    bench.until(bench.sample_start() + 5)
+    bench.samples(3)
+    bench.put("DEADBAND", 0)
+    start = bench.sample_start()
+    plant.clocks.clear()
+    bench.until(start + 2 * 1100 - 1)
+    assert plant.clocks == [1000, 100, 1000, 100]

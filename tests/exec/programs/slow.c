@@ -1,15 +1,17 @@
-/* Loaded before a program: who is about to wake a thread, or asks for a child, has no processor for
- * a while, as on a busy machine.
+/* Loaded before a program: who is about to wake a thread, asks for a child, or sends what it has held
+ * back, has no processor for a while, as on a busy machine. In the last case SIGTERM comes then.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <linux/futex.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <time.h>
+#include <unistd.h>
 
 static void *behind(const char *name)
 {
@@ -37,7 +39,9 @@ long syscall(long number, ...)
         a[turn] = va_arg(rest, long);
     va_end(rest);
     *(void **)&call = behind("syscall");
-    if (number == SYS_futex && a[1] == FUTEX_WAKE_PRIVATE)
+    if (number == SYS_sendto && a[2] > 64)
+        kill(getpid(), SIGTERM);
+    if ((number == SYS_sendto && a[2] > 64) || (number == SYS_futex && a[1] == FUTEX_WAKE_PRIVATE))
         stand_still(60);
     return call(number, a[0], a[1], a[2], a[3], a[4], a[5]);
 }

@@ -1,7 +1,9 @@
-/* Threads that print in which order they had their turns. The card is an MCP-1200.
+/* Threads that print in which order they had their turns, or write. The card is an MCP-1200.
  *
  *     takes_turns begins    six threads begin, and access the card twice
  *     takes_turns asks      one asks again and again for a child that lives, beside one at the card
+ *     takes_turns prints    one prints more than a pipe holds, beside one at the card
+ *     takes_turns writes    one writes for ever, and the first waits for it
  */
 #include <pthread.h>
 #include <stdint.h>
@@ -28,12 +30,30 @@ static void *begins(void *data)
     return NULL;
 }
 
+static void *prints(void *data)
+{
+    int turn;
+
+    note('a');
+    for (turn = 0; turn < 20000; turn++)
+        puts("0123456789");
+    note('a');
+    return data;
+}
+
 static void *asks(void *data)
 {
     int turn;
 
     for (turn = 0; turn < 6 && waitpid(-1, NULL, WNOHANG) == 0; turn++)
         note('a');
+    return data;
+}
+
+static void *writes(void *data)
+{
+    for (;;)
+        outb(0x0D, KEEP);
     return data;
 }
 
@@ -51,6 +71,14 @@ int main(int count, char **arguments)
             pthread_create(&threads[turn], NULL, begins, (void *)(intptr_t)('a' + turn));
         for (turn = 0; turn < 6; turn++)
             pthread_join(threads[turn], NULL);
+    } else if (strcmp(arguments[1], "prints") == 0) {
+        pthread_create(&threads[0], NULL, prints, NULL);
+        for (turn = 0; turn < 6; turn++)
+            note('m');
+        pthread_join(threads[0], NULL);
+    } else if (strcmp(arguments[1], "writes") == 0) {
+        pthread_create(&threads[0], NULL, writes, NULL);
+        pthread_join(threads[0], NULL);
     } else {
         if (fork() == 0) {
             close(ends[1]);

@@ -329,6 +329,7 @@ int main(int count, char **arguments)
 
     if (link == NULL || vbus_open(&bus, link) < 0)
         fail("there is no board");
+    bus.timeout_ms = -1; /* chip time decides that it hangs, not how busy the machine is */
     mistake = count > 2 ? atoi(arguments[2]) : 0;
     if (strcmp(chip, "lm629") == 0)
         lm629();

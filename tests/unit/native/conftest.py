@@ -8,9 +8,12 @@ import pytest
 
 from tests.left_out import require
 from tests.unit.client.served import Served
+from tests.waiting import PATIENCE
 from vbus.native import include_dir
 
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"]
+PATIENT = f"-DDEFAULT_TIMEOUT_MS={PATIENCE * 1000:.0f}"
+"""The board is a thread of a run of tests, on a machine that may be busy."""
 
 
 CLIENT = Path(include_dir(), "vbus.c")
@@ -18,7 +21,7 @@ CLIENT = Path(include_dir(), "vbus.c")
 
 def compile_c(compiler: list[str], source: Path, output: Path, client: Path = CLIENT) -> None:
     """Compile a C host together with the C client."""
-    command = [require(compiler[0]), *compiler[1:], *WARNINGS, f"-I{include_dir()}"]
+    command = [require(compiler[0]), *compiler[1:], *WARNINGS, PATIENT, f"-I{include_dir()}"]
     done = subprocess.run(
         [*command, "-o", str(output), str(source), str(client)],
         capture_output=True,

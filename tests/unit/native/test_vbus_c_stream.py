@@ -12,6 +12,7 @@ import pytest
 
 from tests.left_out import require
 from tests.unit.native.conftest import compile_c
+from tests.waiting import PATIENCE
 
 HERE = Path(__file__).parent
 BUILDS = {
@@ -41,7 +42,7 @@ def play(host: Path, calls: str | list[str], answer: Answer) -> list[str]:
     words = calls.split() if isinstance(calls, str) else calls
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        ours.settimeout(20)
+        ours.settimeout(PATIENCE)
         process = subprocess.Popen(
             [str(host), f"fd:{theirs.fileno()}", *words],
             pass_fds=[theirs.fileno()], stdout=subprocess.PIPE, text=True,
@@ -59,7 +60,7 @@ def play(host: Path, calls: str | list[str], answer: Answer) -> list[str]:
 
         board = threading.Thread(target=serve)
         board.start()
-        said, _ = process.communicate(timeout=60)
+        said, _ = process.communicate(timeout=PATIENCE)
         board.join()
     assert failures == []
     return said.splitlines()

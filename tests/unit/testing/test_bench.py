@@ -7,11 +7,14 @@ from typing import Any
 
 import pytest
 
+from vbus.campaign.account import Account
+from vbus.campaign.verdict import SLOW, judge
 from vbus.campaign.world import PHASE, World
 from vbus.core.errors import ConfigError
 from vbus.core.kernel import US
 from vbus.testing.bench import _NO_VARIANT, Bench
 from vbus.testing.boards import Variant, of_part
+from vbus.testing.execute import Execute
 from vbus.testing.judge import Judge
 from vbus.testing.limits import BUDGET, UNBOUNDED, HostStuck, Limits
 from vbus.testing.plugins.acceptance import Acceptance, Acceptances
@@ -33,6 +36,20 @@ def test_a_run_of_a_campaign_has_no_journal() -> None:
         made = Bench("t", {}, [], Path.cwd, witnessed=witnessed)
         assert bool(made.main("LM629N-8").journal()) == (not witnessed)
         made.close()
+
+
+def test_a_program_that_wall_time_has_ended_has_no_verdict_in_a_campaign(tmp_path: Path) -> None:
+    program = tmp_path / "host.py"
+    program.write_text("import time\ntime.sleep(600)\n")
+    slow = Bench("t", {}, [tmp_path], lambda: tmp_path, witnessed=True)
+    done = Execute(slow)(program, timeout=0.1)
+    assert done.slow
+    assert done.stuck.startswith("it was not done after 0.1 s of wall time; by then it had made 0")
+    account = slow.account()
+    assert account is not None
+    assert (account.slow, account.stuck) == (True, done.stuck)
+    assert judge(Account(), account).verdict == SLOW
+    slow.close()
 
 
 @pytest.fixture

@@ -176,13 +176,13 @@ class ClockedAxis:
 
     def next(self) -> i64:
         """Cycle of the next thing due inside, written bytes included."""
-        return min(self._next_own(self._next_count()), self.writes.due)
+        return self._next(self._next_count())
 
-    def _next_own(self, count: i64) -> i64:
-        """Cycle of the next thing due but what is written; ``count``: of the position counter."""
+    def _next(self, count: i64) -> i64:
+        """Cycle of the next thing due; ``count``: of the position counter."""
         # Two at a time: a compiled core makes comparisons of these.
         first = min(min(count, self.encoder.end), min(self._at_results, self._at_sample))
-        return min(first, min(self._at_routine, self._at_reset))
+        return min(min(first, self.writes.due), min(self._at_routine, self._at_reset))
 
     def _next_count(self) -> i64:
         """When the position counter has something to do."""
@@ -228,20 +228,18 @@ class ClockedAxis:
     def run(self, target: i64) -> None:
         """Work off everything due by then."""
         self._target = target
-        writes = self.writes
         while True:
             count = self._next_count()
-            cycle = self._next_own(count)
-            first = writes.due
-            # At one cycle the counter comes first, then written bytes, then all else.
-            if first <= target and first <= cycle and first < count:
-                self._take_write(first)
-                continue
+            cycle = self._next(count)
             if cycle > target:
                 return
-            if count <= cycle:
+            if count == cycle:
                 self._count(cycle)
-            elif self._at_reset == cycle:
+                continue
+            if self.writes.due == cycle:
+                self._take_write(cycle)
+                continue
+            if self._at_reset == cycle:
                 self._end_reset(cycle)
             elif self._at_results == cycle:
                 self._results(cycle)
@@ -249,7 +247,9 @@ class ClockedAxis:
                 self._sample(cycle)
             elif self._at_routine == cycle:
                 self._routine(cycle)
-            else:
+            # The plant's next period comes when nothing else is due at this cycle any more.
+            left = min(min(self._at_sample, self._at_routine), self.counter.at_match)
+            if self.encoder.end == cycle < left:
                 self._next_period(cycle)
 
     def _count(self, cycle: i64) -> None:

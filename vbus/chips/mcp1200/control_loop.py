@@ -347,18 +347,17 @@ class ControlLoop:
         Returns:
             Clocks the core will be busy, or :data:`IDLE`.
         """
-        registers = self.registers
-        action = self.faults.action(registers, limit_low, stop_low)
+        action = self.faults.action(self.registers, limit_low, stop_low)
         # MCP-EXC-2: idle mode, whatever the mode was.
         if action == ds.GO_IDLE:
             return IDLE
         # MCP-REG-48: registers of several bytes are taken now, all bytes in this instant.
-        registers.sample()
+        self.registers.sample()
         # MCP-MOD-7, MCP-AMB-14: of "Halt Motion" the manual gives the name alone.
         if halt:
             self.halted = True  # MCP-MOD-7
             action = ds.ABRUPT
-        flags = registers.flag
+        flags = self.registers.flag
         # MCP-EXC-2: position control holds the axis.
         if self.halted or action == ds.ABRUPT:
             flags = 0
@@ -372,7 +371,7 @@ class ControlLoop:
             mode = ds.F3
         else:
             mode = flags & ds.F5
-            if mode and action == ds.REPORT and self.faults.stands(registers):
+            if mode and action == ds.REPORT and self.faults.stands(self.registers):
                 action = ds.DECELERATE
         self._action = action
         self._position = position
@@ -391,8 +390,8 @@ class ControlLoop:
         # MCP-EXC-2, MCP-AMB-33: where there is no velocity of its own to lower, deceleration is an
         # abrupt stop.
         self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and stands)
-        registers.status |= ds.BUSY
-        return work_clocks(registers, mode)
+        self.registers.status |= ds.BUSY
+        return work_clocks(self.registers, mode)
 
     def idle_sample(self, position: i64) -> None:
         """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
@@ -406,37 +405,35 @@ class ControlLoop:
 
     def finish(self) -> None:
         """Compute the sample and show its results."""
-        registers = self.registers
-        sampled = registers.sampled
+        sampled = self.registers.sampled
         position = self._position
         step_mode = sampled.config & ds.STEP_MODE
         command = self.command
         cleared = self._profile(command, sampled)
-        registers.flag &= ~cleared
+        self.registers.flag &= ~cleared
         self._last_mode = self.mode & ~cleared
 
         # MCP-SMP-6: at the starts of two samples, 16 bits.
-        registers.actual_velocity = wrap_word(position - self.last_position, 0x8000)
+        self.registers.actual_velocity = wrap_word(position - self.last_position, 0x8000)
         self.last_position = position
 
-        following = self.following
         if self.abrupt and step_mode:
-            following.begin(command.position)
-        self.steps = following.step(sampled, command.position, position)
+            self.following.begin(command.position)
+        self.steps = self.following.step(sampled, command.position, position)
         if step_mode:
             # MCP-STP-4: steps are compared with counts, not a command with a position.
             too_large = self.stall.stalled(sampled)
         else:
-            too_large = following.too_large
+            too_large = self.following.too_large
         if too_large:
             # MCP-ERR-2, MCP-AMB-6: status bit 4, of a stall too.
-            registers.fault(ds.ERROR_OK)
+            self.registers.fault(ds.ERROR_OK)
             self.faults.error = True
 
         # MCP-STP-1: the filters are not used.
         if not step_mode:
-            self._drive(command, sampled, following.error)
-        self._show(command, following)
+            self._drive(command, sampled, self.following.error)
+        self._show(command)
 
     def _profile(self, command: CommandedMotion, sampled: SampledRegisters) -> i64:
         """Move the command position; return the flags to clear."""
@@ -586,22 +583,21 @@ class ControlLoop:
         pwm = pwm_command(sampled, self.mc, error)
         self.registers.drive(code, pwm)
 
-    def _show(self, command: CommandedMotion, following: Following) -> None:
-        registers = self.registers
-        registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE  # MCP-MOD-7
-        registers.phase = command.phase
-        registers.interpolator_count = command.left & 0xFF
-        registers.accel_delta = command.accel_delta & 0xFFFFFF
-        registers.decel_position = command.decel_position
+    def _show(self, command: CommandedMotion) -> None:
+        self.registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE  # MCP-MOD-7
+        self.registers.phase = command.phase
+        self.registers.interpolator_count = command.left & 0xFF
+        self.registers.accel_delta = command.accel_delta & 0xFFFFFF
+        self.registers.decel_position = command.decel_position
         # MCP-ERR-4: after the deadband, as the filter sees it.
-        registers.position_error = following.error
-        flags = registers.flag & ~ds.F2
+        self.registers.position_error = self.following.error
+        flags = self.registers.flag & ~ds.F2
         # A profile flag set during this sample is in motion from then on (NOTES 3).
         if command.moving or (flags & ds.F0 and not self.halted):
             flags |= ds.F2
-        registers.flag = flags
-        status = registers.status & ~(ds.BUSY | ds.IN_POSITION)
+        self.registers.flag = flags
+        status = self.registers.status & ~(ds.BUSY | ds.IN_POSITION)
         # MCP-STA-4: before the deadband.
-        if following.in_position:
+        if self.following.in_position:
             status |= ds.IN_POSITION
-        registers.status = status
+        self.registers.status = status

@@ -179,14 +179,14 @@ class PlantDrive:
 
     def level(self) -> float:
         """The motor command as a fraction of full scale."""
-        registers = self._registers
         # MCP-STP-1: Pulse and Sign carry steps.
-        if registers.step_mode:
+        if self._registers.step_mode:
             return 0.0
         if not self._dac:
-            return float(within(registers.pwm)) / FULL
-        code = registers.dac - ds.DAC_ZERO
-        if registers.feature & ds.UNIPOLAR and registers.pwm < 0 and not self._clip:
+            return float(within(self._registers.pwm)) / FULL
+        code = self._registers.dac - ds.DAC_ZERO
+        unipolar = self._registers.feature & ds.UNIPOLAR
+        if unipolar and self._registers.pwm < 0 and not self._clip:
             # An amplifier that gets a magnitude takes its direction from Sign.
             code = -code
         return float(code) / ZERO

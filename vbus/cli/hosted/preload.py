@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Final
 
@@ -41,7 +42,12 @@ def library() -> str:
     """
     folder = _folder()
     if not (folder / "built").exists():
-        _build(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        # One process compiles, with all of a processor; those that need the same wait for it.
+        with (folder / "lock").open("w") as lock:
+            flock(lock, LOCK_EX)
+            if not (folder / "built").exists():
+                _build(folder)
     return str(folder / "$LIB" / NAME)
 
 

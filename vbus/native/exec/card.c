@@ -58,6 +58,7 @@ static volatile int telling;      /* a thread holds these three */
 static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
 static volatile pid_t lock; /* the thread that has it */
+static volatile int ending; /* the program dies, and what is held back goes first */
 
 /* --- messages --------------------------------------------------------------------------------- */
 
@@ -309,12 +310,15 @@ static int take_lock(pid_t self)
     return __atomic_compare_exchange_n(&lock, &nobody, self, 0, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED);
 }
 
+static void await_lock(pid_t self)
+{
+    while (ending || !take_lock(self))
+        syscall(SYS_sched_yield);
+}
+
 void card_enter(void)
 {
-    pid_t self = turns_enter()->tid;
-
-    while (!take_lock(self))
-        syscall(SYS_sched_yield);
+    await_lock(turns_enter()->tid);
 }
 
 void card_leave(void)
@@ -490,6 +494,7 @@ void card_send_last(void)
     unsigned turn;
 
     sys_block(&before);
+    ending = 1;
     for (turn = 0; open_session && lock != self && holds_back() && turn < LAST_TRIES; turn++) {
         if (take_lock(self)) {
             vbus_send(&bus); /* a board that is gone is no news now */
@@ -498,6 +503,7 @@ void card_send_last(void)
         }
         sys_poll(NULL, 0, 1); /* who has it may wait for a processor */
     }
+    ending = 0;
     sys_restore(&before);
 }
 
@@ -727,7 +733,7 @@ int card_leap(int64_t longest, int heeds)
         return 0;
     if (longest < (int64_t)(END_OF_TIME / PS_PER_NS))
         step = (uint64_t)longest * PS_PER_NS;
-    __atomic_store_n(&lock, turns_self()->tid, __ATOMIC_RELAXED);
+    await_lock(turns_self()->tid);
     if (!heeds) {
         card_pass((uint64_t)longest);
     } else if (noticed == interrupts) {

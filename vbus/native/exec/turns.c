@@ -22,6 +22,7 @@
 #include <linux/futex.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/stat.h>
 
 #define MOST_SETS 1024
 #define GRACE_MS 1   /* of wall time, for what other processes send */
@@ -171,22 +172,51 @@ static int seize(struct guest *from, struct guest *to)
     return __atomic_compare_exchange_n(&holder, &from, to, 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
 }
 
-/* What the kernel says a thread does: 'R', 'S', 'D' ..., or 0. */
-static char doing(const struct guest *guest)
+#define ROOM 256
+
+static void ask_kernel(const struct guest *guest, const char *what, char text[ROOM])
 {
-    char path[48], text[256], *end;
+    char path[48];
     ssize_t size;
     int fd;
 
-    snprintf(path, sizeof path, "/proc/self/task/%d/stat", (int)guest->tid);
+    snprintf(path, sizeof path, "/proc/self/task/%d/%s", (int)guest->tid, what);
     fd = sys_open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        return 0;
-    size = sys_read(fd, text, sizeof text - 1);
-    sys_close(fd);
+    size = fd < 0 ? 0 : sys_read(fd, text, ROOM - 1);
+    if (fd >= 0)
+        sys_close(fd);
     text[size > 0 ? size : 0] = '\0';
+}
+
+/* What the kernel says a thread does: 'R', 'S', 'D' ..., or 0. */
+static char doing(const struct guest *guest)
+{
+    char text[ROOM], *end;
+
+    ask_kernel(guest, "stat", text);
     end = strrchr(text, ')');
     return end != NULL && end[1] == ' ' ? end[2] : 0;
+}
+
+/* Whether a thread prints, and it is not this process that reads it: the reader is waited for, however
+ * slow. */
+static int prints(const struct guest *guest)
+{
+    char text[ROOM], *first;
+    struct stat out, other;
+    long call;
+    int to, fd;
+
+    ask_kernel(guest, "syscall", text);
+    call = strtol(text, &first, 10);
+    to = (int)strtol(first, NULL, 16);
+    if ((call != SYS_write && call != SYS_writev) || (to != 1 && to != 2) || fstat(to, &out) != 0)
+        return 0;
+    for (fd = 0; fd < MOST_SETS; fd++)
+        if (fstat(fd, &other) == 0 && other.st_dev == out.st_dev && other.st_ino == out.st_ino
+            && S_ISFIFO(out.st_mode) && (syscall(SYS_fcntl, fd, F_GETFL) & O_ACCMODE) == O_RDONLY)
+            return 0;
+    return 1;
 }
 
 /* The turn of a thread that sleeps in a system call of which we know nothing goes on without it. */
@@ -204,7 +234,7 @@ static void rescue(struct guest *to)
             return;
         sys_poll(NULL, 0, GRACE_MS);
     }
-    if (!seize(stuck, to))
+    if (prints(stuck) || !seize(stuck, to))
         return;
     if (__atomic_load_n(&stuck->inside, __ATOMIC_SEQ_CST) == 0)
         __atomic_compare_exchange_n(&stuck->state, &runs, OUTSIDE, 0, __ATOMIC_SEQ_CST,

@@ -493,7 +493,9 @@ def _campaign(item: pytest.Item, most: int | None, seconds: float | None) -> Non
     elif reference is not None:
         # A test that does not repeat would give other verdicts each time.
         again = _account(item, REFERENCE)
-        if reference.code:
+        if reference.slow:
+            why = f"the machine was too slow: {reference.stuck}"
+        elif reference.code:
             why = "it fails with nothing broken"
         elif item.stash[RUN][0].board.time == "realtime":
             why = "in real time no two runs are alike"
