@@ -54,10 +54,13 @@ def test_a_scenario_begins_when_all_are_there_and_happens_at_its_instants(bench:
     """STT to both LM629, MULTI_UPDATE and /SYNC: exact in chip time, whatever the wall clock."""
     groups = ["ab", "c", "d"]
     processes = [bench.start(nodes) for nodes in groups]
+    told = []
     for process in processes:
         code, out = ended(process)
         assert code == 0, out
-        assert "wall skew between nodes: p50" in out
+        told.append("wall skew between nodes: p50" in out)
+    if not all(told):
+        raise Starved(f"nodes stood still, and saw no mark of all: {told}")
     assert when(bench, "ab", "w x 0 1") == when(bench, "ab", "w y 0 1") == [3 * MS]
     virtual, source = read_board_text(REAL.replace('"realtime"', '"lockstep"'))
     machine = Machine(virtual, source, read_scenario(SCRIPT, "s", pins_of(virtual), US))

@@ -53,8 +53,9 @@ def session_at(endpoint: str, security: Security | None = None) -> zenoh.Session
 
 PATIENT = (
     "-c",
-    "import sys; from vbus.network.session import open_session; from vbus.__main__ import main\n"
-    f"open_session.__defaults__ = (*open_session.__defaults__[:-1], {round(1000 * PATIENCE)})\n"
+    "import sys; from vbus.network import session; from vbus.__main__ import main\n"
+    f"session.ROUTER_LEASE_MS = lease = {round(1000 * PATIENCE)}\n"
+    "session.open_session.__defaults__ = (*session.open_session.__defaults__[:-1], lease)\n"
     "sys.exit(main())",
 )
 """``vbus`` with a lease as long as tests wait."""

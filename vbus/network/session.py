@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 LEASE_MS: Final = 1000
 """A computer that has gone silent is given up after this long; a dead process at once. It
 trades the time until a loss is seen for stalls of a machine that are no loss. Not measured."""
+ROUTER_LEASE_MS: Final = 3250
+"""The same of a router: while others give it up, they give each other up. As long as a node may be
+silent, unless its board file says how long, and what nodes add to that."""
 RETRY_MS: Final = 1000
 """How long after a link was lost, and how often, it is tried again; not measured."""
 OPEN_SECONDS: Final = 3.0

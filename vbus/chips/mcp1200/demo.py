@@ -44,6 +44,8 @@ def _host(bus: Bus) -> None:
 
     step = Step(bus, "trapezoid with a pulse on TRIG every 2500 counts")
     chip.write_feature(ds.PID)
+    # Where it stands now hangs on how soon this program saw the index.
+    _move(chip, 0, velocity=10, acceleration=0x0018)
     chip.write_breakpoint(_BREAKPOINTS)
     chip.write_config(ds.EXTENDED | ds.BREAK_ENABLE)
     bus.delay("2ms")
