@@ -306,6 +306,7 @@ BY_HAND = {
     "cli/run/detach.py": "the log of a run in the background",
     "cli/run/doctor.py": "looks whether a folder can be written",
     "cli/cli.py": "the null device",
+    "cli/hosted/preload.py": "a lock",
     "cli/look/scope.py": "the null device",
     "cli/test/fmu.py": "in a folder of its own, for the builder of units",
     "serve/in_process.py": "the null device",
