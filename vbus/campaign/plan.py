@@ -1,5 +1,6 @@
 """Which worlds a campaign has, and in which order they are tried."""
 
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator
 from hashlib import sha256
@@ -10,7 +11,7 @@ from msgspec import Struct
 
 from vbus.board.board import Board
 from vbus.boardfile.sections import BoardFile
-from vbus.campaign.account import Account
+from vbus.campaign.account import Account, SeenCycle
 from vbus.campaign.world import (
     AHEAD,
     BUSY,
@@ -215,7 +216,8 @@ def _cycles(made: WorldPlan, reference: Account, board: Board, seed: int) -> Ite
 def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
     if not reference.edges:
         made.refused[INTERRUPT] = "no output that a host looks at has moved in the reference run"
-    instants = sorted(row.when for row in reference.seen)
+    rows = sorted(reference.seen, key=lambda row: row.when)
+    instants = [row.when for row in rows]
     steps = [b - a for a, b in pairwise(instants) if b > a]
     # A host cannot look between two of its cycles: the shortest step is one cycle of it.
     one = min(steps, default=US)
@@ -236,16 +238,22 @@ def _interrupts(made: WorldPlan, reference: Account) -> Iterator[PlannedWorld]:
             yield PlannedWorld(world, group)
         world = World(INTERRUPT, f"{output}@{when}", f"late{one}-{1 - level}")
         yield PlannedWorld(world, group)
-        for place, span in _loop(reference, when) if level == begins[output] else ():
+        if level != begins[output]:
+            continue
+        end = bisect_right(instants, when)
+        for place, span in _loop(rows[max(0, end - _LOOP) : end], when):
             world = World(INTERRUPT, f"{output}@{when}", f"late{span}-{1 - level}")
             inside.setdefault(f"{group} in {place}", world)
     yield from (PlannedWorld(world, group) for group, world in inside.items())
 
 
-def _loop(reference: Account, when: int) -> Iterator[tuple[str, int]]:
-    """Give each place of the loop that a host is in at an instant: how far ahead it is (ps)."""
+def _loop(rows: list[SeenCycle], when: int) -> Iterator[tuple[str, int]]:
+    """Give each place of the loop that a host is in at an instant: how far ahead it is (ps).
+
+    ``rows`` are its cycles before.
+    """
     places = defaultdict(list)
-    for row in [row for row in reference.seen if row.when <= when][-_LOOP:]:
+    for row in rows:
         places[f"{row.chip} {row.group}"].append(row.when)
     for place, (*_, before, last) in ((p, at) for p, at in places.items() if len(at) > 1):
         if period := last - before:

@@ -210,9 +210,10 @@ class Processes:
         while any(not child.ended for child in self.children):
             waited = time.monotonic() - began
             # One that has no turn, because others have the processors, has longer.
-            if self.asked > 1 or (waited >= self._patience and not any(
+            late = waited >= self._patience and not any(
                 not child.ended and one.lacking(waited, self._patience) for child, one in turns
-            )):  # fmt: skip
+            )
+            if late or self.asked > 1:
                 self._kill()
                 return
             self._step(max(self._patience - waited, TURN_SECONDS))

@@ -54,16 +54,21 @@ class Network(Struct, frozen=True):
     remote: bool = False
 
 
-def open_network(network: Network) -> zenoh.Session:
+def open_network(network: Network, lease_ms: int = LEASE_MS) -> zenoh.Session:
     """Open the session of a board or a router: it routes if it listens, else it is a client.
+
+    Args:
+        network: where it listens and connects.
+        lease_ms: see :func:`open_session`.
 
     Raises:
         TransportError: see :func:`open_session`.
     """
     mode = "router" if network.listen else "client"
     return open_session(
-        network.listen, network.connect, mode, network.security, OPEN_SECONDS, network.remote
-    )
+        network.listen, network.connect, mode, network.security, OPEN_SECONDS, network.remote,
+        lease_ms,
+    )  # fmt: skip
 
 
 FORKED: Final = (

@@ -153,10 +153,11 @@ def test_what_does_not_apply_is_told() -> None:
 
 
 def test_an_interrupt_comes_in_each_place_of_the_loop_that_the_host_waits_in() -> None:
-    """The host has polled by two cycles since 1 us, and would go on so."""
+    """The host polls by two cycles from 1 us to the interrupt, and would go on so without it."""
     file, source = read_board_text(LM629)
     polls = [row(n, "ab"[n % 2], write=False) for n in range(1, 8)]
-    seen = Account(seen=polls, edges=[("x.HI", 7_500_000, 1), ("x.HI", 9_000_000, 0)])
+    after = [row(8, "b"), row(9, "a")]
+    seen = Account(seen=[*polls, *after], edges=[("x.HI", 7_500_000, 1), ("x.HI", 9_000_000, 0)])
     made = plan(seen, file, build(file, source), only=["interrupt"])
     inside = {one.group: str(one.world) for one in made.worlds if " in " in one.group}
     assert inside == {

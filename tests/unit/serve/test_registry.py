@@ -4,8 +4,8 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -44,6 +44,31 @@ def test_a_machine_answers_when_each_of_its_nodes_does(
     assert answers("machine") is ready
 
 
+STATUS = json.dumps({"done": {"board": "bench"}}).encode()
+ANSWER = len(STATUS).to_bytes(4, "little") + STATUS
+
+
+@contextmanager
+def board_that(serves: Callable[[socket.socket], object], times: int = 1) -> Iterator[Path]:
+    """Give the socket of a board "bench", which serves so many links, one after the other."""
+    path = socket_path("bench")
+
+    def serve() -> None:
+        for _ in range(times):
+            link, _ = listener.accept()
+            with link:
+                serves(link)
+
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        path.chmod(0o600)
+        listener.listen()
+        board = threading.Thread(target=serve)
+        board.start()
+        yield path
+        board.join()
+
+
 def test_a_board_answers_with_what_it_tells_of_itself() -> None:
     path = socket_path("bench")
     assert not answers("bench")
@@ -51,51 +76,34 @@ def test_a_board_answers_with_what_it_tells_of_itself() -> None:
     with pytest.raises(TransportError, match=r"does not answer \(it is no socket, or one that oth"):
         ask(path)
     path.unlink()
-    status = json.dumps({"done": {"board": "bench"}}).encode()
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(path))
-        path.chmod(0o600)
-        listener.listen()
 
-        def serve() -> None:
-            for _ in range(2):
-                link, _ = listener.accept()
-                with link:
-                    assert json.loads(link.makefile().readline()) == {"do": "status"}
-                    link.sendall(len(status).to_bytes(4, "little") + status)
+    def serves(link: socket.socket) -> None:
+        assert json.loads(link.makefile().readline()) == {"do": "status"}
+        link.sendall(ANSWER)
 
-        board = threading.Thread(target=serve)
-        board.start()
+    with board_that(serves, times=2):
         assert ask(path) == {"board": "bench"}
         assert answers("bench")
-        board.join()
 
 
 def test_a_board_that_answers_byte_by_byte_is_given_up_in_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.2)
-    path, over = socket_path("bench"), threading.Event()
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(path))
-        path.chmod(0o600)
-        listener.listen()
+    over = threading.Event()
 
-        def serve() -> None:
-            link, _ = listener.accept()
-            with link, suppress(OSError):
-                link.sendall((1000).to_bytes(4, "little"))
-                for _ in range(200):
-                    link.sendall(b" ")
-                    if over.wait(0.05):
-                        return
+    def serves(link: socket.socket) -> None:
+        with suppress(OSError):
+            link.sendall((1000).to_bytes(4, "little"))
+            for _ in range(200):
+                link.sendall(b" ")
+                if over.wait(0.05):
+                    return
 
-        board = threading.Thread(target=serve)
-        board.start()
+    with board_that(serves) as path:
         with pytest.raises(TransportError, match=r"does not answer \(timed out\)"):
             ask(path)
         over.set()
-        board.join()
 
 
 def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,22 +123,13 @@ def test_a_board_that_has_no_turn_has_longer_to_answer(monkeypatch: pytest.Monke
     monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.05)
     monkeypatch.setattr(registry, "TURN_SECONDS", 0.01)
     monkeypatch.setattr(registry, "Turns", NoTurn)
-    status = json.dumps({"done": {"board": "bench"}}).encode()
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(socket_path("bench")))
-        socket_path("bench").chmod(0o600)
-        listener.listen()
 
-        def serve() -> None:
-            link, _ = listener.accept()
-            with link:
-                assert turn.wait(60)
-                link.sendall(len(status).to_bytes(4, "little") + status)
+    def serves(link: socket.socket) -> None:
+        assert turn.wait(60)
+        link.sendall(ANSWER)
 
-        board = threading.Thread(target=serve)
-        board.start()
-        assert ask(socket_path("bench")) == {"board": "bench"}
-        board.join()
+    with board_that(serves) as path:
+        assert ask(path) == {"board": "bench"}
     assert looks[0] == os.getpid()
 
 
@@ -149,20 +148,11 @@ def test_an_answer_that_comes_while_it_is_looked_for_a_turn_is_taken(
 
     monkeypatch.setattr(registry, "ANSWER_SECONDS", 0.01)
     monkeypatch.setattr(registry, "Turns", Turn)
-    status = json.dumps({"done": {"board": "bench"}}).encode()
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(socket_path("bench")))
-        socket_path("bench").chmod(0o600)
-        listener.listen()
 
-        def serve() -> None:
-            link, _ = listener.accept()
-            with link:
-                assert turn.wait(60)
-                link.sendall(len(status).to_bytes(4, "little") + status)
-                answered.set()
+    def serves(link: socket.socket) -> None:
+        assert turn.wait(60)
+        link.sendall(ANSWER)
+        answered.set()
 
-        board = threading.Thread(target=serve)
-        board.start()
-        assert ask(socket_path("bench")) == {"board": "bench"}
-        board.join()
+    with board_that(serves) as path:
+        assert ask(path) == {"board": "bench"}

@@ -63,7 +63,7 @@ class _Seen(NamedTuple):
     switches: tuple[tuple[int, int], ...]
 
 
-class _Turns(NamedTuple):
+class _Share(NamedTuple):
     """What a thread had of the processor.
 
     Attributes:
@@ -104,7 +104,7 @@ class AtRest:
         self._board: tuple[int, int] = (-1, -1)
         self._since = (0.0, 0.0)
         self._before: dict[int, _Seen] | None = None
-        self._turns: dict[tuple[int, int], _Turns] = {}
+        self._shares: dict[tuple[int, int], _Share] = {}
         self._gave: float = 0.0
 
     async def go_on(self) -> None:
@@ -149,12 +149,12 @@ class AtRest:
 
         A loop of sched_yield computes for ever, and has next to nothing of a busy processor.
         """
-        turns = {(pid, task): _turns(pid, task) for pid in pids for task in tasks(pid)}
-        for key, now in turns.items():
-            old = self._turns.get(key, now)
+        shares = {(pid, task): _share(pid, task) for pid in pids for task in tasks(pid)}
+        for key, now in shares.items():
+            old = self._shares.get(key, now)
             if now.slept == old.slept and now.ran - old.ran < _TURN * (now.turns - old.turns):
                 self._gave += (now.ready - old.ready) / 1e9
-        self._turns = turns
+        self._shares = shares
         return self._gave
 
     def _end(self, sentence: str, threads: list[str]) -> None:
@@ -206,10 +206,10 @@ def _known_waits(text: str) -> dict[int, list[tuple[int, int]]]:
     return found
 
 
-def _turns(pid: int, task: int) -> _Turns:
+def _share(pid: int, task: int) -> _Share:
     """Return what a thread had of the processor; nothing where the system does not count it."""
     ran, ready, turns = (*map(int, read(f"/proc/{pid}/task/{task}/schedstat").split()), 0, 0, 0)[:3]
-    return _Turns(ran, ready, turns, int(status(pid, task).get("voluntary_ctxt_switches", "0")))
+    return _Share(ran, ready, turns, int(status(pid, task).get("voluntary_ctxt_switches", "0")))
 
 
 def _pending(facts: dict[str, str]) -> int:

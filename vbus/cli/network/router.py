@@ -78,16 +78,13 @@ def _serve(network: "Network", listed: bool) -> None:
     """
     from vbus.network import places
     from vbus.network.access import answer_access
-    from vbus.network.session import OPEN_SECONDS, ROUTER_LEASE_MS, close_session, open_session
+    from vbus.network.session import ROUTER_LEASE_MS, close_session, open_network
 
     with ExitStack() as stack:
         if listed:
             _own_name(stack)
         # Before the imports of a loop: hosts wait for a router that was started anew.
-        session = open_session(
-            network.listen, network.connect, "router", network.security, OPEN_SECONDS,
-            network.remote, ROUTER_LEASE_MS,
-        )  # fmt: skip
+        session = open_network(network, ROUTER_LEASE_MS)
         stack.callback(close_session, session)
         place = places.register(places.router_place(), network.listen)
         stack.callback(places.unregister, place)
